@@ -1,0 +1,1 @@
+//! Mathematics of linear systems with no drone in it.

@@ -1,0 +1,1 @@
+//! Score: a photo is read letter by letter.

@@ -1,0 +1,1 @@
+//! Sim: a plan is flown.
