@@ -5,6 +5,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+pub use framing::{CameraOptions, Framing, MAX_PIXELS, MAX_SIDE_PX};
+
+mod framing;
+
 /// A camera on a tripod, its shutter open once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
@@ -23,7 +27,7 @@ pub struct Camera {
     /// Standard deviation of the lens's blur on the sensor (aberrations and focus, without
     /// diffraction).
     pub blur_m: f64,
-    /// Sensitivity: H_sat = 78 / ISO lx s (ISO 12232).
+    /// Sensitivity: `H_sat` = 78 / ISO lx s (ISO 12232).
     pub iso: f64,
     /// When the shutter opens, in flight time.
     pub shutter_open_s: f64,

@@ -8,6 +8,9 @@ use nalgebra::Vector3;
 
 use crate::geometry::Attitude;
 
+pub mod csv;
+pub mod table;
+
 /// A flight of one drone, sampled over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Flight {
@@ -68,4 +71,29 @@ fn error_over_letters(
     let sum: Vector3<f64> = writing().map(|s| term(s.position_m - s.design_m)).sum();
     #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
     (n > 0).then(|| sum / n as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rmse_counts_only_the_letters() {
+        let sample = |error: f64, letter| FlightSample {
+            time_s: 0.0,
+            position_m: Vector3::new(error, 0.0, 1.0),
+            attitude: Attitude::default(),
+            velocity_body_m_s: Vector3::zeros(),
+            rate_body_rad_s: Vector3::zeros(),
+            estimate_m: Vector3::zeros(),
+            design_m: Vector3::new(0.0, 0.0, 1.0),
+            motors: [0.0; 4],
+            letter,
+        };
+        let samples = vec![sample(9.0, None), sample(3.0, Some(0)), sample(-4.0, Some(1))];
+        let flight = Flight { samples, ..Flight::default() };
+        assert_eq!(rmse_m(&flight), Some(Vector3::new(12.5_f64.sqrt(), 0.0, 0.0)));
+        assert_eq!(mean_error_m(&flight), Some(Vector3::new(-0.5, 0.0, 0.0)));
+        assert_eq!(rmse_m(&Flight::default()), None, "no letter, no figure");
+    }
 }

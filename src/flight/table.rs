@@ -1,0 +1,239 @@
+//! Tables of numbers as CSV: the file form of plans and flights.
+//!
+//! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers lie
+//! on a grid of 1e-6 (micrometres, microseconds, microradians), which is what [`on_grid`] rounds
+//! to, so that a product reads back from its file bit by bit as it was in memory.
+
+use std::io::{Read, Write};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Most rows that a table may have: a 1 kHz log of more than an hour.
+const MAX_ROWS: usize = 4_000_000;
+
+/// Most columns that a table may have.
+const MAX_COLUMNS: usize = 1024;
+
+/// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
+///
+/// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
+#[must_use]
+pub fn on_grid(value: f64) -> f64 {
+    let scaled = value * 1e6;
+    if scaled.abs() < 4.5e15 { scaled.round() / 1e6 + 0.0 } else { value }
+}
+
+/// A table read from a file: named columns of equal length.
+#[derive(Debug)]
+pub struct Table {
+    file: String,
+    header: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Table {
+    /// Reads a CSV file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
+    /// a cell is no finite number, a row is short or long, or the table is too large.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
+        Self::parse(file, &path.display().to_string())
+    }
+
+    /// Reads CSV text; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse(text: impl Read, file: &str) -> Result<Self> {
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+        let broken = |source: &csv::Error| {
+            let line = source.position().map_or(1, csv::Position::line);
+            let wanted = "a CSV table with a header line and rows of equal length";
+            Error::input(format!("{file}:{line}"), source, wanted, REWRITE_HINT)
+        };
+        let header: Vec<String> =
+            reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
+        let too_large = |what: String, most: usize| {
+            let hint = "thin the log out, or cut it into parts";
+            Error::input(file, what, format!("at most {most}"), hint)
+        };
+        if header.len() > MAX_COLUMNS {
+            return Err(too_large(format!("{} columns", header.len()), MAX_COLUMNS));
+        }
+        let mut columns = vec![Vec::new(); header.len()];
+        let mut record = csv::StringRecord::new();
+        while reader.read_record(&mut record).map_err(|e| broken(&e))? {
+            if columns.first().is_some_and(|column| column.len() == MAX_ROWS) {
+                return Err(too_large(format!("more than {MAX_ROWS} rows"), MAX_ROWS));
+            }
+            for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
+                let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+                column.push(value.ok_or_else(|| {
+                    let line = record.position().map_or(1, csv::Position::line);
+                    let place = format!("{file}:{line}: column {name}");
+                    Error::input(place, format!("{cell:?}"), "a finite number", REWRITE_HINT)
+                })?);
+            }
+        }
+        Ok(Self { file: file.to_owned(), header, columns })
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    /// A column by name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there is none.
+    pub fn column(&self, name: &str) -> Result<&[f64]> {
+        let index = self.header.iter().position(|title| title == name).ok_or_else(|| {
+            let wanted = format!("a column {name}");
+            Error::input(format!("{}:1", self.file), self.header.join(","), wanted, REWRITE_HINT)
+        })?;
+        Ok(&self.columns[index])
+    }
+
+    /// All columns whose name begins with `prefix`, without it.
+    pub fn columns_after<'a>(
+        &'a self,
+        prefix: &'a str,
+    ) -> impl Iterator<Item = (&'a str, &'a [f64])> {
+        let named = self.header.iter().zip(&self.columns);
+        named.filter_map(move |(title, column)| Some((title.strip_prefix(prefix)?, &column[..])))
+    }
+
+    /// The column `time_s`, which must not be empty and must not fall.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the line where time falls.
+    pub fn time_s(&self) -> Result<&[f64]> {
+        let time_s = self.column("time_s")?;
+        if time_s.is_empty() {
+            return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
+        }
+        if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
+            let place = format!("{}:{}: column time_s", self.file, row + 3);
+            let wanted = format!("at least {}, the time before it", time_s[row]);
+            return Err(Error::input(place, time_s[row + 1], wanted, "sort the rows by time"));
+        }
+        Ok(time_s)
+    }
+}
+
+const REWRITE_HINT: &str = "mend the file, or let `noctograph plan` or `noctograph fly` write it \
+                            again";
+
+/// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
+///
+/// # Errors
+///
+/// What the writer says.
+pub fn write_table(
+    out: &mut impl Write,
+    header: &[String],
+    rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
+) -> std::io::Result<()> {
+    writeln!(out, "{}", header.join(","))?;
+    let mut line = Vec::new();
+    for row in rows {
+        line.clear();
+        for value in row {
+            push_number(&mut line, value);
+            line.push(b',');
+        }
+        line.pop();
+        line.push(b'\n');
+        out.write_all(&line)?;
+    }
+    Ok(())
+}
+
+/// Appends a number of the grid in as few digits as it needs.
+fn push_number(line: &mut Vec<u8>, value: f64) {
+    let scaled = (value * 1e6).round();
+    if scaled.abs() >= 4.5e15 {
+        line.extend_from_slice(value.to_string().as_bytes());
+        return;
+    }
+    if scaled < 0.0 {
+        line.push(b'-');
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4.5e15")]
+    let micro = scaled.abs() as u64;
+    let (mut whole, mut part) = (micro / 1_000_000, micro % 1_000_000);
+    let start = line.len();
+    loop {
+        line.push(b'0' + u8::try_from(whole % 10).expect("a digit"));
+        whole /= 10;
+        if whole == 0 {
+            break;
+        }
+    }
+    line[start..].reverse();
+    if part > 0 {
+        line.push(b'.');
+        let mut place = 100_000;
+        while part > 0 {
+            line.push(b'0' + u8::try_from(part / place).expect("a digit"));
+            part %= place;
+            place /= 10;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn text(value: f64) -> String {
+        let mut line = Vec::new();
+        push_number(&mut line, value);
+        String::from_utf8(line).unwrap()
+    }
+
+    #[test]
+    fn numbers_take_the_digits_they_need() {
+        let cases =
+            [(0.0, "0"), (-0.25, "-0.25"), (1_234.000_001, "1234.000001"), (65535.0, "65535")];
+        for (value, wanted) in cases {
+            assert_eq!(text(value), wanted);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_number_on_the_grid_reads_back_bit_by_bit(value in -1e6..1e6_f64) {
+            let value = on_grid(value);
+            let back: f64 = text(value).parse().unwrap();
+            prop_assert_eq!(back.to_bits(), value.to_bits());
+        }
+
+        #[test]
+        fn any_bytes_are_a_table_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = Table::parse(&bytes[..], "fuzz.csv").map(|table| table.n_rows());
+        }
+    }
+
+    #[test]
+    fn a_broken_cell_is_named_by_line_and_column() {
+        for cell in ["NaN", "inf", "", "1,2", "x"] {
+            let csv = format!("time_s,x_m\n0,1\n0.1,{cell}\n");
+            let error = Table::parse(csv.as_bytes(), "plan.csv").unwrap_err().to_string();
+            assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
+        }
+        let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
+        let error = table.time_s().unwrap_err().to_string();
+        assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
+    }
+}

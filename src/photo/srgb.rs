@@ -1,0 +1,28 @@
+//! The sRGB transfer curve, IEC 61966-2-1.
+
+/// Linear light 0…1 for an encoded value 0…1.
+#[must_use]
+pub fn linear_from_encoded(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
+}
+
+/// Linear light 0…1 for each 8-bit level.
+#[must_use]
+pub fn linear_from_level() -> [f32; 256] {
+    #[expect(clippy::cast_precision_loss, reason = "levels are below 256")]
+    #[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
+    std::array::from_fn(|level| linear_from_encoded(level as f64 / 255.0) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_levels_have_their_light() {
+        let light = linear_from_level();
+        assert_eq!((light[0], light[255]), (0.0, 1.0));
+        assert!((light[128] - 0.215_86).abs() < 1e-5, "mid level: {}", light[128]);
+        assert!(light.windows(2).all(|pair| pair[0] < pair[1]), "it rises");
+    }
+}

@@ -1,0 +1,87 @@
+//! Plans as CSV files: one row a setpoint, one column a number, SI units in the names.
+
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::{Plan, Setpoint};
+use crate::error::Result;
+use crate::flight::csv::{check_levels, letter_from_number, number_from_letter};
+use crate::flight::table::{Table, write_table};
+
+/// Columns of a plan file, before one `light.<channel>` for each light channel.
+///
+/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters.
+pub const COLUMNS: [&str; 11] = [
+    "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
+    "letter",
+];
+
+impl Plan {
+    /// Writes the plan as CSV, on the grid of 1e-6.
+    ///
+    /// # Errors
+    ///
+    /// What the writer says.
+    pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
+        let header: Vec<String> = COLUMNS.map(str::to_owned).into_iter().chain(lights).collect();
+        let rows = self.setpoints.iter().enumerate().map(|(row, setpoint)| {
+            let Setpoint { time_s, position_m: p, velocity_m_s: v, .. } = setpoint;
+            let a = &setpoint.acceleration_m_s2;
+            let letter = number_from_letter(setpoint.letter);
+            let numbers = [*time_s, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, letter];
+            numbers.into_iter().chain(self.lights.values().map(move |levels| levels[row]))
+        });
+        write_table(out, &header, rows)
+    }
+
+    /// Reads a plan from a CSV file as [`Self::write_csv`] makes it.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Io`], or [`crate::error::Error::Input`] with line and column.
+    pub fn read_csv(path: &Path) -> Result<Self> {
+        Self::from_table(&Table::read(path)?)
+    }
+
+    fn from_table(table: &Table) -> Result<Self> {
+        table.time_s()?;
+        let columns = COLUMNS.map(|name| table.column(name));
+        let columns = columns.into_iter().collect::<Result<Vec<_>>>()?;
+        let vector = |row: usize, first: usize| {
+            Vector3::new(columns[first][row], columns[first + 1][row], columns[first + 2][row])
+        };
+        let setpoints = (0..table.n_rows()).map(|row| Setpoint {
+            time_s: columns[0][row],
+            position_m: vector(row, 1),
+            velocity_m_s: vector(row, 4),
+            acceleration_m_s2: vector(row, 7),
+            letter: letter_from_number(columns[10][row]),
+        });
+        let setpoints = setpoints.collect();
+        let lights = table.columns_after("light.");
+        let lights =
+            lights.map(|(channel, levels)| (channel.to_owned(), levels.to_vec())).collect();
+        check_levels(&lights)?;
+        Ok(Self { setpoints, lights })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+
+    #[test]
+    fn a_plan_reads_back_bit_by_bit() {
+        let strokes = write("NOX", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+        let mut file = Vec::new();
+        plan.write_csv(&mut file).unwrap();
+        let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
+        assert_eq!(back, plan);
+    }
+}

@@ -1,0 +1,127 @@
+//! The reference team's tour: up, letter by letter at constant speed, down.
+//!
+//! Every leg sends a setpoint when it begins and then at a fixed interval; positions run evenly
+//! along the leg. Steps are sent as one setpoint. Source: the team's flight script, whose
+//! setpoints the log of their flight holds (2022; 0.2 m/s, 0.1 s, 2 s of waiting after a letter).
+
+use nalgebra::Vector3;
+
+use super::{Extent, Plan, PlanOptions, Setpoint};
+use crate::flight::table::on_grid;
+use crate::letters::{Glyph, Strokes};
+
+/// The light channel of the two forward lamps of the LED-ring deck.
+const HEADLIGHTS: &str = "headlights";
+
+/// A plan while it is being written.
+struct Tour<'a> {
+    options: &'a PlanOptions,
+    plan: Plan,
+    time_s: f64,
+    letter: Option<usize>,
+}
+
+/// Plans the flight that writes `strokes`.
+pub(super) fn tour(strokes: &Strokes, options: &PlanOptions) -> Plan {
+    let plan = Plan { lights: [(HEADLIGHTS.to_owned(), Vec::new())].into(), ..Plan::default() };
+    let mut tour = Tour { options, plan, time_s: 0.0, letter: None };
+    let whole = options.extent == Extent::Whole;
+    if whole {
+        tour.take_off(strokes);
+    }
+    for (index, glyph) in strokes.glyphs.iter().enumerate() {
+        tour.letter = Some(index);
+        tour.write(glyph);
+    }
+    tour.letter = None;
+    if whole {
+        tour.land();
+    } else {
+        tour.send(tour.position_m(), Vector3::zeros(), false);
+    }
+    tour.plan
+}
+
+impl Tour<'_> {
+    /// From the floor below the middle of the word to below its first letter.
+    fn take_off(&mut self, strokes: &Strokes) {
+        let floor = Vector3::zeros();
+        let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
+        self.wait(floor, self.options.floor_wait_s);
+        let lift_off = Vector3::new(0.0, 0.0, self.options.lift_off_height_m);
+        let approach = Vector3::new(x_start_m, 0.0, self.options.approach_height_m);
+        self.fly(lift_off, approach, false);
+    }
+
+    /// One letter, then a step to the right of its box and a wait there in the dark.
+    fn write(&mut self, glyph: &Glyph) {
+        let mut last = self.position_m();
+        for leg in &glyph.moves {
+            last = in_word_plane(leg.to_m);
+            self.fly(in_word_plane(leg.from_m), last, leg.lit);
+        }
+        let cell = glyph.cell;
+        let beside_m = cell.left_m + cell.width_m + self.options.step_m;
+        let beside = Vector3::new(beside_m, 0.0, last.z.min(cell.baseline_m));
+        self.wait(beside, self.options.letter_wait_s);
+    }
+
+    /// Straight down, back to below the middle of the word, motors off.
+    fn land(&mut self) {
+        let above = self.position_m();
+        let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
+        self.fly(above, down, false);
+        let home = Vector3::new(0.0, 0.0, self.options.landing_height_m);
+        self.fly(down, home, false);
+        self.wait(Vector3::zeros(), self.options.floor_wait_s);
+        self.send(Vector3::zeros(), Vector3::zeros(), false);
+    }
+
+    /// A straight leg at the stroke speed; a leg without length takes no time.
+    fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
+        let length_m = (to - from).norm();
+        if length_m > 0.0 {
+            let velocity = (to - from) * (self.options.stroke_speed_m_s / length_m);
+            self.leg(from, velocity, length_m / self.options.stroke_speed_m_s, lit);
+        }
+    }
+
+    fn wait(&mut self, at: Vector3<f64>, duration_s: f64) {
+        self.leg(at, Vector3::zeros(), duration_s, false);
+    }
+
+    /// Setpoints from now until `duration_s` is over.
+    fn leg(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
+        let (start_s, mut since_s) = (self.time_s, 0.0);
+        let mut n = 0.0;
+        // A setpoint a hair before the leg's end would only repeat the next leg's first.
+        while since_s < duration_s - 1e-6 {
+            self.time_s = start_s + since_s;
+            self.send(from + velocity * since_s, velocity, lit);
+            n += 1.0;
+            since_s = n * self.options.setpoint_interval_s;
+        }
+        self.time_s = start_s + duration_s;
+    }
+
+    fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
+        self.plan.setpoints.push(Setpoint {
+            time_s: on_grid(self.time_s),
+            position_m: position.map(on_grid),
+            velocity_m_s: velocity.map(on_grid),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: self.letter,
+        });
+        for levels in self.plan.lights.values_mut() {
+            levels.push(f64::from(lit));
+        }
+    }
+
+    fn position_m(&self) -> Vector3<f64> {
+        self.plan.setpoints.last().map_or_else(Vector3::zeros, |last| last.position_m)
+    }
+}
+
+fn in_word_plane([x, up]: [f64; 2]) -> Vector3<f64> {
+    Vector3::new(x, 0.0, up)
+}
