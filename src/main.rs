@@ -1,1 +1,7 @@
-fn main() {}
+//! The `noctograph` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    noctograph::cli::main()
+}

@@ -1,0 +1,105 @@
+//! `noctograph expose`: a flight becomes its photograph.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::{PictureFlags, SceneFlags, strokes};
+use super::outputs::Output;
+use super::{Outcome, print, show};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::expose::{self, BackendChoice, Exposure};
+use crate::flight::Flight;
+use crate::letters::Strokes;
+use crate::light::light;
+use crate::photo::{Photo, develop};
+use crate::scene::Scene;
+
+#[derive(Debug, Args)]
+pub(super) struct ExposeArgs {
+    /// Flight to expose, as `noctograph fly` writes it
+    flight: PathBuf,
+    /// Word that the camera frames; the scene's where it is left out
+    #[arg(long, value_name = "WORD")]
+    word: Option<String>,
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    picture: PictureFlags,
+    /// Photo to write
+    #[arg(short, long, value_name = "FILE", default_value = "photo.png")]
+    output: PathBuf,
+    /// Print one JSON object instead of lines
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
+    let mut scene = args.scene.load()?;
+    args.picture.apply(&mut scene)?;
+    let strokes = strokes(&mut scene, args.word.as_deref())?;
+    let flight = Flight::read_csv(&args.flight)?;
+    let output = Output::create(&args.output)?;
+    let shot = shoot(&flight, &strokes, &scene, args.picture.backend.into())?;
+    let png = shot.png();
+    let sha256 = show::sha256(&png);
+    let path = output.keep(|out| std::io::Write::write_all(out, &png))?;
+    let (backend, adapter) = (shot.exposure.backend, &shot.exposure.adapter);
+    if args.json {
+        let json = serde_json::json!({
+            "backend": backend.name(), "adapter": adapter, "photo_sha256": sha256, "files": [path],
+        });
+        print(&format!("{json}\n"))?;
+    } else {
+        let file = path.display();
+        print(&format!("{}files     {file}\n", show::exposure_line(backend, adapter)))?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// A photograph with the camera and the film that it came from.
+#[derive(Debug)]
+pub(super) struct Shot {
+    pub(super) photo: Photo,
+    pub(super) camera: Camera,
+    pub(super) exposure: Exposure,
+    seed: u64,
+}
+
+/// Photographs a flight with a scene's lamps and camera.
+pub(super) fn shoot(
+    flight: &Flight,
+    strokes: &Strokes,
+    scene: &Scene,
+    backend: BackendChoice,
+) -> Result<Shot> {
+    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+    let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
+    let trace = light(flight, &scene.light)?;
+    let exposure = expose::expose(&trace, &camera, &scene.expose, backend)?;
+    let mut photo = develop(&exposure.film, &camera);
+    photo.scene_toml = Some(scene.to_toml());
+    Ok(Shot { photo, camera, exposure, seed: scene.seed })
+}
+
+impl Shot {
+    /// The photo as a PNG file: with camera, seed, version and scene, without a time stamp.
+    pub(super) fn png(&self) -> Vec<u8> {
+        let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } =
+            self.camera;
+        let camera = format!(
+            "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
+             {shutter_close_s} s of the flight",
+            focal_length_m * 1000.0
+        );
+        let notes = [
+            ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
+            ("noctograph.camera", camera),
+            ("noctograph.seed", self.seed.to_string()),
+        ];
+        let mut png = Vec::new();
+        self.photo.write_png(&mut png, &notes).expect("a checked photo fits into a PNG in memory");
+        png
+    }
+}

@@ -1,0 +1,55 @@
+//! `noctograph fly`: a plan is flown in the simulator.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::SceneFlags;
+use super::outputs::Output;
+use super::progress::Progress;
+use super::{Outcome, print, show, tell};
+use crate::error::Result;
+use crate::flight::Flight;
+use crate::plan::Plan;
+use crate::scene::Scene;
+use crate::sim;
+
+#[derive(Debug, Args)]
+pub(super) struct FlyArgs {
+    /// Plan to fly, as `noctograph plan` writes it
+    plan: PathBuf,
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Flight to write
+    #[arg(short, long, value_name = "FILE", default_value = "flight.csv")]
+    output: PathBuf,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
+    let scene = args.scene.load()?;
+    let plan = Plan::read_csv(&args.plan)?;
+    let output = Output::create(&args.output)?;
+    let flight = fly(&plan, &scene)?;
+    let path = output.keep(|out| flight.write_csv(out))?;
+    if args.json {
+        let json = serde_json::json!({ "flight": show::flight_json(&flight), "files": [path] });
+        print(&format!("{json}\n"))?;
+    } else {
+        let file = path.display();
+        print(&format!("{}files     {file}\n", show::flight_lines(&flight)))?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Flies with a progress bar, and tells the flight's warnings.
+pub(super) fn fly(plan: &Plan, scene: &Scene) -> Result<Flight> {
+    let mut progress = Progress::new("flying");
+    let flight = sim::fly(plan, &scene.sim(), scene.seed, &mut |done| progress.update(done))?;
+    for warning in &flight.warnings {
+        tell(&format!("warning: {warning}"));
+    }
+    Ok(flight)
+}

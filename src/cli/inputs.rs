@@ -1,0 +1,94 @@
+//! Flags that several verbs share, and the scene they make.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::error::{Error, Result};
+use crate::expose::BackendChoice;
+use crate::letters::{self, Strokes};
+use crate::scene::Scene;
+
+/// Where the scene comes from.
+#[derive(Debug, Args)]
+pub(super) struct SceneFlags {
+    /// Scene file (TOML); keys it leaves out keep their default
+    #[arg(long, value_name = "FILE")]
+    pub(super) scene: Option<PathBuf>,
+    /// Seed of all noise; the scene's own (0) where it is left out
+    #[arg(long, value_name = "N")]
+    pub(super) seed: Option<u64>,
+}
+
+impl SceneFlags {
+    /// The scene file, or the default, with the seed that was typed.
+    pub(super) fn load(&self) -> Result<Scene> {
+        let mut scene = self.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?;
+        if let Some(seed) = self.seed {
+            scene.seed = seed;
+            scene.check()?;
+        }
+        Ok(scene)
+    }
+}
+
+/// What draws the picture, and how large.
+#[derive(Debug, Args)]
+pub(super) struct PictureFlags {
+    /// Who exposes: both draw the same bits; auto takes wgpu where it finds an adapter
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(super) backend: BackendName,
+    /// Size of the picture in pixels, such as 1920x1080; the scene's where it is left out
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+}
+
+impl PictureFlags {
+    /// Puts the size that was typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let Some((width_px, height_px)) = self.size {
+            scene.camera.width_px = width_px;
+            scene.camera.height_px = height_px;
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+/// Who exposes.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(super) enum BackendName {
+    /// wgpu where it finds an adapter, else the CPU
+    Auto,
+    /// A graphics device through wgpu
+    Wgpu,
+    /// The CPU
+    Cpu,
+}
+
+impl From<BackendName> for BackendChoice {
+    fn from(name: BackendName) -> Self {
+        match name {
+            BackendName::Auto => Self::Auto,
+            BackendName::Wgpu => Self::Wgpu,
+            BackendName::Cpu => Self::Cpu,
+        }
+    }
+}
+
+/// The drawing of a scene's word; a typed word goes before the scene's.
+pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> {
+    if let Some(word) = word {
+        word.clone_into(&mut scene.word);
+    } else if scene.word.is_empty() {
+        let hint = "name the word on the command line, or as `word = \"NOOR\"` in the scene file";
+        return Err(Error::input("word", "no word", "the word that is written", hint));
+    }
+    letters::write(&scene.word, &scene.letters)
+}
+
+fn size(text: &str) -> std::result::Result<(u32, u32), String> {
+    let sides = text.split_once(['x', 'X', '×']);
+    let sides = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides.ok_or_else(|| "wanted WIDTHxHEIGHT in pixels, such as 1920x1080".to_owned())
+}

@@ -1,0 +1,116 @@
+//! The command line: what was typed, progress, tables and exit codes. One file a verb.
+//!
+//! Exit codes: 0 success, and legible where a word was read; 1 not legible; 2 error. Results go to
+//! stdout, progress, warnings and errors to stderr.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::Result;
+
+mod expose;
+mod fly;
+mod inputs;
+mod outputs;
+mod plan;
+mod preview;
+mod progress;
+mod scene;
+mod score;
+mod show;
+
+/// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 80, arg_required_else_help = true)]
+#[command(after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), \
+                        1 not legible, 2 error.")]
+struct Args {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Plan, fly, expose and read a word: from a word to its photograph
+    Preview(preview::PreviewArgs),
+    /// Plan the flight that writes a word: setpoints and light commands as CSV
+    Plan(plan::PlanArgs),
+    /// Fly a plan in the simulator: the flight's log as CSV
+    Fly(fly::FlyArgs),
+    /// Expose a flight: its long-exposure photograph as PNG
+    Expose(expose::ExposeArgs),
+    /// Read a photograph, and say whether its word is legible
+    Score(score::ScoreArgs),
+    /// Print the default scene file, every key with its meaning and unit
+    Scene(scene::SceneArgs),
+}
+
+/// What a verb found out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Done,
+    NotLegible,
+}
+
+impl Outcome {
+    fn of(verdict: &crate::score::Verdict) -> Self {
+        if verdict.legible { Self::Done } else { Self::NotLegible }
+    }
+}
+
+/// Runs the command that was typed.
+#[must_use]
+pub fn main() -> ExitCode {
+    let outcome = match Args::parse().verb {
+        Verb::Preview(args) => preview::run(&args),
+        Verb::Plan(args) => plan::run(&args),
+        Verb::Fly(args) => fly::run(&args),
+        Verb::Expose(args) => expose::run(&args),
+        Verb::Score(args) => score::run(&args),
+        Verb::Scene(args) => scene::run(&args),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::NotLegible) => ExitCode::from(1),
+        Err(error) => {
+            tell(&format!("error: {error}"));
+            tell(&format!("hint: {}", error.hint()));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints a result on stdout. A reader that went away, such as `head`, is no error.
+fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match written {
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(crate::error::Error::write("standard output".as_ref(), source))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line for people on stderr; nobody can be told when that fails.
+fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent_and_every_flag_has_its_help() {
+        Args::command().debug_assert();
+        for verb in Args::command().get_subcommands() {
+            for flag in verb.get_arguments() {
+                assert!(flag.get_help().is_some(), "{} {}", verb.get_name(), flag.get_id());
+            }
+        }
+    }
+}

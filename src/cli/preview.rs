@@ -1,0 +1,82 @@
+//! `noctograph preview`: the whole road from a word to its photograph and verdict.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::expose::shoot;
+use super::fly::fly;
+use super::inputs::{PictureFlags, SceneFlags, strokes};
+use super::outputs::OutputFolder;
+use super::{Outcome, print, show};
+use crate::error::Result;
+use crate::plan::plan;
+use crate::score::score;
+
+#[derive(Debug, Args)]
+pub(super) struct PreviewArgs {
+    /// Word to write; the scene's where it is left out
+    word: Option<String>,
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    picture: PictureFlags,
+    /// Folder for photo.png, flight.csv, plan.csv, scene.toml and verdict.json
+    #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
+    output: PathBuf,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a preview leaves, the photo first.
+const FILES: [&str; 5] = ["photo.png", "flight.csv", "plan.csv", "scene.toml", "verdict.json"];
+
+pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
+    let mut scene = args.scene.load()?;
+    args.picture.apply(&mut scene)?;
+    let strokes = strokes(&mut scene, args.word.as_deref())?;
+    let plan = plan(&strokes, &scene.plan)?;
+    let folder = OutputFolder::create(&args.output)?;
+
+    let flight = fly(&plan, &scene)?;
+    let shot = shoot(&flight, &strokes, &scene, args.picture.backend.into())?;
+    let verdict = score(&shot.photo, &strokes, &shot.camera, &scene.score)?;
+
+    let png = shot.png();
+    folder.write("photo.png", |out| out.write_all(&png))?;
+    folder.write("flight.csv", |out| flight.write_csv(out))?;
+    folder.write("plan.csv", |out| plan.write_csv(out))?;
+    folder.write("scene.toml", |out| out.write_all(scene.to_toml().as_bytes()))?;
+    folder.write("verdict.json", |out| writeln!(out, "{:#}", show::to_json(&verdict)))?;
+    let files = folder.keep(&FILES)?;
+
+    let (backend, adapter) = (shot.exposure.backend, &shot.exposure.adapter);
+    if args.json {
+        let json = serde_json::json!({
+            "word": verdict.word,
+            "read": verdict.read,
+            "legible": verdict.legible,
+            "probability": verdict.probability,
+            "letters": verdict.letters,
+            "flight": show::flight_json(&flight),
+            "backend": backend.name(),
+            "adapter": adapter,
+            "photo_sha256": show::sha256(&png),
+            "files": files,
+        });
+        print(&format!("{json}\n"))?;
+    } else {
+        let files: String =
+            files.iter().map(|file| format!("files     {}\n", file.display())).collect();
+        print(&format!(
+            "{}\n{}{}{}",
+            show::verdict_table(&verdict),
+            show::flight_lines(&flight),
+            show::exposure_line(backend, adapter),
+            files.replacen("\nfiles     ", "\n          ", FILES.len())
+        ))?;
+    }
+    Ok(Outcome::of(&verdict))
+}

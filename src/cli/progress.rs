@@ -1,0 +1,47 @@
+//! A progress bar for what takes longer than a second, where somebody looks at the terminal.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A piece of work that tells how far it is.
+#[derive(Debug)]
+pub(super) struct Progress {
+    what: &'static str,
+    start: Instant,
+    bar: Option<ProgressBar>,
+}
+
+const STEPS: u64 = 1000;
+
+impl Progress {
+    pub(super) fn new(what: &'static str) -> Self {
+        Self { what, start: Instant::now(), bar: None }
+    }
+
+    /// Shows the share of the work that is done, 0 to 1.
+    pub(super) fn update(&mut self, done_frac: f64) {
+        if self.bar.is_none() {
+            let late = self.start.elapsed() > Duration::from_secs(1);
+            if !late || !std::io::stderr().is_terminal() {
+                return;
+            }
+            let style = ProgressStyle::with_template("{msg:10} {bar:50} {percent:>3} % {eta:>5}");
+            let bar = ProgressBar::new(STEPS).with_message(self.what);
+            self.bar = Some(bar.with_style(style.expect("the template is fixed")));
+        }
+        if let Some(bar) = &self.bar {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=STEPS")]
+            bar.set_position((done_frac.clamp(0.0, 1.0) * 1000.0) as u64);
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

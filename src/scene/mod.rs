@@ -1,0 +1,172 @@
+//! Scene: the one TOML file that fixes a photo.
+//!
+//! Every key has a default (the preset `ae483-2022`), so a scene names only what it changes.
+//! Unknown keys and values out of range are refused with line and key.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::CameraOptions;
+use crate::error::{Error, Result};
+use crate::expose::ExposeOptions;
+use crate::letters::LetterOptions;
+use crate::light::LightOptions;
+use crate::plan::PlanOptions;
+use crate::score::ScoreOptions;
+use crate::sim::{ControllerOptions, ObserverOptions, SensorOptions, SimOptions, VehicleOptions};
+
+mod text;
+
+/// Everything that a photo depends on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scene {
+    /// Where the defaults come from.
+    pub preset: Preset,
+    /// The word to write.
+    pub word: String,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// How the word is laid out.
+    pub letters: LetterOptions,
+    /// How it is flown.
+    pub plan: PlanOptions,
+    /// The drone.
+    pub vehicle: VehicleOptions,
+    /// What steers it.
+    pub controller: ControllerOptions,
+    /// What tells it where it is.
+    pub observer: ObserverOptions,
+    /// What it measures.
+    pub sensors: SensorOptions,
+    /// Its lamps.
+    pub light: LightOptions,
+    /// The camera.
+    pub camera: CameraOptions,
+    /// How finely the exposure is computed.
+    pub expose: ExposeOptions,
+    /// When a word counts as read.
+    pub score: ScoreOptions,
+}
+
+/// A named set of defaults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Preset {
+    /// The reference team's flight of December 2022: their drone, gains, letters and timing.
+    #[default]
+    #[serde(rename = "ae483-2022")]
+    Ae4832022,
+}
+
+/// Largest scene file that is read.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be read, [`Error::Input`] with line and key where it is
+    /// broken, holds an unknown key or a value out of range.
+    pub fn read(path: &Path) -> Result<Self> {
+        let unreadable = |source| Error::read(path, source);
+        let length = std::fs::metadata(path).map_err(unreadable)?.len();
+        if length > MAX_FILE_BYTES {
+            let found = format!("{length} bytes");
+            let wanted = format!("a scene file of at most {MAX_FILE_BYTES} bytes");
+            return Err(Error::input(path.display().to_string(), found, wanted, text::HINT));
+        }
+        let toml = std::fs::read_to_string(path).map_err(unreadable)?;
+        Self::parse(&toml, &path.display().to_string())
+    }
+
+    /// Reads the text of a scene; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse(toml: &str, file: &str) -> Result<Self> {
+        let scene: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
+        scene.check().map_err(|error| text::with_line(error, toml, file))?;
+        Ok(scene)
+    }
+
+    /// The whole scene as a TOML file: every key with its value, its unit and what it means.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        text::document(self)
+    }
+
+    /// What the simulator needs of it.
+    #[must_use]
+    pub fn sim(&self) -> SimOptions {
+        SimOptions {
+            vehicle: self.vehicle.clone(),
+            controller: self.controller.clone(),
+            observer: self.observer.clone(),
+            sensors: self.sensors.clone(),
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        if i64::try_from(self.seed).is_err() {
+            let wanted = format!("a whole number from 0 to {}", i64::MAX);
+            return Err(Error::input("seed", self.seed, wanted, "choose a smaller seed"));
+        }
+        self.letters.check()?;
+        self.plan.check()?;
+        self.sim().check()?;
+        self.light.check()?;
+        self.camera.check()?;
+        self.expose.check()?;
+        self.score.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_printed_default_is_the_default() {
+        let text = Scene::default().to_toml();
+        assert_eq!(Scene::parse(&text, "scene.toml").unwrap(), Scene::default());
+    }
+
+    #[test]
+    fn a_scene_reads_back_bit_by_bit() {
+        let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
+        scene.camera.shutter_close_s = Some(0.1 + 0.2);
+        scene.vehicle.mass_kg = 1.0 / 3.0;
+        scene.light.emitters.pop();
+        assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_line_and_key() {
+        let cases = [
+            ("seed = 1\n[vehicle]\nmass_kg = -0.03\n", ":3: vehicle.mass_kg", "-0.03"),
+            ("[vehicle]\nmas_kg = 0.03\n", ":2", "mas_kg"),
+            ("seed = 1\nlettres = 3\n", ":2", "lettres"),
+            ("seed = -1\n", ":1", "-1"),
+            ("[camera]\niso = \"high\"\n", ":2", "string"),
+            ("[camera]\n\niso = nan\n", ":3: camera.iso", "NaN"),
+            ("[camera]\nwidth_px = 0\n", ":2: camera.width_px", "0x1080"),
+            ("[letters]\nfont = \"comic\"\n", ":2: letters.font", "comic"),
+            ("word = \n", ":1", "string values must be quoted"),
+        ];
+        for (toml, place, found) in cases {
+            let error = Scene::parse(toml, "my.toml").unwrap_err();
+            let message = error.to_string();
+            assert!(message.contains(&format!("my.toml{place}")), "{toml:?}: {message}");
+            assert!(message.contains(found), "{toml:?}: {message}");
+            assert!(!error.hint().is_empty(), "{toml:?} leaves the reader alone");
+        }
+    }
+}
