@@ -1,6 +1,73 @@
-//! Noctograph shows the photograph of a drone's light painting before the flight, and says
-//! whether it reads.
+//! Noctograph shows the long-exposure photograph of a drone's light painting before the flight,
+//! and says whether it reads.
+//!
+//! # The road
+//!
+//! Data flows one way. Products are nouns, stages are verbs; a stage is one module whose `mod.rs`
+//! holds its product and the one function that makes it.
+//!
+//! ```text
+//! word ─letters→ Strokes ─plan→ Plan ─sim→ Flight ─light→ LightTrace ─expose→ Film ─photo→ Photo ─score→ Verdict
+//! ```
+//!
+//! ```
+//! use noctograph::{expose, letters, light, photo, plan, scene::Scene, score, sim};
+//! # fn main() -> noctograph::error::Result<()> {
+//! let mut scene = Scene::default();
+//! (scene.camera.width_px, scene.camera.height_px) = (480, 270);
+//! let strokes = letters::write("NO", &scene.letters)?;
+//! let plan = plan::plan(&strokes, &scene.plan)?;
+//! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
+//! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
+//! let trace = light::light(&flight, &scene.light)?;
+//! let cpu = expose::BackendChoice::Cpu;
+//! let exposure = expose::expose(&trace, &camera, &scene.expose, cpu)?;
+//! let photo = photo::develop(&exposure.film, &camera);
+//! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
+//! println!("{} reads as {}", verdict.word, verdict.read);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # The rooms
+//!
+//! A module sees rows above its own.
+//!
+//! | row | module | what is in it |
+//! |---|---|---|
+//! | 0 | [`error`] | one Error, by what the reader must mend |
+//! | 0 | [`geometry`] | poses, frames, polylines |
+//! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
+//! | 1 | [`letters`] | word → [`letters::Strokes`] |
+//! | 1 | [`camera`] | a description without pixels: pose, lens, shutter, sensitivity |
+//! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
+//! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
+//! | 2 | [`light`] | Flight → [`light::LightTrace`] |
+//! | 3 | [`sim`] | Plan → Flight |
+//! | 3 | [`expose`] | LightTrace × Camera → [`expose::Film`], on a graphics device or the CPU |
+//! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
+//! | 5 | [`score`] | Photo → [`score::Verdict`] |
+//! | 6 | [`scene`] | the one TOML file that fixes a photo |
+//! | 9 | [`cli`] | what was typed |
+//!
+//! What a room must not know keeps the house good:
+//! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
+//! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
+//! - f64 and nalgebra up to `expose`'s segments, integers and glam after them; the width changes
+//!   in one function.
+//! - No clock, no environment, no printing and no progress bar above `cli` in this table: stages
+//!   report progress through a callback. Same scene and seed, same bytes.
+//! - Degrees, milliseconds and other axes stay in `cli` and in the readers of foreign files.
+//!
+//! # Conventions
+//!
+//! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
+//! the x-z plane. Body: x forward, y left, z up. Camera: x right, y down, z forward; image origin
+//! top left, pixel centres at +0.5. Transforms read `to_from`. Every public scalar has its unit in
+//! its name.
+
 pub mod camera;
+pub mod cli;
 pub mod control;
 pub mod error;
 pub mod expose;
@@ -10,5 +77,6 @@ pub mod letters;
 pub mod light;
 pub mod photo;
 pub mod plan;
+pub mod scene;
 pub mod score;
 pub mod sim;

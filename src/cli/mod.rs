@@ -24,8 +24,10 @@ mod show;
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 80, arg_required_else_help = true)]
-#[command(after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), \
-                        1 not legible, 2 error.")]
+#[command(
+    after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), \
+                        1 not legible, 2 error."
+)]
 struct Args {
     #[command(subcommand)]
     verb: Verb,

@@ -18,10 +18,7 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
     for letter in &verdict.letters {
         let shown = |c: Option<char>| c.map_or("-".to_owned(), String::from);
         let (best, runner_up) = (shown(letter.best), shown(letter.runner_up));
-        text += &format!(
-            "{:10}{best:10}{runner_up:10}{:+.3}\n",
-            letter.expected, letter.margin
-        );
+        text += &format!("{:10}{best:10}{runner_up:10}{:+.3}\n", letter.expected, letter.margin);
     }
     text
 }

@@ -21,9 +21,10 @@ const SECTIONS: &[(&str, &str)] = &[];
 /// The whole scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
     let values = toml::Table::try_from(scene).expect("a checked scene is a TOML table");
-    let mut text = "# A noctograph scene: everything that the photo depends on. SI units; angles in \
+    let mut text =
+        "# A noctograph scene: everything that the photo depends on. SI units; angles in \
                     radians.\n# Keys that are left out keep their default.\n"
-        .to_owned();
+            .to_owned();
     let mut section = "";
     for (place, key, meaning) in KEYS {
         if *place != section {

@@ -1,0 +1,183 @@
+//! The command as a person meets it: what it writes, what it prints, how it fails.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+
+/// The command in a folder of its own, exposing on the CPU at a small size where it exposes.
+fn noctograph(folder: &Path) -> Command {
+    let mut command = Command::cargo_bin("noctograph").unwrap();
+    command.current_dir(folder);
+    command
+}
+
+fn json(output: &[u8]) -> serde_json::Value {
+    serde_json::from_slice(output).expect("one JSON object on stdout")
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
+
+#[test]
+fn preview_writes_five_files_and_says_what_it_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = noctograph(folder.path()).args(["preview", "noor"]).args(SMALL).assert().success();
+    run.stdout(predicate::str::contains("NOOR reads as NOOR: legible").and(
+        predicate::str::contains("RMSE").and(predicate::str::contains("noctograph-out/photo.png")),
+    ));
+    let names = names_in(&folder.path().join("noctograph-out"));
+    assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml", "verdict.json"]);
+}
+
+#[test]
+fn preview_prints_json_with_the_promised_fields() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = noctograph(folder.path());
+    let output = command.args(["preview", "NOOR", "--json", "-o", "a"]).args(SMALL).output();
+    let json = json(&output.unwrap().stdout);
+    assert_eq!((&json["word"], &json["read"]), (&"NOOR".into(), &"NOOR".into()));
+    assert_eq!((&json["legible"], &json["backend"]), (&true.into(), &"cpu".into()));
+    assert_eq!(json["letters"].as_array().unwrap().len(), 4);
+    for field in ["expected", "best", "runner_up", "margin"] {
+        assert!(!json["letters"][0][field].is_null(), "letters[].{field}");
+    }
+    assert!(json["flight"]["duration_s"].as_f64().unwrap() > 46.0);
+    assert_eq!(json["flight"]["rmse_m"].as_array().unwrap().len(), 3);
+    assert_eq!(json["photo_sha256"].as_str().unwrap().len(), 64);
+    assert_eq!(json["files"].as_array().unwrap().len(), 5);
+    assert!(json["adapter"].is_string());
+}
+
+#[test]
+fn the_same_command_makes_the_same_bytes_and_its_scene_makes_them_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let preview = |arguments: &[&str]| {
+        let mut command = noctograph(folder.path());
+        command.arg("preview").args(arguments).args(SMALL).assert().success();
+    };
+    preview(&["ON", "--seed", "3", "-o", "a"]);
+    preview(&["ON", "--seed", "3", "-o", "b"]);
+    preview(&["--scene", "a/scene.toml", "-o", "c"]);
+    preview(&["ON", "--seed", "4", "-o", "d"]);
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    for name in ["photo.png", "flight.csv", "plan.csv", "scene.toml", "verdict.json"] {
+        assert_eq!(bytes(&format!("a/{name}")), bytes(&format!("b/{name}")), "{name} twice");
+        assert_eq!(bytes(&format!("a/{name}")), bytes(&format!("c/{name}")), "{name} by scene");
+    }
+    assert_ne!(bytes("a/flight.csv"), bytes("d/flight.csv"), "another seed, another flight");
+}
+
+#[test]
+fn the_stages_alone_make_the_photo_of_the_preview() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        noctograph(folder.path()).args(arguments).assert().success();
+    };
+    let scene = ["--scene", "out/scene.toml"];
+    run(&[&["preview", "LOG", "-o", "out"], &SMALL[..]].concat());
+    run(&[&["plan", "LOG"], &scene[..]].concat());
+    run(&[&["fly", "plan.csv"], &scene[..]].concat());
+    run(&[&["expose", "flight.csv", "--backend", "cpu"], &scene[..]].concat());
+    run(&["score", "photo.png", "LOG"]);
+    for name in ["plan.csv", "flight.csv", "photo.png"] {
+        let alone = std::fs::read(folder.path().join(name)).unwrap();
+        let whole = std::fs::read(folder.path().join("out").join(name)).unwrap();
+        assert!(alone == whole, "{name} differs");
+    }
+}
+
+#[test]
+fn a_photo_of_another_word_exits_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    noctograph(folder.path()).args(["preview", "LOG"]).args(SMALL).assert().success();
+    noctograph(folder.path())
+        .args(["score", "noctograph-out/photo.png", "NUT"])
+        .assert()
+        .code(1)
+        .stdout(predicate::str::contains("NUT reads as").and(predicate::str::contains("NOT")));
+}
+
+#[test]
+fn the_printed_scene_is_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = noctograph(folder.path()).args(["scene", "LOG"]).output().unwrap().stdout;
+    std::fs::write(folder.path().join("my.toml"), scene).unwrap();
+    let preview = ["preview", "--scene", "my.toml"];
+    noctograph(folder.path()).args(preview).args(SMALL).assert().success();
+}
+
+/// Runs a command that must fail with exit code 2, naming every text, and leave nothing behind.
+fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    }
+    let before = names_in(folder.path());
+    let run = noctograph(folder.path()).args(arguments).assert().code(2);
+    let stderr = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    for text in texts.iter().chain(&["hint: "]) {
+        assert!(stderr.contains(text), "{arguments:?} does not say {text:?}: {stderr}");
+    }
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    assert_eq!(names_in(folder.path()), before, "{arguments:?} left something behind");
+}
+
+#[test]
+fn an_empty_word_is_refused() {
+    fails(&["preview", ""], &[], &["an empty word", "at least one letter"]);
+}
+
+#[test]
+fn a_character_without_a_letter_is_named_with_its_position() {
+    fails(&["preview", "NOÖR"], &[], &["position 3", "'Ö'", "one of ABC"]);
+}
+
+#[test]
+fn a_negative_mass_is_refused_with_line_and_key() {
+    let scene = "# mine\n[vehicle]\nmass_kg = -0.035\n";
+    let arguments = ["preview", "NOOR", "--scene", "s.toml"];
+    fails(&arguments, &[("s.toml", scene)], &["s.toml:3: vehicle.mass_kg", "-0.035", "from"]);
+}
+
+#[test]
+fn an_unwritable_folder_is_refused_before_the_flight() {
+    fails(&["preview", "NOOR", "-o", "file/out"], &[("file", "")], &["file/out", "writ"]);
+    fails(&["plan", "NOOR", "-o", "nowhere/plan.csv"], &[], &["nowhere/plan.csv"]);
+}
+
+#[test]
+fn sizes_that_cannot_be_are_refused() {
+    for size in ["0x0", "100000x100000"] {
+        fails(&["preview", "NOOR", "--size", size], &[], &[size, "sides from 1 to"]);
+    }
+}
+
+#[test]
+fn a_plan_with_nan_is_refused_with_line_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    noctograph(folder.path()).args(["plan", "I"]).assert().success();
+    let plan = std::fs::read_to_string(folder.path().join("plan.csv")).unwrap();
+    let mut lines: Vec<String> = plan.lines().map(str::to_owned).collect();
+    lines[6] = lines[6].replacen(",0,", ",NaN,", 1);
+    let broken = lines.join("\n");
+    let texts = ["p.csv:7: column ", "NaN", "a finite number"];
+    fails(&["fly", "p.csv"], &[("p.csv", &broken)], &texts);
+}
+
+#[test]
+fn files_that_are_missing_or_of_another_kind_are_named() {
+    fails(&["fly", "none.csv"], &[], &["none.csv"]);
+    fails(&["expose", "none.csv", "--word", "NO"], &[], &["none.csv"]);
+    fails(&["score", "none.png", "NO"], &[], &["none.png"]);
+    fails(&["score", "a.png", "NO"], &[("a.png", "no image")], &["a.png", "a PNG image"]);
+    fails(&["fly", "a.csv"], &[("a.csv", "time_s\n0\n")], &["a.csv:1", "a column x_m"]);
+}

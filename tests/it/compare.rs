@@ -1,0 +1,83 @@
+//! The comparison that golden images are held to, and the page that a failure leaves.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use noctograph::photo::Photo;
+
+/// How two photos differ.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Difference {
+    Size { wanted: (u32, u32), found: (u32, u32) },
+    Pixels { differing: usize, largest: u8, first: Option<(usize, usize)> },
+}
+
+/// Compares pixel by pixel with tolerance zero; `None` where nothing differs.
+pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
+    let size = |photo: &Photo| (photo.width_px, photo.height_px);
+    if size(wanted) != size(found) {
+        return Some(Difference::Size { wanted: size(wanted), found: size(found) });
+    }
+    let pixels = wanted.rgb8.chunks(3).zip(found.rgb8.chunks(3));
+    let gaps: Vec<u8> = pixels
+        .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0))
+        .collect();
+    let width = wanted.width_px as usize;
+    let first = gaps.iter().position(|gap| *gap > 0);
+    first.map(|at| Difference::Pixels {
+        differing: gaps.iter().filter(|gap| **gap > 0).count(),
+        largest: gaps.iter().copied().max().unwrap_or(0),
+        first: Some((at % width, at / width)),
+    })
+}
+
+/// Leaves golden, photo and amplified difference in `target/golden/<name>/` with an HTML page.
+pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden").join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let difference = wanted.filter(|wanted| wanted.rgb8.len() == found.rgb8.len()).map(|wanted| {
+        let pixels = wanted.rgb8.iter().zip(&found.rgb8);
+        let rgb8 = pixels.map(|(a, b)| a.abs_diff(*b).saturating_mul(16)).collect();
+        Photo { rgb8, ..found.clone() }
+    });
+    let mut page = format!("<!doctype html><meta charset=utf-8><title>{name}</title><p>{note}</p>");
+    let pictures = [("wanted", wanted), ("found", Some(found)), ("16x", difference.as_ref())];
+    for (title, photo) in pictures {
+        let Some(photo) = photo else { continue };
+        let file = std::fs::File::create(folder.join(format!("{title}.png"))).unwrap();
+        photo.write_png(file, &[]).unwrap();
+        write!(page, "<figure><img src={title}.png width=768 style=image-rendering:pixelated>")
+            .unwrap();
+        write!(page, "<figcaption>{title}</figcaption></figure>").unwrap();
+    }
+    let path = folder.join("index.html");
+    std::fs::write(&path, page).unwrap();
+    path
+}
+
+fn photo() -> Photo {
+    let rgb8 = (0..12 * 8 * 3).map(|i: u32| u8::try_from(i * i % 251).unwrap()).collect();
+    Photo { width_px: 12, height_px: 8, rgb8, scene_toml: None }
+}
+
+#[test]
+fn the_comparison_sees_one_level_in_one_channel_of_one_pixel() {
+    let mut changed = photo();
+    assert_eq!(compare(&photo(), &changed), None);
+    let at = 3 * (12 * 5 + 7) + 1;
+    changed.rgb8[at] += 1;
+    let seen = Difference::Pixels { differing: 1, largest: 1, first: Some((7, 5)) };
+    assert_eq!(compare(&photo(), &changed), Some(seen));
+}
+
+#[test]
+fn the_comparison_sees_shifts_swapped_channels_and_sizes() {
+    let mut shifted = photo();
+    shifted.rgb8.rotate_right(3);
+    let mut swapped = photo();
+    swapped.rgb8.chunks_mut(3).for_each(|pixel| pixel.swap(0, 2));
+    let resized = Photo { width_px: 8, height_px: 12, ..photo() };
+    for wrong in [shifted, swapped, resized] {
+        assert!(compare(&photo(), &wrong).is_some());
+    }
+}

@@ -1,0 +1,6 @@
+//! Tests through the front door: the command, the golden images, and claims about the whole road.
+
+mod cli;
+mod compare;
+mod golden;
+mod road;
