@@ -13,10 +13,76 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("", "preset", "where the defaults come from"),
     ("", "word", "the word to write"),
     ("", "seed", "seed of all noise: the same seed makes the same photo"),
+    ("letters", "font", "stroke font: ae483, the reference team's 26 letters"),
+    ("letters", "cap_height_m", "height of a capital, m"),
+    ("letters", "width_m", "width of a letter's box, m"),
+    ("letters", "gap_m", "gap between two boxes, m"),
+    ("letters", "baseline_m", "height of the letters' feet above the floor, m"),
+    ("plan", "extent", "whole: floor to floor; letters: from rest at the first letter"),
+    ("plan", "stroke_speed_m_s", "speed along every leg, m/s"),
+    ("plan", "setpoint_interval_s", "time between setpoints, each held until the next, s"),
+    ("plan", "step_m", "step to the right of a letter's box when it is done, m"),
+    ("plan", "letter_wait_s", "wait in the dark after that step, s"),
+    ("plan", "floor_wait_s", "wait on the floor before take-off and after landing, s"),
+    ("plan", "lift_off_height_m", "height of the first setpoint in the air, m"),
+    ("plan", "approach_height_m", "height at which the way to the first letter ends, m"),
+    ("plan", "landing_height_m", "height to which it sinks after the last letter, m"),
+    ("vehicle", "mass_kg", "mass with battery and decks, kg"),
+    ("vehicle", "inertia_kg_m2", "moments of inertia about body x, y, z, kg m2"),
+    ("vehicle", "k_f_n", "thrust of a motor per unit of its command (0 to motor_max), N"),
+    ("vehicle", "k_m_n_m", "reaction torque of a motor per unit of its command, N m"),
+    ("vehicle", "arm_m", "half the side of the square of motors, m"),
+    ("vehicle", "motor_max", "largest motor command"),
+    ("vehicle", "center_of_mass_m", "centre of mass off the motors' middle, body x and y, m"),
+    ("rates", "control_hz", "ticks of observer, controller and motors, Hz"),
+    ("rates", "log_hz", "samples of the flight that comes out; divides control_hz, Hz"),
+    ("rates", "steps_per_tick", "Runge-Kutta steps per tick"),
+    ("controller", "q", "LQR weights of position, yaw pitch roll, velocity, body rate"),
+    ("controller", "r", "LQR weights of torque x, y, z (1/(N m)2) and thrust (1/N2)"),
+    ("observer", "q", "1/variance of the measured position x, y, z, 1/m2"),
+    ("observer", "r", "1/variance of the model of position, pitch, roll, velocity"),
+    ("sensors", "lighthouse_jitter_m", "white noise of the position per axis and tick, sigma, m"),
+    ("sensors", "lighthouse_distortion_m", "smooth position error per axis, sigma, m"),
+    ("sensors", "lighthouse_distortion_length_m", "distance over which that changes, m"),
+    ("sensors", "gyro_noise_rad_s_sqrt_hz", "gyroscope, noise density, (rad/s)/sqrt(Hz)"),
+    ("sensors", "accelerometer_noise_m_s2_sqrt_hz", "accelerometer, (m/s2)/sqrt(Hz)"),
+    ("light", "radio_delay_s", "from sending a light command to its arrival, s"),
+    ("light", "tick_s", "period of the firmware's lamp timer; 0: none, s"),
+    ("light", "tick_phase_s", "when that timer first ticks, s"),
+    ("light", "emitters", "the lamps; intensity = cd * (spill + (1 - spill) cos^exponent)"),
+    ("camera", "framing", "word: square in front of the word; fixed: position_m and target_m"),
+    ("camera", "fill_frac", "share of the picture that the word fills (framing = word)"),
+    ("camera", "position_m", "entrance pupil (framing = fixed), m"),
+    ("camera", "target_m", "point in the middle of the picture (framing = fixed), m"),
+    ("camera", "focal_length_m", "focal length, m"),
+    ("camera", "sensor_width_m", "width of the sensor, m"),
+    ("camera", "f_number", "aperture number"),
+    ("camera", "transmission", "share of light that the lens lets through"),
+    ("camera", "blur_m", "standard deviation of the lens's blur on the sensor, m"),
+    ("camera", "iso", "sensitivity; a pixel saturates at 78 / ISO lx s"),
+    ("camera", "shutter_open_s", "when the shutter opens, flight time, s"),
+    ("camera", "shutter_close_s", "when it closes; left out: at the flight's end, s"),
+    ("camera", "width_px", "width of the picture, pixels"),
+    ("camera", "height_px", "height of the picture, pixels"),
+    ("expose", "merge_tolerance_px", "motion below this is drawn as one line; 0: none, pixels"),
+    ("score", "references", ""),
+    ("score", "legible_probability", "a word counts as legible from this probability on"),
 ];
 
 /// What each section is about.
-const SECTIONS: &[(&str, &str)] = &[];
+const SECTIONS: &[(&str, &str)] = &[
+    ("letters", "The word's drawing: boxes from left to right"),
+    ("plan", "How it is flown"),
+    ("vehicle", "The drone"),
+    ("rates", "Clocks of the simulation"),
+    ("controller", "Linear-quadratic regulator on the estimated state"),
+    ("observer", "Luenberger observer"),
+    ("sensors", "Noise of what the drone measures"),
+    ("light", "The lamps and how they follow commands"),
+    ("camera", "The camera"),
+    ("expose", "How finely the exposure is computed"),
+    ("score", "When a word counts as read"),
+];
 
 /// The whole scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
@@ -77,7 +143,7 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
 /// the key is not in the file.
 fn line_of(toml: &str, place: &str) -> Option<usize> {
     let parsed = DeTable::parse(toml).ok()?;
-    let mut words = place.split([' ', '.']);
+    let mut words = place.split([' ', '.', '[']);
     let (name, value) = parsed.get_ref().get_key_value(words.next()?)?;
     let inner = value.get_ref().as_table().zip(words.next());
     let inner = inner.and_then(|(table, key)| table.get_key_value(key));
