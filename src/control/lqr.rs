@@ -88,7 +88,7 @@ mod tests {
             let mut entry = || rng.random_range(-1.0..1.0);
             let a = SMatrix::<f64, 6, 6>::from_fn(|_, _| spread * entry());
             let b = SMatrix::<f64, 6, 2>::from_fn(|_, _| entry());
-            let weight = |e: f64| libm::pow(10.0, 3.0 * e);
+            let weight = |e: f64| libm::pow(10.0, e);
             let q = SMatrix::from_diagonal(&SVector::<f64, 6>::from_fn(|_, _| weight(entry())));
             let r = SMatrix::from_diagonal(&Vector2::from_fn(|_, _| weight(entry())));
 
