@@ -50,7 +50,8 @@ pub fn observability_rank<const N: usize, const P: usize>(
         columns.view_mut((0, power * P), (N, P)).copy_from(&block.transpose());
         block *= a;
     }
-    let pivots = columns.full_piv_lu().u().diagonal().abs();
+    let upper = columns.full_piv_lu().u();
+    let pivots = upper.view((0, 0), (N, N)).diagonal().abs();
     pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
 }
 

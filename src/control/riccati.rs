@@ -121,12 +121,7 @@ fn mean_pole<const N: usize>(a: &Square<N>, g: &Square<N>, q: &Square<N>) -> f64
     libm::exp(pivots.iter().map(|pivot| libm::log(pivot.abs())).sum::<f64>() / n)
 }
 
-fn solves_care<const N: usize>(
-    x: &Square<N>,
-    a: &Square<N>,
-    g: &Square<N>,
-    q: &Square<N>,
-) -> bool {
+fn solves_care<const N: usize>(x: &Square<N>, a: &Square<N>, g: &Square<N>, q: &Square<N>) -> bool {
     let quadratic = x * g * x;
     let residual = a.transpose() * x + x * a - quadratic + q;
     residual.norm() < MAX_RESIDUAL * (q.norm() + quadratic.norm())
