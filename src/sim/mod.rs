@@ -11,7 +11,7 @@
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
-//! positioning_dataset (arXiv 2104.11523); IMU noise from the data sheet of the BMI088.
+//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088.
 //!
 //! Not modelled: lag of motors and radio, lost packets, the battery, drag, ground effect and
 //! draughts, downwash between drones; whole-number motor commands; sensor offsets, filters,
@@ -96,7 +96,7 @@ fn check_plan(plan: &Plan) -> Result<()> {
     }
     for (i, s) in plan.setpoints.iter().enumerate() {
         for value in s.position_m.iter().chain(&s.velocity_m_s).chain(&s.acceleration_m_s2) {
-            if !(value.abs() < LOST) {
+            if value.is_nan() || value.abs() >= LOST {
                 let wanted = format!("a number within ±{LOST}");
                 return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
             }

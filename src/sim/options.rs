@@ -137,7 +137,7 @@ pub struct SensorOptions {
 }
 
 impl Default for SensorOptions {
-    /// Lighthouse: positioning_dataset of Bitcraze (Taffanel et al., arXiv 2104.11523): crossing
+    /// Lighthouse: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523): crossing
     /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500; slow error in
     /// flight 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s.
     /// IMU: data sheet of the BMI088, 0.014 °/s/√Hz and 190 µg/√Hz along z.
