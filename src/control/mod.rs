@@ -1,1 +1,26 @@
-//! Mathematics of linear systems with no drone in it.
+//! Control: mathematics of linear systems with no drone in it.
+//!
+//! In: a model `ẋ = A x + B u`, `y = C x`, and weights. Out: the gain of a linear-quadratic
+//! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
+//! many of its states can be seen).
+//!
+//! Method: algebraic Riccati equations by structure-preserving doubling; the continuous one comes
+//! to the discrete one through a Cayley transform. No eigenvalues are computed anywhere: nalgebra's
+//! QR iteration does not converge on some Hamiltonian matrices.
+//! Every matrix has a static size, so that no product picks another kernel on another CPU.
+//!
+//! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
+//! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80; Chu, Fan, Lin, Wang, "Structure-
+//! preserving algorithms for periodic discrete-time algebraic Riccati equations", Int. J. Control
+//! 77 (2004) 767–788; Anderson, Moore, "Optimal Control: Linear Quadratic Methods" (1990).
+//!
+//! Not modelled: cross weights between state and input, descriptor systems, semidefinite solutions
+//! (a state that costs nothing is refused).
+
+mod linear;
+mod lqr;
+mod riccati;
+
+pub use linear::{is_hurwitz, linearise, observability_rank};
+pub use lqr::{lqr, observer_gain};
+pub use riccati::{care, dare};

@@ -1,0 +1,118 @@
+//! Linear models: made from a nonlinear one, and asked whether they are stable and observable.
+
+use nalgebra::{DMatrix, SMatrix, SVector};
+
+/// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
+/// (1.7e-9 of the derivative of a sine); a hundredth of it would lose as much to rounding.
+const STEP: f64 = 1e-4;
+/// Pivot below which a direction counts as unseen, relative to the largest.
+const RANK_TOLERANCE: f64 = 1e-9;
+/// Squarings after which a power that neither vanishes nor grows counts as not stable: only a
+/// pole within 1e-17 of the border, relative to the largest, gets that far.
+const MAX_SQUARINGS: usize = 60;
+
+/// Linear model of `ẋ = f(x, u)` about a point: `A = ∂f/∂x` and `B = ∂f/∂u`, by central
+/// differences with a step of 1e-4 (relative above 1).
+pub fn linearise<const N: usize, const M: usize>(
+    f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
+    x: &SVector<f64, N>,
+    u: &SVector<f64, M>,
+) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
+    (jacobian(|x| f(x, u), x), jacobian(|u| f(x, u), u))
+}
+
+fn jacobian<const N: usize, const M: usize>(
+    f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
+    at: &SVector<f64, M>,
+) -> SMatrix<f64, N, M> {
+    let mut slope = SMatrix::<f64, N, M>::zeros();
+    for i in 0..M {
+        let (mut up, mut down) = (*at, *at);
+        up[i] += STEP * at[i].abs().max(1.0);
+        down[i] -= STEP * at[i].abs().max(1.0);
+        slope.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
+    }
+    slope
+}
+
+/// How many independent directions of the state of `ẋ = A x` the output `y = C x` tells apart: the
+/// rank of `[C; CA; CA²; …]`. `N` means observable.
+#[must_use]
+pub fn observability_rank<const N: usize, const P: usize>(
+    a: &SMatrix<f64, N, N>,
+    c: &SMatrix<f64, P, N>,
+) -> usize {
+    // Time is scaled so that the powers of A stay of one size.
+    let a = a / a.norm().max(f64::MIN_POSITIVE);
+    let mut columns = DMatrix::zeros(N, N * P);
+    let mut block = *c;
+    for power in 0..N {
+        columns.view_mut((0, power * P), (N, P)).copy_from(&block.transpose());
+        block *= a;
+    }
+    let upper = columns.full_piv_lu().u();
+    let pivots = upper.view((0, 0), (N, N)).diagonal().abs();
+    pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
+}
+
+/// Whether every eigenvalue of `A` has a negative real part, so that `ẋ = A x` dies out.
+///
+/// Maps the left half plane onto the unit disc and squares the result until it vanishes; a pole on
+/// the border counts as not stable. `false` for a matrix that is not finite.
+#[must_use]
+pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
+    let scaled = a / a.norm();
+    let one = SMatrix::<f64, N, N>::identity();
+    let Some(inverse) = (one - scaled).try_inverse() else {
+        return false;
+    };
+    let mut power = (one + scaled) * inverse;
+    for _ in 0..MAX_SQUARINGS {
+        power *= power;
+        let size = power.norm();
+        if size < 0.5 {
+            return true;
+        }
+        if !size.is_finite() {
+            return false;
+        }
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix1x2, Matrix2, Vector1, Vector2};
+
+    use super::*;
+
+    #[test]
+    fn pendulum_linearises_to_its_known_matrices() {
+        let pendulum = |x: &Vector2<f64>, u: &Vector1<f64>| {
+            Vector2::new(x[1], -9.81 * libm::sin(x[0]) + 3.0 * u[0])
+        };
+        let (a, b) = linearise(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
+        let want = Matrix2::new(0.0, 1.0, -9.81 * libm::cos(0.3), 0.0);
+        assert!((a - want).norm() < 2e-8, "A = {a}");
+        assert!((b - Vector2::new(0.0, 3.0)).norm() < 1e-10, "B = {b}");
+    }
+
+    #[test]
+    fn position_shows_velocity_but_velocity_hides_position() {
+        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
+        assert_eq!(observability_rank(&a, &Matrix1x2::new(1.0, 0.0)), 2);
+        assert_eq!(observability_rank(&a, &Matrix1x2::new(0.0, 1.0)), 1);
+        assert_eq!(observability_rank(&Matrix2::zeros(), &Matrix1x2::new(0.0, 1.0)), 1);
+    }
+
+    #[test]
+    fn stability_is_the_sign_of_the_slowest_pole() {
+        let with_pole = |pole: f64| Matrix2::new(-3.0, 100.0, 0.0, pole);
+        assert!(is_hurwitz(&with_pole(-1e-6)), "slow but stable");
+        assert!(!is_hurwitz(&with_pole(1e-6)), "slowly unstable");
+        assert!(!is_hurwitz(&with_pole(0.0)), "on the border");
+        assert!(!is_hurwitz(&with_pole(f64::NAN)), "not finite");
+        assert!(is_hurwitz(&Matrix2::new(-0.01, 5.0, -5.0, -0.01)), "a damped oscillator");
+        assert!(!is_hurwitz(&Matrix2::new(0.01, 5.0, -5.0, 0.01)), "a growing oscillator");
+    }
+}

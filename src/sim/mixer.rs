@@ -1,0 +1,92 @@
+//! Motor mixing: from a wrench to four commands and back.
+
+use nalgebra::{Matrix4, Vector4};
+
+use super::options::VehicleOptions;
+use super::vehicle::Wrench;
+
+/// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
+///
+/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
+/// m3 back left, m4 front left. m1 and m3 turn counter-clockwise, m2 and m4 clockwise; each pushes
+/// the body the other way.
+const SIGNS: Matrix4<f64> = Matrix4::new(
+    -1.0, -1.0, 1.0, 1.0, //
+    -1.0, 1.0, 1.0, -1.0, //
+    -1.0, 1.0, -1.0, 1.0, //
+    1.0, 1.0, 1.0, 1.0,
+);
+
+/// Linear motors between 0 and a largest command.
+#[derive(Clone, Debug)]
+pub(super) struct Mixer {
+    wrench_from_motors: Matrix4<f64>,
+    motors_from_wrench: Matrix4<f64>,
+    motor_max: f64,
+}
+
+impl Mixer {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
+        let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
+        // The rows of SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
+        Self {
+            wrench_from_motors: Matrix4::from_diagonal(&scale) * SIGNS,
+            motors_from_wrench: SIGNS.transpose()
+                * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
+            motor_max: options.motor_max,
+        }
+    }
+
+    /// Commands m1…m4 for a wrench, each cut to what a motor can do, and whether any was cut.
+    pub(super) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
+        let wanted = self.motors_from_wrench * wrench;
+        let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
+        (motors, motors != wanted)
+    }
+
+    /// What four commands do to the body.
+    pub(super) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
+        self.wrench_from_motors * motors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mixing_there_and_back_changes_nothing() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let wrench = Wrench::new(1e-4, -2e-4, 3e-5, 0.34);
+        let (motors, cut) = mixer.motors(&wrench);
+        assert!(!cut, "within range");
+        let error = (mixer.wrench(&motors) - wrench).component_div(&wrench);
+        assert!(error.norm() < 1e-12, "relative error {error}");
+    }
+
+    #[test]
+    fn mean_commands_of_the_real_flight_pay_for_its_disturbance() {
+        let mean = Vector4::new(43490.0, 42753.0, 46860.0, 41332.0);
+        let wrench = Mixer::new(&VehicleOptions::default()).wrench(&mean);
+        assert!((wrench[0] - 1.3e-4).abs() < 5e-6, "τ_x {}", wrench[0]);
+        assert!((wrench[1] - 3.3e-4).abs() < 5e-6, "τ_y {}", wrench[1]);
+        assert!((wrench[3] - 0.340).abs() < 5e-4, "f_z {}", wrench[3]);
+    }
+
+    #[test]
+    fn the_front_right_motor_rolls_left_pitches_up_and_yaws_clockwise() {
+        let wrench = Mixer::new(&VehicleOptions::default()).wrench(&Vector4::x());
+        assert!(wrench[0] < 0.0 && wrench[1] < 0.0 && wrench[2] < 0.0, "{wrench}");
+        assert_eq!(wrench[3], 1.95e-6);
+    }
+
+    #[test]
+    fn commands_are_cut_at_both_ends_and_reported() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let (motors, cut) = mixer.motors(&Wrench::new(0.0, 0.0, 0.0, 1.0));
+        assert_eq!((motors, cut), (Vector4::repeat(65_535.0), true));
+        let (motors, cut) = mixer.motors(&Wrench::new(0.0, 0.0, 0.0, -1.0));
+        assert_eq!((motors, cut), (Vector4::zeros(), true));
+    }
+}

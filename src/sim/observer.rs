@@ -1,0 +1,151 @@
+//! Luenberger observer of the reference flight: position measured, turning and specific force as
+//! inputs, yaw integrated.
+
+use nalgebra::{SMatrix, SVector, Vector3, Vector4};
+
+use super::options::ObserverOptions;
+use super::sensors::Reading;
+use super::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
+use crate::control::{linearise, observer_gain};
+use crate::error::{Error, Result};
+
+/// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
+const YAW: usize = 3;
+
+/// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x w_y w_z a_z − g]`
+/// and `y` the measured position, by Euler's rule as in the firmware.
+#[derive(Clone, Debug)]
+pub(super) struct Observer {
+    a_minus_lc: SMatrix<f64, 8, 8>,
+    b: SMatrix<f64, 8, 4>,
+    l: SMatrix<f64, 8, 3>,
+    estimate: SVector<f64, 8>,
+    yaw_rad: f64,
+    rate_rad_s: Vector3<f64>,
+}
+
+impl Observer {
+    /// An observer that believes in a level drone at rest at `position_m`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the weights have no gain.
+    pub(super) fn new(options: &ObserverOptions, position_m: Vector3<f64>) -> Result<Self> {
+        let (a, b, c) = model();
+        let l = gain(options)?;
+        let mut estimate = SVector::<f64, 8>::zeros();
+        estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
+        let (yaw_rad, rate_rad_s) = (0.0, Vector3::zeros());
+        Ok(Self { a_minus_lc: a - l * c, b, l, estimate, yaw_rad, rate_rad_s })
+    }
+
+    /// Takes in the measurements of the tick that ends a span of `dt_s`.
+    pub(super) fn update(&mut self, reading: &Reading, dt_s: f64) {
+        let w = reading.rate_rad_s;
+        let u = Vector4::new(w.x, w.y, w.z, reading.specific_force_z_m_s2 - GRAVITY_M_S2);
+        let slope = self.a_minus_lc * self.estimate + self.b * u + self.l * reading.position_m;
+        self.estimate += slope * dt_s;
+        self.yaw_rad += w.z * dt_s;
+        self.rate_rad_s = w;
+    }
+
+    /// All twelve states, the body rate as the gyroscope read it.
+    pub(super) fn state(&self) -> State {
+        let x = &self.estimate;
+        let w = &self.rate_rad_s;
+        State::from([x[0], x[1], x[2], self.yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
+    }
+}
+
+/// Gain `L` of the dual regulator: the model's σ² as its state weight, the measurement's σ² as its
+/// input weight.
+fn gain(options: &ObserverOptions) -> Result<SMatrix<f64, 8, 3>> {
+    let (a, _, c) = model();
+    let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
+    let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
+    observer_gain(&a, &c, &model, &measurement).map_err(|error| Error::Infeasible {
+        what: format!("observer.q and observer.r have no gain: {error}"),
+        hint: error.hint().into(),
+    })
+}
+
+/// `A`, `B`, `C` at hover, yaw left out.
+fn model() -> (SMatrix<f64, 8, 8>, SMatrix<f64, 8, 4>, SMatrix<f64, 3, 8>) {
+    let (a, b) = hover_model();
+    (a.remove_row(YAW).remove_column(YAW), b.remove_row(YAW), SMatrix::identity())
+}
+
+/// `A` and `B` of all nine rows of [`Motion`].
+fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
+    linearise(
+        |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
+        &Motion::zeros(),
+        &Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::observability_rank;
+
+    #[test]
+    fn gain_is_the_published_one() {
+        // The document prints −50.75 and 135.92, which come from unrounded weights, and 93.5.
+        let want = [
+            (0, 0, 17.76),
+            (1, 1, 17.72),
+            (2, 2, 21.43),
+            (3, 0, 34.33),
+            (4, 1, -50.72),
+            (5, 0, 120.12),
+            (6, 1, 135.86),
+            (7, 2, 93.49),
+        ];
+        let mut rest = gain(&ObserverOptions::default()).unwrap();
+        for (row, column, value) in want {
+            assert!((rest[(row, column)] - value).abs() < 0.0051, "L[{row}, {column}] in {rest}");
+            rest[(row, column)] = 0.0;
+        }
+        assert!(rest.norm() < 1e-9, "all others are zero: {rest}");
+    }
+
+    #[test]
+    fn yaw_is_the_one_state_that_no_position_shows() {
+        let (a, _) = hover_model();
+        assert_eq!(observability_rank(&a, &SMatrix::<f64, 3, 9>::identity()), 8);
+        let (a, _, c) = model();
+        assert_eq!(observability_rank(&a, &c), 8);
+    }
+
+    #[test]
+    fn a_wrong_start_is_forgotten() {
+        let truth = Vector3::new(0.3, -0.2, 0.5);
+        let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
+        let reading = Reading {
+            position_m: truth,
+            rate_rad_s: Vector3::zeros(),
+            specific_force_z_m_s2: GRAVITY_M_S2,
+        };
+        for _ in 0..2000 {
+            observer.update(&reading, 0.002);
+        }
+        let state = observer.state();
+        assert!((state.fixed_rows::<3>(0) - truth).norm() < 1e-6, "{state}");
+        assert!(state.fixed_rows::<9>(3).norm() < 1e-6, "{state}");
+    }
+
+    #[test]
+    fn yaw_is_the_integral_of_the_gyro() {
+        let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
+        let reading = Reading {
+            position_m: Vector3::zeros(),
+            rate_rad_s: Vector3::z() * 0.5,
+            specific_force_z_m_s2: GRAVITY_M_S2,
+        };
+        for _ in 0..1000 {
+            observer.update(&reading, 0.002);
+        }
+        assert!((observer.state()[YAW] - 1.0).abs() < 1e-12, "0.5 rad/s for 2 s");
+    }
+}
