@@ -8,6 +8,8 @@ const REACH: i32 = 92274688;
 const NODE_BITS: u32 = 15u;
 const STEP_BITS: u32 = 27u;
 const BELL_BITS: u32 = 26u;
+const DITHER_X: u32 = 0xC13FA9A9u;
+const DITHER_Y: u32 = 0x91E10DA5u;
 const THREADS: u32 = 64u;
 
 struct Params {
@@ -34,7 +36,7 @@ struct Record {
     green: u32,
     blue: u32,
     shift: u32,
-    unused: u32,
+    dither: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -60,7 +62,6 @@ fn splat(
         return;
     }
     let plane = params.width * params.rows;
-    let half = 1u << (record.shift - 1u);
     let pixels = record.width * (end - first);
     for (var pixel = thread; pixel < pixels; pixel += THREADS) {
         let row = first + pixel / record.width;
@@ -71,9 +72,11 @@ fn splat(
             continue;
         }
         let place = (row - params.first_row) * params.width + record.x + u32(i);
-        add(place, (mul_hi(weight, record.red) + half) >> record.shift);
-        add(place + plane, (mul_hi(weight, record.green) + half) >> record.shift);
-        add(place + 2u * plane, (mul_hi(weight, record.blue) + half) >> record.shift);
+        let dither = record.dither + u32(i) * DITHER_X + u32(j) * DITHER_Y;
+        let up = dither >> (32u - record.shift);
+        add(place, (mul_hi(weight, record.red) + up) >> record.shift);
+        add(place + plane, (mul_hi(weight, record.green) + up) >> record.shift);
+        add(place + 2u * plane, (mul_hi(weight, record.blue) + up) >> record.shift);
     }
 }
 

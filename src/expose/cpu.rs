@@ -1,6 +1,6 @@
 //! The splat on the CPU: the twin of `splat.wgsl`, in the same integers.
 
-use super::record::Record;
+use super::record::{DITHER, Record};
 use super::tables::{BELL_BITS, REACH, STEP_BITS, TABLES, Tables};
 
 /// Adds up the records' light: three planes of counts.
@@ -19,11 +19,13 @@ pub(super) fn splat(records: &[Record], size_px: [u32; 2]) -> Vec<u32> {
             } else {
                 line_weights(tables, record, from.cast_signed(), j.cast_signed(), weights);
             }
+            let dither = DITHER[0].wrapping_mul(from).wrapping_add(DITHER[1].wrapping_mul(j));
+            let dither = dither.wrapping_add(record.dither);
             let first = (record.y + j) as usize * width + (record.x + from) as usize;
             for (amplitude, counts) in record.amplitude.iter().zip(counts.chunks_exact_mut(plane)) {
                 if *amplitude != 0 {
                     let counts = &mut counts[first..first + weights.len()];
-                    add(weights, *amplitude, record.shift, counts);
+                    add(weights, *amplitude, record.shift, dither, counts);
                 }
             }
         }
@@ -57,11 +59,11 @@ fn line_weights(tables: &Tables, record: &Record, first: i32, j: i32, weights: &
     }
 }
 
-/// Adds amplitude times weight to the counts, rounded to the nearest count.
-fn add(weights: &[u32], amplitude: u32, shift: u32, counts: &mut [u32]) {
-    let half = 1 << (shift - 1);
+/// Adds amplitude times weight to the counts, rounded by the dither.
+fn add(weights: &[u32], amplitude: u32, shift: u32, mut dither: u32, counts: &mut [u32]) {
     for (weight, count) in weights.iter().zip(counts) {
-        *count += (mul_hi(*weight, amplitude) + half) >> shift;
+        *count += (mul_hi(*weight, amplitude) + (dither >> (32 - shift))) >> shift;
+        dither = dither.wrapping_add(DITHER[0]);
     }
 }
 

@@ -31,6 +31,8 @@ mod scale;
 mod tables;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod twins;
 
 use sha2::{Digest, Sha256};
 
