@@ -5,6 +5,7 @@
 // repeats as all is integers: sums have no order, products no rounding of the device's own
 
 const REACH: i32 = 92274688;
+const END: i32 = 134217728;
 const NODE_BITS: u32 = 15u;
 const STEP_BITS: u32 = 27u;
 const BELL_BITS: u32 = 26u;
@@ -103,7 +104,7 @@ fn weight(record: Record, i: i32, j: i32) -> u32 {
 
 // Φ.
 fn step_at(x: i32) -> u32 {
-    let from_end = u32(clamp(x, -REACH, REACH) + REACH);
+    let from_end = u32(clamp(x, -REACH, REACH) + END);
     let node = from_end >> NODE_BITS;
     let a = step_nodes[node];
     let b = step_nodes[node + 1u];

@@ -51,7 +51,9 @@ fn line_weights(tables: &Tables, record: &Record, first: i32, j: i32, weights: &
     let mut u = record.u0 + first * record.ux + j * record.uy;
     let mut v = record.v0 + first * record.vx + j * record.vy;
     for weight in weights {
-        let along = (tables.step(u) - tables.step(u - record.length)) << (31 - STEP_BITS);
+        // `lit` keeps u from falling far below the first reach or rising far above the second.
+        let past_end = (u - record.length).max(-REACH);
+        let along = (tables.step(u.min(REACH)) - tables.step(past_end)) << (31 - STEP_BITS);
         let across = tables.bell(v) << (31 - BELL_BITS);
         *weight = mul_hi(along, across) << 1;
         u += record.ux;

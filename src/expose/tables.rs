@@ -28,25 +28,27 @@ pub(super) const STEP_BITS: u32 = 27;
 /// g goes from 2^26 at its middle to 0. Steps between nodes times 15 fraction bits stay below 2^32.
 pub(super) const BELL_BITS: u32 = 26;
 
-/// Nodes of g, from 0 to the reach, and one behind for the interpolation.
-const N_BELL: usize = (REACH >> NODE_BITS) as usize + 2;
+/// Where the nodes end: 8 σ. Powers of two make the check of an index a mask.
+pub(super) const END: i32 = 8 << SIGMA_BITS;
 
-/// Nodes of Φ, from minus to plus the reach, and one behind.
-const N_STEP: usize = (REACH >> (NODE_BITS - 1)) as usize + 2;
+/// Intervals of g from 0 to the end, and of Φ from minus to plus the end.
+const N_BELL: usize = (END >> NODE_BITS) as usize;
+const N_STEP: usize = 2 * N_BELL;
 
 /// Φ and g.
 #[derive(Debug)]
 pub(super) struct Tables {
     /// Integral of the gaussian, stretched so that it is 0 and 1 at the reach.
-    pub(super) step: [u32; N_STEP],
-    /// `exp(-x²/2)` from the middle outward.
-    pub(super) bell: [u32; N_BELL],
+    /// From -8 σ to 8 σ.
+    pub(super) step: [u32; N_STEP + 1],
+    /// `exp(-x²/2)` from the middle outward, 0 from the reach to 8 σ.
+    pub(super) bell: [u32; N_BELL + 1],
 }
 
 /// The one pair of tables.
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     let node = |k: usize| k as f64 / f64::from(1 << (SIGMA_BITS - NODE_BITS));
-    let mut bell = [0; N_BELL];
+    let mut bell = [0; N_BELL + 1];
     for (k, value) in bell.iter_mut().enumerate() {
         let x = node(k);
         if x < REACH_SIGMA {
@@ -56,27 +58,29 @@ pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| {
 
     let below = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
     let outside = below(-REACH_SIGMA);
-    let mut step = [0; N_STEP];
+    let mut step = [0; N_STEP + 1];
     for (k, value) in step.iter_mut().enumerate() {
-        let x = (node(k) - REACH_SIGMA).min(REACH_SIGMA);
+        let x = (node(k) - node(N_BELL)).clamp(-REACH_SIGMA, REACH_SIGMA);
         *value = fixed((below(x) - outside) / (1.0 - 2.0 * outside), STEP_BITS);
     }
     Tables { step, bell }
 });
 
 impl Tables {
-    /// Φ, with [`STEP_BITS`] fraction bits.
+    /// Φ, with [`STEP_BITS`] fraction bits; only from -8 σ to 8 σ.
     #[inline]
     pub(super) fn step(&self, x: i32) -> u32 {
-        let (node, part) = split(x.clamp(-REACH, REACH) + REACH);
+        let (node, part) = split(x + END);
+        let node = node & (N_STEP - 1);
         let (a, b) = (self.step[node], self.step[node + 1]);
         a + (((b - a) * part + HALF) >> NODE_BITS)
     }
 
-    /// g, with [`BELL_BITS`] fraction bits.
+    /// g, with [`BELL_BITS`] fraction bits; only from -8 σ to 8 σ.
     #[inline]
     pub(super) fn bell(&self, x: i32) -> u32 {
-        let (node, part) = split(x.abs().min(REACH));
+        let (node, part) = split(x.abs());
+        let node = node & (N_BELL - 1);
         let (a, b) = (self.bell[node], self.bell[node + 1]);
         a - (((a - b) * part + HALF) >> NODE_BITS)
     }
@@ -105,7 +109,7 @@ mod tests {
     #[test]
     fn curves_are_within_5e_7_of_the_gaussian_between_nodes_too() {
         let mut worst = (0.0_f64, 0.0_f64);
-        for i in -1_250_000..=1_250_000 {
+        for i in -1_740_000..=1_740_000 {
             let x = i * 77;
             let sigma = f64::from(x) / f64::from(1 << SIGMA_BITS);
             let bell = libm::exp(-0.5 * sigma * sigma);
@@ -121,7 +125,7 @@ mod tests {
 
     #[test]
     fn curves_end_exactly_at_the_reach() {
-        for x in [REACH, REACH + 1, i32::MAX] {
+        for x in [REACH, REACH + 1, END - 1] {
             assert_eq!(TABLES.bell(x), 0, "bell at {x}");
             assert_eq!(TABLES.bell(-x), 0, "bell at -{x}");
             assert_eq!(TABLES.step(x), 1 << STEP_BITS, "step at {x}");

@@ -4,7 +4,7 @@ use wgpu::naga;
 
 use super::gpu::{Gpu, SHADER};
 use super::record::{DITHER, Record};
-use super::tables::{BELL_BITS, NODE_BITS, REACH, STEP_BITS};
+use super::tables::{BELL_BITS, END, NODE_BITS, REACH, STEP_BITS};
 use super::tests::{camera, figure, lamp};
 use super::*;
 
@@ -186,6 +186,7 @@ fn constants_of_the_shader_equal_those_of_the_cpu() {
         }
     };
     assert_eq!(found("REACH"), i64::from(REACH));
+    assert_eq!(found("END"), i64::from(END));
     assert_eq!(found("NODE_BITS"), i64::from(NODE_BITS));
     assert_eq!(found("STEP_BITS"), i64::from(STEP_BITS));
     assert_eq!(found("BELL_BITS"), i64::from(BELL_BITS));
