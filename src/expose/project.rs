@@ -1,0 +1,211 @@
+//! Lamps as the camera sees them: where in the picture, how bright, how wide; in f64.
+//!
+//! A lamp of intensity `I` cd lights the entrance pupil with `I cosᵐθ cosα / d²` lx (θ off the
+//! beam's axis, α off the optical axis), the pupil of diameter `f/N` passes `π (f/2N)² τ` times
+//! that in lumen, and all of it lands in the lamp's spot: lumen over pixel area, summed over the
+//! pixels of the spot, is what this file calls light, in lx px².
+
+use glam::DVec2;
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::light::{Emitter, Lamp, LightSample};
+
+/// Nearest depth at which a lamp still leaves light: nearer, the picture of a point is not a spot
+/// of this model (focus, pupil size). Lamps that come nearer are left out while they are.
+pub(super) const NEAREST_M: f64 = 0.1;
+
+/// Narrowest spot: sampled at pixel centres, a gaussian of this width keeps its sum to 2.3e-7
+/// whatever its place between the pixels (`2 exp(-2 π² σ²)`); at 0.7 px it would be 1.3e-4.
+pub(super) const MIN_SIGMA_PX: f64 = 0.9;
+
+/// Widest spot; wider ones are drawn this wide, with all their light.
+pub(super) const MAX_SIGMA_PX: f64 = 256.0;
+
+/// Farthest spot from the picture's corner; beyond, differences of places lose the picture.
+const FARTHEST_PX: f64 = 1e9;
+
+/// Wavelength at which the diffraction is reckoned: the peak of the eye's day sensitivity.
+const WAVELENGTH_M: f64 = 0.55e-6;
+
+/// σ of the gaussian nearest to an Airy disc, in units of λN (0.21 λ / numerical aperture: Zhang,
+/// Zerubia and Olivo-Marin 2007).
+const AIRY_SIGMA: f64 = 0.42;
+
+/// Variance of a square pixel along each axis, in px².
+const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+
+/// A stretch between two neighbouring samples with the shutter open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Interval {
+    /// When it begins and ends.
+    pub(super) time_s: [f64; 2],
+    /// Where the spot is then, in px.
+    pub(super) at_px: [DVec2; 2],
+    /// Light of the whole stretch: mean of its ends times its duration, in lx s px².
+    pub(super) light: f64,
+    /// Standard deviation of the spot, mean of its ends.
+    pub(super) sigma_px: f64,
+}
+
+/// One instant of a lamp in the picture.
+#[derive(Clone, Copy)]
+struct Spot {
+    at_px: DVec2,
+    light_lx_px2: f64,
+    sigma_px: f64,
+}
+
+/// The stretches of a lamp that leave light, in order of time.
+pub(super) fn intervals<'a>(
+    lamp: &'a Lamp,
+    camera: &'a Camera,
+) -> impl Iterator<Item = Interval> + 'a {
+    let lens = Lens::new(camera, &lamp.emitter);
+    let (open, close) = (camera.shutter_open_s, camera.shutter_close_s);
+    let mut last: Option<(LightSample, Option<Spot>)> = None;
+    lamp.samples.windows(2).filter_map(move |pair| {
+        let (a, b) = (pair[0], pair[1]);
+        let in_shutter = a.time_s < b.time_s && b.time_s > open && a.time_s < close;
+        if !in_shutter || (a.level == 0.0 && b.level == 0.0) {
+            return None;
+        }
+        let first = if a.time_s < open { between(&a, &b, open) } else { a };
+        let second = if b.time_s > close { between(&a, &b, close) } else { b };
+
+        let from = match last {
+            Some((sample, spot)) if sample == first => spot,
+            _ => lens.see(&first),
+        };
+        let to = lens.see(&second);
+        last = Some((second, to));
+        let (from, to) = (from?, to?);
+        let duration_s = second.time_s - first.time_s;
+        let light = 0.5 * (from.light_lx_px2 + to.light_lx_px2) * duration_s;
+        (light > 0.0).then_some(Interval {
+            time_s: [first.time_s, second.time_s],
+            at_px: [from.at_px, to.at_px],
+            light,
+            sigma_px: 0.5 * (from.sigma_px + to.sigma_px),
+        })
+    })
+}
+
+/// Checks that a lamp's numbers are numbers and its time runs forward.
+pub(super) fn check(lamp: &Lamp) -> Result<()> {
+    let Emitter { name, intensity_cd, rgb, beam_exponent, diameter_m, .. } = &lamp.emitter;
+    let settings = [
+        ("intensity_cd", *intensity_cd, 1e9),
+        ("rgb[0]", rgb[0], 1e3),
+        ("rgb[1]", rgb[1], 1e3),
+        ("rgb[2]", rgb[2], 1e3),
+        ("beam_exponent", *beam_exponent, 1e6),
+        ("diameter_m", *diameter_m, 10.0),
+    ];
+    for (key, value, max) in settings {
+        if !(0.0..=max).contains(&value) {
+            return Err(Error::input(
+                format!("lamp `{name}`: {key}"),
+                value,
+                format!("a number from 0 to {max:e}"),
+                "mend this emitter in the scene file; a color outside sRGB must be brought inside",
+            ));
+        }
+    }
+    let mut before = f64::NEG_INFINITY;
+    for sample in &lamp.samples {
+        let LightSample { time_s, position_m, axis, level } = sample;
+        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
+        let hint = "the flight or log that this light comes from is broken at that time";
+        if !time_s.is_finite() || *time_s < before {
+            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
+        }
+        before = *time_s;
+        for (what, v) in [("position", position_m), ("axis", axis)] {
+            if !v.iter().all(|x| x.is_finite()) {
+                let found = format!("({}, {}, {})", v.x, v.y, v.z);
+                return Err(Error::input(place(what), found, "three finite numbers", hint));
+            }
+        }
+        if !(0.0..=1e3).contains(level) {
+            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
+        }
+    }
+    Ok(())
+}
+
+/// The sample at `time_s` on the straight way from `a` to `b`.
+fn between(a: &LightSample, b: &LightSample, time_s: f64) -> LightSample {
+    let share = (time_s - a.time_s) / (b.time_s - a.time_s);
+    LightSample {
+        time_s,
+        position_m: a.position_m + (b.position_m - a.position_m) * share,
+        axis: a.axis + (b.axis - a.axis) * share,
+        level: a.level + (b.level - a.level) * share,
+    }
+}
+
+/// A camera looking at one kind of lamp: everything that does not change from sample to sample.
+struct Lens<'a> {
+    camera: &'a Camera,
+    beam_exponent: f64,
+    /// Light of the lamp on both axes at 1 m, in lx px².
+    light_at_1m: f64,
+    /// Variance of the spot without the lamp's disc.
+    blur_px2: f64,
+    /// Variance that the lamp's disc adds at 1 m depth: R²/4 along each axis.
+    disc_at_1m_px2: f64,
+}
+
+impl<'a> Lens<'a> {
+    fn new(camera: &'a Camera, emitter: &Emitter) -> Self {
+        let pitch_m = camera.pixel_pitch_m();
+        let radius_m = camera.focal_length_m / (2.0 * camera.f_number);
+        let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
+        let blur_px = camera.blur_m / pitch_m;
+        let airy_px = AIRY_SIGMA * WAVELENGTH_M * camera.f_number / pitch_m;
+        let disc_px = emitter.diameter_m * camera.focal_length_px();
+        Self {
+            camera,
+            beam_exponent: emitter.beam_exponent,
+            light_at_1m: emitter.intensity_cd * pupil_m2 / (pitch_m * pitch_m),
+            blur_px2: blur_px * blur_px + airy_px * airy_px + PIXEL_VARIANCE,
+            disc_at_1m_px2: disc_px * disc_px / 16.0,
+        }
+    }
+
+    /// The spot of a lamp; `None` where it is nearer than [`NEAREST_M`], behind the camera, or
+    /// beyond [`FARTHEST_PX`].
+    fn see(&self, sample: &LightSample) -> Option<Spot> {
+        let image = self.camera.image_from_world(sample.position_m)?;
+        let at_px = DVec2::new(image.x_px, image.y_px);
+        if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
+            return None;
+        }
+        let to_camera_m = self.camera.position_m - sample.position_m;
+        let distance_sq_m2 = to_camera_m.norm_squared();
+        let distance_m = distance_sq_m2.sqrt();
+        let cos_lens = image.depth_m / distance_m;
+        let beam = self.beam(&sample.axis, &to_camera_m, distance_m);
+        let light = self.light_at_1m * sample.level * beam * cos_lens / distance_sq_m2;
+        let variance = self.blur_px2 + self.disc_at_1m_px2 / (image.depth_m * image.depth_m);
+        Some(Spot {
+            at_px,
+            light_lx_px2: if light.is_finite() { light } else { 0.0 },
+            sigma_px: variance.sqrt().clamp(MIN_SIGMA_PX, MAX_SIGMA_PX),
+        })
+    }
+
+    /// Share of the axial intensity that goes towards the camera: cosᵐθ, 0 behind.
+    fn beam(&self, axis: &Vector3<f64>, to_camera_m: &Vector3<f64>, distance_m: f64) -> f64 {
+        let cos = axis.dot(to_camera_m) / (axis.norm() * distance_m);
+        if cos.is_nan() || cos <= 0.0 {
+            0.0
+        } else if self.beam_exponent == 1.0 {
+            cos
+        } else {
+            libm::pow(cos.min(1.0), self.beam_exponent)
+        }
+    }
+}

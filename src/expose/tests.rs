@@ -1,0 +1,333 @@
+//! Claims about the whole room, on the CPU; `twins` compares the backends.
+
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::light::{Emitter, Lamp, LightSample};
+
+/// A camera at the origin that looks along y: 36 mm wide sensor, 35 mm lens at f/8.
+pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
+    Camera {
+        position_m: Vector3::zeros(),
+        camera_from_world: Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+        focal_length_m: 0.035,
+        sensor_width_m: 0.036,
+        f_number: 8.0,
+        transmission: 0.9,
+        blur_m: 20e-6,
+        iso: 100.0,
+        shutter_open_s: 0.0,
+        shutter_close_s: 100.0,
+        width_px,
+        height_px,
+    }
+}
+
+/// A white Lambertian lamp of 1.8 cd that shines towards the camera, at these places.
+pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
+    let emitter = Emitter {
+        name: "headlight".into(),
+        channel: "head".into(),
+        position_body_m: [0.0; 3],
+        axis_body: [1.0, 0.0, 0.0],
+        intensity_cd: 1.8,
+        rgb: [1.0; 3],
+        beam_exponent: 1.0,
+        diameter_m: 0.003,
+    };
+    let sample = |(time_s, place): (f64, [f64; 3])| LightSample {
+        time_s,
+        position_m: place.into(),
+        axis: -Vector3::y(),
+        level: 1.0,
+    };
+    Lamp { emitter, samples: places.into_iter().map(sample).collect() }
+}
+
+/// A lissajous figure of 2 m with a pause, at 250 Hz, 3 m away.
+pub(super) fn figure(n: u32) -> Lamp {
+    lamp((0..n).map(|i| {
+        let t = f64::from(i) / 250.0;
+        let s = if t < 1.0 { t } else { (t - 0.4).max(1.0) };
+        let place = [libm::sin(1.1 * s), 3.0 + 0.1 * libm::sin(0.3 * t), 0.5 * libm::cos(1.9 * s)];
+        (t, place)
+    }))
+}
+
+/// The CPU's film, merged at `merge_tolerance_px`.
+fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
+    let options =
+        ExposeOptions { backend: BackendChoice::Cpu, merge_tolerance_px, scale_log2: scale };
+    expose(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("film").film
+}
+
+/// Second implementation: every interval in f64, with erf, at every pixel within 8 σ.
+fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
+    let [width, height] = [camera.width_px as usize, camera.height_px as usize];
+    let mut plane = vec![0.0; width * height];
+    for interval in project::intervals(lamp, camera) {
+        let ([a, b], sigma) = (interval.at_px, interval.sigma_px);
+        let length = a.distance(b);
+        let along = if length > 0.0 { (b - a) / length } else { glam::DVec2::X };
+        let reach = 8.0 * sigma + length;
+        let range = |centre: f64, n: usize| {
+            let from = (centre - reach).max(0.0) as usize;
+            from..n.min((centre + reach).max(0.0) as usize)
+        };
+        for y in range(a.y, height) {
+            for x in range(a.x, width) {
+                let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - a;
+                let (u, v) = (p.dot(along) / sigma, along.perp_dot(p) / sigma);
+                let root_2 = std::f64::consts::SQRT_2;
+                let smear = if length > 1e-6 {
+                    let end = u - length / sigma;
+                    0.5 * (libm::erf(u / root_2) - libm::erf(end / root_2)) / length
+                } else {
+                    libm::exp(-0.5 * u * u) / (sigma * std::f64::consts::TAU.sqrt())
+                };
+                let across = libm::exp(-0.5 * v * v) / (sigma * std::f64::consts::TAU.sqrt());
+                plane[y * width + x] += interval.light * smear * across;
+            }
+        }
+    }
+    plane
+}
+
+/// Largest difference of the red plane from the brute force, over the peak.
+fn error_of_peak(film: &Film, reference: &[f64]) -> f64 {
+    let peak = reference.iter().copied().fold(0.0, f64::max);
+    let error = |(i, r): (usize, &f64)| (film.exposure_lx_s(0, i) - r).abs();
+    reference.iter().enumerate().map(error).fold(0.0, f64::max) / peak
+}
+
+#[test]
+fn a_lamp_at_rest_leaves_its_intensity_through_the_pupil_over_the_distance_squared() {
+    let camera = camera(640, 400);
+    let pupil_m2 = std::f64::consts::PI * (0.035 / 16.0) * (0.035 / 16.0);
+    for place in [[0.0, 3.0, 0.0], [0.8, 2.5, 0.3], [-0.3713, 4.0, -0.2217]] {
+        let found = film(&[lamp([(1.0, place), (3.5, place)])], &camera, 0.005, None);
+        // Lambertian lamp facing the camera plane: cos θ = cos α = y / d.
+        let d = Vector3::from(place).norm();
+        let cos = place[1] / d;
+        let lumen_s = 1.8 * cos * cos * pupil_m2 * 0.9 / (d * d) * 2.5;
+        let wanted = lumen_s / (camera.pixel_pitch_m() * camera.pixel_pitch_m());
+        for channel in 0..3 {
+            let error = found.light_lx_s_px2(channel) / wanted - 1.0;
+            assert!(error.abs() < 1e-6, "channel {channel} at {place:?}: off by {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
+    let camera = camera(640, 400);
+    let (v, d) = (0.2, 3.0);
+    let path = (0..=2000).map(|i| (f64::from(i) / 500.0, [f64::from(i) / 500.0 * v - 0.4, d, 0.0]));
+    let found = film(&[lamp(path)], &camera, 0.0, None);
+
+    // H w = I τ π f / (4 N² d v): integral of the exposure across the trail, on the axis.
+    let wanted = 1.8 * 0.9 * std::f64::consts::PI * 0.035 / (4.0 * 64.0 * d * v);
+    let column: Vec<f64> = (0..400).map(|y| found.exposure_lx_s(0, y * 640 + 320)).collect();
+    let across = column.iter().sum::<f64>() * camera.pixel_pitch_m();
+    assert!((across / wanted - 1.0).abs() < 1e-5, "{across} lx s m, wanted {wanted}");
+
+    // Profile: a gaussian of blur, diffraction, disc and pixel; the axis is between two pixels.
+    let pitch = camera.pixel_pitch_m();
+    let square = |x: f64| x * x;
+    let disc = square(0.003 * 0.035 / d / pitch) / 16.0;
+    let blur = square(20e-6 / pitch) + square(0.42 * 0.55e-6 * 8.0 / pitch);
+    let sigma = (disc + blur + 1.0 / 12.0).sqrt().max(0.9);
+    let peak = wanted / pitch / (sigma * std::f64::consts::TAU.sqrt());
+    for (y, found) in column.iter().enumerate() {
+        let off = (y as f64 + 0.5 - 200.0) / sigma;
+        let error = (found - peak * libm::exp(-0.5 * off * off)) / peak;
+        assert!(error.abs() < 1e-5, "row {y} is off by {error:e} of the peak");
+    }
+}
+
+#[test]
+fn unmerged_film_is_within_1e_5_of_the_peak_and_merged_within_1e_3() {
+    let lamp = figure(1500);
+    for blur_m in [5e-6, 60e-6] {
+        let camera = Camera { blur_m, ..camera(960, 540) };
+        let reference = brute_force(&lamp, &camera);
+        let unmerged = error_of_peak(&film(&[lamp.clone()], &camera, 0.0, None), &reference);
+        let merged = error_of_peak(&film(&[lamp.clone()], &camera, 0.005, None), &reference);
+        println!("blur {blur_m}: unmerged {unmerged:.2e}, merged {merged:.2e}");
+        assert!(unmerged < 1e-5, "blur {blur_m}: unmerged errs by {unmerged:e}");
+        assert!(merged < 1e-3, "blur {blur_m}: merged errs by {merged:e}");
+    }
+}
+
+#[test]
+fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_1e_5_of_the_peak() {
+    let camera = camera(320, 200);
+    for (from, to) in [([-9.0, 3.0, -2.0], [9.0, 3.0, 2.5]), ([0.1, 3.0, -8.0], [0.2, 3.0, 8.0])] {
+        let streak = lamp([(0.0, from), (1.0, to)]);
+        let error = error_of_peak(
+            &film(&[streak.clone()], &camera, 0.005, None),
+            &brute_force(&streak, &camera),
+        );
+        assert!(error < 1e-5, "streak from {from:?} errs by {error:e}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn light_is_conserved_on_any_way_inside_the_picture(
+        places in proptest::collection::vec((-1.2..1.2_f64, 2.8..5.0_f64, -0.6..0.6_f64), 2..40),
+        blur_m in 0.0..150e-6_f64,
+        step_s in 1e-4..2.0_f64,
+        rgb in [0.05..3.0_f64, 0.05..3.0, 0.05..3.0],
+        merge_tolerance_px in prop_oneof![Just(0.0), Just(0.005), Just(0.5)],
+    ) {
+        let camera = Camera { blur_m, ..camera(640, 400) };
+        let timed = places.iter().enumerate().map(|(i, p)| (i as f64 * step_s, [p.0, p.1, p.2]));
+        let mut lamp = lamp(timed);
+        lamp.emitter.rgb = rgb;
+        let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light).sum();
+        let found = film(&[lamp], &camera, merge_tolerance_px, None);
+        for (channel, share) in rgb.iter().enumerate() {
+            let error = found.light_lx_s_px2(channel) / (sent * share) - 1.0;
+            prop_assert!(error.abs() < 1e-6, "channel {} is off by {:e}", channel, error);
+        }
+    }
+}
+
+/// Sum of two films, which must have one scale.
+fn sum(a: &Film, b: &Film) -> Vec<u32> {
+    assert_eq!(a.scale_log2, b.scale_log2, "films of one scale");
+    a.counts.iter().zip(&b.counts).map(|(a, b)| a + b).collect()
+}
+
+#[test]
+fn light_adds_up_over_split_shutters() {
+    let lamp = figure(1000);
+    let exposed = |open: f64, close: f64, tolerance: f64| {
+        let camera = Camera { shutter_open_s: open, shutter_close_s: close, ..camera(480, 270) };
+        film(&[lamp.clone()], &camera, tolerance, Some(-15))
+    };
+    // At a sample, unmerged: in integers.
+    let whole = exposed(0.0, 9.0, 0.0);
+    assert!(whole.light_lx_s_px2(0) > 0.0, "there is light to split");
+    assert_eq!(sum(&exposed(0.0, 1.5, 0.0), &exposed(1.5, 9.0, 0.0)), whole.counts, "unmerged");
+
+    // Between two samples, merged: to the accuracy of merging.
+    let whole = exposed(0.0, 9.0, 0.005);
+    let peak = whole.counts.iter().copied().max().expect("pixels");
+    let parts = sum(&exposed(0.0, 1.5017, 0.005), &exposed(1.5017, 9.0, 0.005));
+    let worst = parts.iter().zip(&whole.counts).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(f64::from(worst.expect("pixels")) < 1e-3 * f64::from(peak), "{worst:?} of {peak}");
+}
+
+#[test]
+fn lamps_add_up_and_their_order_does_not_matter() {
+    let camera = camera(480, 270);
+    let (a, mut b) = (figure(700), figure(900));
+    b.emitter.rgb = [0.0, 1.2, 2.0];
+    for sample in &mut b.samples {
+        sample.position_m.z -= 0.21;
+    }
+    let exposed = |lamps: &[&Lamp]| {
+        film(&lamps.iter().map(|&l| l.clone()).collect::<Vec<_>>(), &camera, 0.005, Some(-16))
+    };
+    let both = exposed(&[&a, &b]);
+    assert_eq!(both.counts, sum(&exposed(&[&a]), &exposed(&[&b])), "a and b");
+    assert_eq!(both.sha256(), exposed(&[&b, &a]).sha256(), "b and a");
+    assert_ne!(both.sha256(), exposed(&[&a]).sha256(), "the hash tells films apart");
+}
+
+#[test]
+fn a_step_of_the_level_is_exact() {
+    let place = [0.1, 3.0, 0.1];
+    let mut stepped = lamp([(0.0, place), (1.0, place), (1.0, place), (3.0, place)]);
+    stepped.samples[2].level = 0.25;
+    stepped.samples[3].level = 0.25;
+    let steady = lamp([(0.0, place), (1.5, place)]);
+    let camera = camera(320, 200);
+    let light = |lamp| film(&[lamp], &camera, 0.005, None).light_lx_s_px2(1);
+    let ratio = light(stepped) / light(steady);
+    assert!((ratio - 1.0).abs() < 1e-7, "1 s at 1 and 2 s at 0.25 are 1.5 s at 1, got {ratio}");
+}
+
+#[test]
+fn no_pixel_overflows_and_few_bits_are_wasted() {
+    // A hover of 12,000 samples on one spot, unmerged, beside a trail.
+    let camera = camera(320, 200);
+    let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
+    let lamps = [hover, figure(500)];
+    let sent: f64 =
+        lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light).sum();
+    let found = film(&lamps, &camera, 0.0, None);
+    let error = found.light_lx_s_px2(2) / sent - 1.0;
+    assert!(error.abs() < 1e-6, "an overflow would lose 2^32 counts: off by {error:e}");
+    let peak = found.counts.iter().copied().max().expect("pixels");
+    assert!(peak > 1 << 26, "peak is {peak} counts");
+
+    let trace = LightTrace { lamps: lamps.to_vec() };
+    let options = ExposeOptions {
+        backend: BackendChoice::Cpu,
+        scale_log2: Some(found.scale_log2 - 8),
+        ..Default::default()
+    };
+    let refused = expose(&trace, &camera, &options);
+    assert!(matches!(refused, Err(Error::Infeasible { .. })), "a scale that overflows is refused");
+}
+
+#[test]
+fn lamps_out_of_sight_leave_no_light_and_no_panic() {
+    let camera = camera(64, 48);
+    let dark = [
+        [[0.0, -3.0, 0.0], [0.1, -3.0, 0.0]],
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.0, 0.05, 0.0], [0.0, 0.0999, 0.0]],
+        [[-2.0, 0.01, 0.0], [2.0, 0.01, 0.0]],
+        [[1e9, 3.0, 0.0], [2e9, 3.0, 1e9]],
+        [[1e300, 1e300, -1e300], [1e300, 1e308, 1e308]],
+        [[f64::MAX, f64::MAX, f64::MAX], [-f64::MAX, f64::MIN_POSITIVE, 1.0]],
+        [[0.0, 3.0, 5.0], [0.0, 3.0, 6.0]],
+    ];
+    for [a, b] in dark {
+        let found = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
+        assert!(found.counts.iter().all(|&count| count == 0), "light from {a:?} to {b:?}");
+    }
+    // From far outside across the picture, and at the edge of the nearest depth.
+    for [a, b] in [[[-9e3, 3.0, -9e3], [9e3, 3.0, 9e3]], [[-2.0, 0.1, 0.0], [2.0, 0.1, 0.0]]] {
+        let found = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
+        assert!(found.counts.iter().any(|&count| count != 0), "no light from {a:?} to {b:?}");
+    }
+    // Beams that point away, and a shutter that is closed.
+    let mut away = figure(10);
+    for sample in &mut away.samples {
+        sample.axis = Vector3::new(0.0, 1.0, 0.0);
+    }
+    assert_eq!(film(&[away], &camera, 0.0, None).light_lx_s_px2(0), 0.0, "beam away");
+    let shut = Camera { shutter_open_s: 50.0, ..camera };
+    assert_eq!(film(&[figure(10)], &shut, 0.0, None).light_lx_s_px2(0), 0.0, "shutter shut");
+}
+
+#[test]
+fn broken_samples_are_refused_by_lamp_and_time() {
+    let refused = |spoil: fn(&mut Lamp)| {
+        let mut lamp = figure(10);
+        spoil(&mut lamp);
+        let trace = LightTrace { lamps: vec![lamp] };
+        let options = ExposeOptions { backend: BackendChoice::Cpu, ..Default::default() };
+        expose(&trace, &camera(64, 48), &options).expect_err("broken").to_string()
+    };
+    let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
+    assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");
+    let text = refused(|lamp| lamp.samples[4].level = f64::INFINITY);
+    assert!(text.contains("`headlight` at 0.016 s: level"), "{text}");
+    let text = refused(|lamp| lamp.samples[3].time_s = 0.0);
+    assert!(text.contains("`headlight` at 0 s: time"), "{text}");
+    let text = refused(|lamp| lamp.emitter.rgb[1] = -0.1);
+    assert!(text.contains("`headlight`: rgb[1]"), "{text}");
+
+    let options = ExposeOptions::default();
+    let wide = expose(&LightTrace::default(), &camera(16_385, 10), &options);
+    assert!(matches!(wide, Err(Error::Input { .. })), "a picture too wide is refused");
+}
