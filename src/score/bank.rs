@@ -62,8 +62,7 @@ impl Bank {
         let reach = REACH_PX.cast_signed() / 2;
         let square =
             (-reach..=reach).flat_map(|down| (-reach..=reach).map(move |right| [right, down]));
-        let shifts: Vec<_> =
-            square.filter(|[dx, dy]| dx * dx + dy * dy <= reach * reach).collect();
+        let shifts: Vec<_> = square.filter(|[dx, dy]| dx * dx + dy * dy <= reach * reach).collect();
 
         let typeface = Typeface::load();
         let rim_px = PEN_PX - typeface.stem() * PX_PER_H as f32;

@@ -12,6 +12,17 @@ const SAMPLES_PER_PIXEL: f64 = 2.0;
 /// Largest step. Its sums fit into 32 bits: 128² pixels of 3 channels of 16 bits.
 const MAX_STEP: f64 = 128.0;
 
+/// The sky is found for blocks this large, in pixels of the plane: an eighth of a cap height.
+const BLOCK_PLANE_PX: f64 = 4.0;
+
+/// Blocks to either side that a block's sky is judged by: about a cap height in all, so that a
+/// letter's strokes are a minority and the glow of a floor or a window is not.
+const BLOCKS_AROUND: usize = 4;
+
+/// Which share of the blocks around is darker than the sky. Half would take off a bold letter's own
+/// light; much less would leave half of a glow's slope.
+const SKY_SHARE: f64 = 0.4;
+
 /// The part of a photo that shows the word, in linear light above the sky: mean of the channels,
 /// 1 is white. What lies outside is sky.
 pub(super) struct Light {
@@ -20,7 +31,7 @@ pub(super) struct Light {
     /// Our first column and row, in our pixels.
     origin: [usize; 2],
     raster: Raster,
-    /// Median of the part.
+    /// Median of the part as it was.
     pub(super) sky: f32,
 }
 
@@ -75,8 +86,9 @@ impl Light {
             }));
         }
         let sky = median(&mut values.clone());
-        values.iter_mut().for_each(|value| *value -= sky);
-        Some(Self { step, origin: [left, top], raster: Raster { width, height, values }, sky })
+        let mut raster = Raster { width, height, values };
+        take_off_sky(&mut raster, whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0)));
+        Some(Self { step, origin: [left, top], raster, sky })
     }
 
     /// Mean light in a rectangle of the photo.
@@ -85,7 +97,8 @@ impl Light {
         let [left, top] = self.origin.map(|origin| origin as f64);
         let [x0, x1] = [frame.left_px, frame.right_px].map(|px| px / step - left);
         let [y0, y1] = [frame.top_px, frame.bottom_px].map(|px| px / step - top);
-        let (columns, rows) = (overlaps(x0, x1, self.raster.width), overlaps(y0, y1, self.raster.height));
+        let (columns, rows) =
+            (overlaps(x0, x1, self.raster.width), overlaps(y0, y1, self.raster.height));
         let area = (x1 - x0) * (y1 - y0);
         if area <= 0.0 {
             return 0.0;
@@ -120,6 +133,55 @@ impl Frame {
     }
 }
 
+/// Subtracts the sky around each pixel: a quantile of the means of blocks, between their middles.
+fn take_off_sky(raster: &mut Raster, block: usize) {
+    let (width, height) = (raster.width.div_ceil(block), raster.height.div_ceil(block));
+    let mut means = Vec::with_capacity(width * height);
+    for rows in raster.values.chunks(block * raster.width) {
+        let mut sums = vec![(0.0_f32, 0.0_f32); width];
+        for row in rows.chunks_exact(raster.width) {
+            for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
+                sum.0 += values.iter().sum::<f32>();
+                sum.1 += values.len() as f32;
+            }
+        }
+        means.extend(sums.iter().map(|(sum, area)| sum / area));
+    }
+
+    let mut sky = Vec::with_capacity(width * height);
+    let mut around = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
+            let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
+            around.clear();
+            rows.for_each(|row| around.extend_from_slice(&means[row * width..][columns.clone()]));
+            let rank = whole(SKY_SHARE * around.len() as f64);
+            sky.push(*around.select_nth_unstable_by(rank, f32::total_cmp).1);
+        }
+    }
+
+    // Bilinear between the middles of blocks.
+    let between = |at: usize, n_blocks: usize| {
+        let place = (at as f32 + 0.5) / block as f32 - 0.5;
+        let place = place.clamp(0.0, (n_blocks - 1) as f32);
+        let first = whole(f64::from(place));
+        (first, (first + 1).min(n_blocks - 1), place - first as f32)
+    };
+    let columns: Vec<_> = (0..raster.width).map(|x| between(x, width)).collect();
+    for (y, row) in raster.values.chunks_exact_mut(raster.width).enumerate() {
+        let (above, below, down) = between(y, height);
+        for (value, &(left, right, share)) in row.iter_mut().zip(&columns) {
+            let along = |row: usize| {
+                let (a, b) = (sky[row * width + left], sky[row * width + right]);
+                a + share * (b - a)
+            };
+            let (above, below) = (along(above), along(below));
+            *value -= above + down * (below - above);
+        }
+    }
+}
+
 /// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.
 pub(super) fn code_step(level: f32) -> f32 {
     let linear = linear_from_srgb().map(|value| value as f32 / 65535.0);
@@ -151,7 +213,11 @@ fn linear_from_srgb() -> [u32; 256] {
 }
 
 /// The pixels that an interval touches, each with the length of what it touches.
-fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl ExactSizeIterator<Item = (usize, f64)> + Clone {
+fn overlaps(
+    from: f64,
+    to: f64,
+    n_pixels: usize,
+) -> impl ExactSizeIterator<Item = (usize, f64)> + Clone {
     let first = whole(from.clamp(0.0, n_pixels as f64));
     let end = whole(to.ceil().clamp(first as f64, n_pixels as f64));
     (first..end).map(move |pixel| {

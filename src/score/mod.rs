@@ -300,8 +300,7 @@ fn check(photo: &Photo, strokes: &Strokes, camera: &Camera) -> Result<()> {
             hint,
         ));
     }
-    let [found, wanted] =
-        [(photo.width_px, photo.height_px), (camera.width_px, camera.height_px)];
+    let [found, wanted] = [(photo.width_px, photo.height_px), (camera.width_px, camera.height_px)];
     if found != wanted {
         return Err(Error::input(
             "photo",

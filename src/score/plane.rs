@@ -98,7 +98,12 @@ impl Grid {
     }
 
     /// Where the photo shows the upper left corner of pixel `x, y`.
-    fn image_point(&self, camera: &Camera, placed: &Placed, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
+    fn image_point(
+        &self,
+        camera: &Camera,
+        placed: &Placed,
+        [x, y]: [usize; 2],
+    ) -> Option<[f64; 2]> {
         let [x_m, height_m] = placed
             .apply([self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m]);
         let point = camera.image_from_world(Vector3::new(x_m, 0.0, height_m))?;
