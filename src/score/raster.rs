@@ -56,7 +56,10 @@ impl Raster {
 
     /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
     pub(super) fn half(&self) -> Self {
-        assert!(self.width % 2 == 0 && self.height % 2 == 0, "even sides can be halved");
+        assert!(
+            self.width.is_multiple_of(2) && self.height.is_multiple_of(2),
+            "even sides can be halved"
+        );
         let (width, height) = (self.width / 2, self.height / 2);
         let mut values = Vec::with_capacity(width * height);
         for pair in self.values.chunks_exact(2 * self.width) {

@@ -38,9 +38,9 @@ impl Dice {
         (self.0 >> 40) as f64 / f64::from(1 << 24)
     }
 
-    /// Sum of twelve: mean 0, standard deviation 1.
+    /// About a Gaussian: mean 0, standard deviation 1.
     fn gauss(&mut self) -> f64 {
-        (0..12).map(|_| self.roll()).sum::<f64>() - 6.0
+        ((0..3).map(|_| self.roll()).sum::<f64>() - 1.5) * 2.0
     }
 }
 
@@ -77,7 +77,7 @@ impl Shot {
     pub(super) fn of(strokes: &Strokes) -> Self {
         Self {
             moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
-            camera: camera(strokes, 960, 0.0),
+            camera: camera(strokes, 640, 0.0),
             light: 1.0,
             sky: 0.004,
             floor_glow: 0.0,
