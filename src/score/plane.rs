@@ -1,0 +1,112 @@
+//! The plane of the word: grids of square pixels on it, and what the photo shows there.
+
+use nalgebra::Vector3;
+use tiny_skia::Transform;
+
+use super::light::{Frame, Light};
+use super::raster::Raster;
+use crate::camera::Camera;
+
+/// A grid of square pixels in the plane of the word.
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    /// Upper left corner: x and height, metres.
+    pub(super) left_m: f64,
+    pub(super) top_m: f64,
+    /// Edge of a pixel.
+    pub(super) pitch_m: f64,
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+/// Where a word hangs: a point of the intended word is found at
+/// `center + shift + scale · (point − center)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Placed {
+    pub(super) center_m: [f64; 2],
+    pub(super) shift_m: [f64; 2],
+    pub(super) scale: f64,
+}
+
+impl Placed {
+    fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
+        let along = |axis: usize| {
+            self.center_m[axis]
+                + self.shift_m[axis]
+                + self.scale * (point_m[axis] - self.center_m[axis])
+        };
+        [along(0), along(1)]
+    }
+}
+
+impl Grid {
+    /// Brings the plane of the word (metres, y up) onto the grid's page (pixels, y down), where the
+    /// word hangs as placed.
+    pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
+        let scale = placed.scale / self.pitch_m;
+        let [x, y] = placed.apply([0.0, 0.0]);
+        #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
+        Transform::from_row(
+            scale as f32,
+            0.0,
+            0.0,
+            -scale as f32,
+            ((x - self.left_m) / self.pitch_m) as f32,
+            ((self.top_m - y) / self.pitch_m) as f32,
+        )
+    }
+
+    /// What the photo shows at each pixel of the grid, the grid moved along with the word.
+    pub(super) fn resample(&self, light: &Light, camera: &Camera, placed: &Placed) -> Raster {
+        let row = |y: usize| -> Vec<_> {
+            (0..=self.width).map(|x| self.image_point(camera, placed, [x, y])).collect()
+        };
+        let mut raster = Raster::dark(self.width, self.height);
+        let mut upper = row(0);
+        for (y, values) in raster.values.chunks_exact_mut(self.width).enumerate() {
+            let lower = row(y + 1);
+            for (x, value) in values.iter_mut().enumerate() {
+                let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
+                // Behind the camera there is nothing to see.
+                if let (Some(a), Some(b), Some(c), Some(d)) = corners {
+                    *value = light.mean(&Frame::around([a, b, c, d]));
+                }
+            }
+            upper = lower;
+        }
+        raster
+    }
+
+    /// The rectangle of the photo that shows the grid; `None` where a corner is behind the camera.
+    pub(super) fn frame(&self, camera: &Camera, placed: &Placed) -> Option<Frame> {
+        let corner = |x: usize, y: usize| self.image_point(camera, placed, [x, y]);
+        let (right, bottom) = (self.width, self.height);
+        Some(Frame::around([
+            corner(0, 0)?,
+            corner(right, 0)?,
+            corner(0, bottom)?,
+            corner(right, bottom)?,
+        ]))
+    }
+
+    /// Edge of the middle pixel in the photo; `None` behind the camera.
+    pub(super) fn pixel_px(&self, camera: &Camera, placed: &Placed) -> Option<f64> {
+        let middle = [self.width / 2, self.height / 2];
+        let [x, y] = self.image_point(camera, placed, middle)?;
+        let [right, below] = self.image_point(camera, placed, [middle[0] + 1, middle[1] + 1])?;
+        Some(((right - x).abs() * (below - y).abs()).sqrt())
+    }
+
+    /// Where the photo shows the upper left corner of pixel `x, y`.
+    fn image_point(
+        &self,
+        camera: &Camera,
+        placed: &Placed,
+        [x, y]: [usize; 2],
+    ) -> Option<[f64; 2]> {
+        let [x_m, height_m] = placed
+            .apply([self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m]);
+        let point = camera.image_from_world(Vector3::new(x_m, 0.0, height_m))?;
+        (point.x_px.is_finite() && point.y_px.is_finite()).then_some([point.x_px, point.y_px])
+    }
+}

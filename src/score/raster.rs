@@ -1,0 +1,127 @@
+//! Rasters of one value a pixel: blur, halving, and correlation of one with another.
+
+/// One value a pixel, row by row from the top left.
+#[derive(Clone, Debug)]
+pub(super) struct Raster {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) values: Vec<f32>,
+}
+
+impl Raster {
+    pub(super) fn dark(width: usize, height: usize) -> Self {
+        Self { width, height, values: vec![0.0; width * height] }
+    }
+
+    /// Pixel by pixel, the other one added.
+    pub(super) fn plus(mut self, other: &Self) -> Self {
+        assert_eq!((self.width, self.height), (other.width, other.height), "rasters of one size");
+        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
+        self
+    }
+
+    /// Gaussian blur, cut off at 3 σ; outside is dark.
+    pub(super) fn blur(&self, sigma_px: f32) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
+        #[expect(clippy::cast_sign_loss, reason = "σ is positive")]
+        let reach = (3.0 * sigma_px).ceil() as usize;
+        let mut kernel: Vec<f32> = (0..=2 * reach)
+            .map(|tap| (tap as f32 - reach as f32) / sigma_px)
+            .map(|z| libm::expf(-0.5 * z * z))
+            .collect();
+        let sum: f32 = kernel.iter().sum();
+        kernel.iter_mut().for_each(|weight| *weight /= sum);
+
+        let mut rows = Self::dark(self.width, self.height);
+        let mut padded = vec![0.0; self.width + 2 * reach];
+        for (from, to) in
+            self.values.chunks_exact(self.width).zip(rows.values.chunks_exact_mut(self.width))
+        {
+            padded[reach..reach + self.width].copy_from_slice(from);
+            for (tap, weight) in kernel.iter().enumerate() {
+                add_scaled(to, &padded[tap..tap + self.width], *weight);
+            }
+        }
+        let mut blurred = Self::dark(self.width, self.height);
+        for (y, to) in blurred.values.chunks_exact_mut(self.width).enumerate() {
+            for (tap, weight) in kernel.iter().enumerate() {
+                let Some(from) = (y + tap).checked_sub(reach).filter(|y| *y < self.height) else {
+                    continue;
+                };
+                add_scaled(to, &rows.values[from * self.width..][..self.width], *weight);
+            }
+        }
+        blurred
+    }
+
+    /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
+    pub(super) fn half(&self) -> Self {
+        assert!(
+            self.width.is_multiple_of(2) && self.height.is_multiple_of(2),
+            "even sides can be halved"
+        );
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut values = Vec::with_capacity(width * height);
+        for pair in self.values.chunks_exact(2 * self.width) {
+            let (upper, lower) = pair.split_at(self.width);
+            let columns = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+            values.extend(columns.map(|(u, l)| 0.25 * (u[0] + u[1] + l[0] + l[1])));
+        }
+        Self { width, height, values }
+    }
+}
+
+fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
+}
+
+/// Scalar products of several rows with one, in lanes whose order is fixed, so that the bits are
+/// too.
+pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] {
+    let (with, with_rest) = with.as_chunks::<8>();
+    let rows = rows.map(|row| row.as_chunks::<8>());
+    let mut lanes = [[0.0_f32; 8]; N];
+    for (index, with) in with.iter().enumerate() {
+        for (lanes, (row, _)) in lanes.iter_mut().zip(&rows) {
+            let row = &row[index];
+            for lane in 0..8 {
+                lanes[lane] += row[lane] * with[lane];
+            }
+        }
+    }
+    std::array::from_fn(|n| {
+        let rest: f32 = rows[n].1.iter().zip(with_rest).map(|(a, b)| a * b).sum();
+        lanes[n].iter().sum::<f32>() + rest
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blur_keeps_the_light_and_spreads_it_by_sigma() {
+        let mut spot = Raster::dark(31, 25);
+        spot.values[12 * 31 + 15] = 1.0;
+        let blurred = spot.blur(2.0);
+        let sum: f32 = blurred.values.iter().sum();
+        assert!((sum - 1.0).abs() < 1e-5, "light is neither made nor lost: {sum}");
+        let moment = |index: usize, x: bool| {
+            let d = if x { index % 31 } else { index / 31 } as f32 - if x { 15.0 } else { 12.0 };
+            d * d
+        };
+        for x in [true, false] {
+            let variance: f32 =
+                blurred.values.iter().enumerate().map(|(i, v)| v * moment(i, x)).sum();
+            assert!((variance - 4.0).abs() < 0.12, "σ² is 4, cut off at 3 σ: {variance}");
+        }
+    }
+
+    #[test]
+    fn halving_keeps_means_and_products_are_exact_on_integers() {
+        let raster = Raster { width: 4, height: 2, values: (0..8_u8).map(f32::from).collect() };
+        assert_eq!(raster.half().values, [2.5, 4.5], "means of 0 1 4 5 and 2 3 6 7");
+        let a: Vec<f32> = (0..19_u8).map(f32::from).collect();
+        assert_eq!(dots([&a, &[1.0; 19]], &a), [2109.0, 171.0], "squares and numbers up to 18");
+    }
+}

@@ -1,0 +1,374 @@
+//! The reader against photos drawn here: clean ones, faulty ones, and other things than the word.
+
+use super::*;
+use crate::letters::{LetterOptions, Move, write};
+use studio::{Dice, Shot, camera, word};
+
+mod studio;
+
+fn box_of_light(strokes: &Strokes) -> Vec<Move> {
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let rows = (0..=100).map(|row| bottom + (top - bottom) * f64::from(row) / 100.0);
+    rows.map(|y| Move { from_m: [left, y], to_m: [right, y], lit: true }).collect()
+}
+
+fn scribble(strokes: &Strokes, seed: u64, n_lines: usize) -> Vec<Move> {
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let mut dice = Dice(seed);
+    let mut point = || [left + (right - left) * dice.roll(), bottom + (top - bottom) * dice.roll()];
+    let points: Vec<_> = (0..=n_lines).map(|_| point()).collect();
+    points.windows(2).map(|p| Move { from_m: p[0], to_m: p[1], lit: true }).collect()
+}
+
+#[test]
+fn clean_words_in_the_teams_letters_read() {
+    // All 26 letters.
+    for text in ["NOOR", "QUIZ", "JUMP", "FLOCK", "BOX", "DRAWN", "GHOST", "VERY", "I", "O"] {
+        let strokes = word(text);
+        let verdict = Shot::of(&strokes).verdict(&strokes);
+        assert_eq!(verdict.read, text, "{verdict:?}");
+        assert!(verdict.legible && verdict.probability > 0.9, "{verdict:?}");
+        assert!(verdict.letters.iter().all(|letter| letter.similarity > 0.98), "{verdict:?}");
+    }
+}
+
+#[test]
+fn the_teams_faults_leave_the_word_legible() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let faults = [
+        ("7 cm to the left", shot.clone().shifted(-0.07, 0.0)),
+        ("trailing by 6 cm", shot.clone().trailing(0.06)),
+        ("trailing by 10 cm", shot.clone().trailing(0.10)),
+        ("last 10 cm missing", shot.clone().ending_early(0.10)),
+        ("all of these", shot.clone().trailing(0.06).ending_early(0.10).shifted(-0.07, 0.03)),
+        ("wandering by 2 cm", shot.clone().wandering(0.02)),
+        ("a hundredth of the light", Shot { light: 0.012, sky: 0.0, ..shot.clone() }),
+        ("blue light", Shot { tint: [0.0, 0.02, 1.0], ..shot.clone() }),
+        ("the floor aglow", Shot { floor_glow: 0.7, ..shot.clone() }),
+        ("seen from 30 degrees aside", Shot { camera: camera(&noor, 640, 0.52), ..shot.clone() }),
+        ("noise", Shot { noise: 12.0, ..shot.clone() }),
+    ];
+    for (fault, shot) in faults {
+        let verdict = shot.verdict(&noor);
+        assert!(verdict.legible && verdict.read == "NOOR", "{fault}: {verdict:?}");
+    }
+}
+
+#[test]
+fn great_faults_do_not_pass() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let faults = [
+        ("wandering by 8 cm", shot.clone().wandering(0.08)),
+        ("trailing by 25 cm", shot.clone().trailing(0.25)),
+        ("last 60 cm missing", shot.clone().ending_early(0.60)),
+        ("mirrored", shot.clone().mapped(|[x, y]| [0.3 - x, y])),
+        ("upside down", shot.clone().mapped(|[x, y]| [0.3 - x, 1.5 - y])),
+    ];
+    for (fault, shot) in faults {
+        let verdict = shot.verdict(&noor);
+        assert!(!verdict.legible && verdict.probability < 0.5, "{fault}: {verdict:?}");
+        assert_eq!(verdict.reason, Some(Reason::Misread), "{fault}");
+    }
+}
+
+#[test]
+fn what_is_no_word_is_not_legible() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let blank = shot.showing(Vec::new()).verdict(&noor);
+    assert_eq!((blank.legible, blank.reason), (false, Some(Reason::NoLight)), "{blank:?}");
+    assert_eq!((&blank.read[..], blank.letters[0].best), ("????", None), "nothing is read");
+    for text in ["TREE", "MOON", "NEAR", "NOON", "ROON"] {
+        let other = shot.showing(Shot::of(&word(text)).moves).verdict(&noor);
+        assert!(!other.legible && other.probability < 0.1, "{text}: {other:?}");
+    }
+    let filled = shot.showing(box_of_light(&noor)).verdict(&noor);
+    assert!(!filled.legible && filled.probability < 0.1, "{filled:?}");
+}
+
+#[test]
+fn scribbles_are_not_legible() {
+    // One of a hundred scribbles over a single letter's cell may well look like that letter.
+    let (mut passed, mut tried) = (0, 0);
+    for text in ["NOOR", "HI", "O", "A", "M"] {
+        let strokes = word(text);
+        let shot = Shot::of(&strokes);
+        for n_lines in [4, 8, 20, 60] {
+            for seed in 1..=5 {
+                let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
+                assert!(!verdict.legible || text.len() == 1, "{n_lines}: {verdict:?}");
+                passed += u32::from(verdict.legible);
+                tried += 1;
+            }
+        }
+    }
+    assert!(passed <= 1, "{passed} of {tried} scribbles pass");
+}
+
+#[test]
+fn one_wrong_letter_is_seen_and_named() {
+    let pairs = [
+        "EF", "OQ", "PR", "BD", "CG", "OC", "UV", "MN", "HN", "IT", "IL", "XY", "VY", "KX", "SZ",
+        "OD", "OU", "BE", "FP", "HM", "JT", "WM", "GS", "AH", "LC", "QR", "IJ",
+    ];
+    for pair in pairs {
+        let letters: Vec<char> = pair.chars().collect();
+        for (shown, meant) in [(letters[0], letters[1]), (letters[1], letters[0])] {
+            let (meant, shown) = (word(&format!("N{meant}E")), word(&format!("N{shown}E")));
+            let verdict = Shot::of(&shown).verdict(&meant);
+            assert_eq!(verdict.read, shown.word, "{verdict:?}");
+            assert!(!verdict.legible && verdict.probability < 0.3, "{verdict:?}");
+        }
+    }
+}
+
+#[test]
+fn a_missing_letter_is_a_gap() {
+    let noor = word("NOOR");
+    let mut moves = Shot::of(&noor).moves;
+    let second_o = &noor.glyphs[2].moves;
+    moves.retain(|step| !second_o.contains(step));
+    let verdict = Shot::of(&noor).showing(moves).verdict(&noor);
+    assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NO?R", None), "{verdict:?}");
+    assert!(!verdict.legible && verdict.probability == 0.0, "{verdict:?}");
+}
+
+/// With Roboto alone, these letters of the team's are misread: C, G, O, Q, S are square, D is a
+/// triangle, I and J have serifs, R's leg starts at the stem, W goes back over itself, Y leans.
+#[test]
+fn a_reader_who_knows_only_print_misreads_some_of_the_teams_letters() {
+    let print = ScoreOptions { references: References::Typeface, ..ScoreOptions::default() };
+    let misread = ('A'..='Z').filter(|letter| {
+        let strokes = word(&letter.to_string());
+        !Shot::of(&strokes).verdict_with(&strokes, &print).legible
+    });
+    assert_eq!(misread.collect::<String>(), "CDGIJOQRSWY");
+}
+
+/// Roboto's outlines as lines in the cells of the team's letters: with a pen as wide as the outline
+/// they fill up.
+fn printed(strokes: &Strokes) -> Vec<Move> {
+    use tiny_skia::{PathSegment, Transform};
+    let typeface = typeface::Typeface::load();
+    let mut moves = Vec::new();
+    for glyph in &strokes.glyphs {
+        let (cell, outline) = (&glyph.cell, typeface.outline(glyph.character, 0.6).unwrap());
+        let plane_from_box = Transform::from_row(
+            cell.width_m as f32,
+            0.0,
+            0.0,
+            cell.cap_height_m as f32,
+            cell.left_m as f32,
+            cell.baseline_m as f32,
+        );
+        let plane_from_outline = plane_from_box.pre_concat(outline.box_from_outline);
+        let path = outline.path.transform(plane_from_outline).unwrap();
+        let wide = |point: tiny_skia::Point| [f64::from(point.x), f64::from(point.y)];
+        let (mut begun, mut at) = ([0.0; 2], [0.0; 2]);
+        for segment in path.segments() {
+            let goals = match segment {
+                PathSegment::MoveTo(point) => {
+                    (begun, at) = (wide(point), wide(point));
+                    Vec::new()
+                }
+                PathSegment::LineTo(point) => vec![wide(point)],
+                PathSegment::QuadTo(over, point) => {
+                    let points = [at, wide(over), wide(point)];
+                    [0.25, 0.5, 0.75, 1.0].map(|t| bend(points, t)).to_vec()
+                }
+                PathSegment::CubicTo(..) => unreachable!("TrueType has no cubic curves"),
+                PathSegment::Close => vec![begun],
+            };
+            for goal in goals {
+                moves.push(Move { from_m: at, to_m: goal, lit: true });
+                at = goal;
+            }
+        }
+    }
+    moves
+}
+
+/// A point of a quadratic curve.
+fn bend(points: [[f64; 2]; 3], t: f64) -> [f64; 2] {
+    let weights = [(1.0 - t) * (1.0 - t), 2.0 * (1.0 - t) * t, t * t];
+    [0, 1].map(|axis| (0..3).map(|n| weights[n] * points[n][axis]).sum())
+}
+
+#[test]
+fn printed_words_read_though_other_shapes_were_intended() {
+    for text in ["NOOR", "QUIZ", "JUMP", "FLOCK", "BOX", "DRAWN", "GHOST", "VERY"] {
+        let strokes = word(text);
+        let shot = Shot::of(&strokes);
+        let verdict = shot.showing(printed(&strokes)).verdict(&strokes);
+        assert_eq!(verdict.read, text, "{verdict:?}");
+        println!("{} {:.3} {:?}", verdict.read, verdict.probability, verdict.reason);
+    }
+}
+
+#[test]
+fn digits_read_by_the_typeface() {
+    let cells = word("AAAA");
+    let drawn: [(char, &[[f64; 2]]); 4] = [
+        ('7', &[[0.0, 1.0], [1.0, 1.0], [0.3, 0.0]]),
+        ('4', &[[0.8, 0.0], [0.8, 1.0], [0.0, 0.3], [1.0, 0.3]]),
+        ('2', &[[0.0, 0.8], [0.2, 1.0], [0.8, 1.0], [1.0, 0.7], [0.0, 0.0], [1.0, 0.0]]),
+        (
+            '0',
+            &[
+                [0.3, 0.0],
+                [0.0, 0.3],
+                [0.0, 0.7],
+                [0.3, 1.0],
+                [0.7, 1.0],
+                [1.0, 0.7],
+                [1.0, 0.3],
+                [0.7, 0.0],
+                [0.3, 0.0],
+            ],
+        ),
+    ];
+    let glyphs = cells.glyphs.iter().zip(drawn).map(|(glyph, (character, points))| {
+        let place = |p: [f64; 2]| [glyph.cell.left_m + 0.3 * p[0], 0.5 + 0.5 * p[1]];
+        let moves = points.windows(2);
+        let moves = moves.map(|p| Move { from_m: place(p[0]), to_m: place(p[1]), lit: true });
+        Glyph { character, cell: glyph.cell, moves: moves.collect() }
+    });
+    let strokes = Strokes { word: "7420".into(), glyphs: glyphs.collect(), ..cells.clone() };
+    let verdict = Shot::of(&strokes).verdict(&strokes);
+    assert!(verdict.legible && verdict.read == "7420", "{verdict:?}");
+}
+
+#[test]
+fn the_place_is_found_and_its_limits_hold() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let placed = |shot: Shot| shot.verdict(&noor);
+    let verdict = placed(shot.clone().shifted(-0.22, 0.11));
+    let placement = verdict.placement.unwrap();
+    let [right, up] = placement.shift_m;
+    assert!((right + 0.22).abs() < 0.01 && (up - 0.11).abs() < 0.01, "{placement:?}");
+    assert!(verdict.legible, "a word may hang anywhere within reach: {verdict:?}");
+
+    let about =
+        |scale: f64| move |[x, y]: [f64; 2]| [0.15 + scale * (x - 0.15), 0.75 + scale * (y - 0.75)];
+    let verdict = placed(shot.clone().mapped(about(0.9)));
+    assert!((verdict.placement.unwrap().scale - 0.9).abs() < 0.02, "{verdict:?}");
+    assert!(verdict.legible, "{verdict:?}");
+
+    for far in [shot.clone().shifted(0.0, 0.34), shot.mapped(about(1.22))] {
+        let verdict = placed(far);
+        assert_eq!(verdict.reason, Some(Reason::OutOfRange), "{verdict:?}");
+        assert!(!verdict.legible && verdict.probability == 0.0, "{verdict:?}");
+    }
+}
+
+#[test]
+fn degenerate_photos_have_a_verdict() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let with_width = |width_px| Shot { camera: camera(&noor, width_px, 0.0), ..shot.clone() };
+    let small = with_width(96).verdict(&noor);
+    assert_eq!(small.reason, Some(Reason::TooSmall), "{small:?}");
+
+    let mut camera = shot.camera.clone();
+    let mut photo = shot.photo();
+    photo.rgb8.fill(255);
+    let white = score(&photo, &noor, &camera, &ScoreOptions::default()).unwrap();
+    assert_eq!(white.reason, Some(Reason::NoLight), "all is equally bright");
+
+    (camera.width_px, camera.height_px) = (1, 1);
+    for byte in [0, 255] {
+        let dot = Photo { width_px: 1, height_px: 1, rgb8: vec![byte; 3], scene_toml: None };
+        let verdict = score(&dot, &noor, &camera, &ScoreOptions::default()).unwrap();
+        assert!(!verdict.legible && verdict.reason.is_some(), "{verdict:?}");
+    }
+
+    let mut away = shot.clone();
+    away.camera.camera_from_world.fill_diagonal(-1.0);
+    let photo = Shot::of(&noor).photo();
+    let verdict = score(&photo, &noor, &away.camera, &ScoreOptions::default()).unwrap();
+    assert_eq!(verdict.reason, Some(Reason::NotInPhoto), "{verdict:?}");
+}
+
+#[test]
+fn unusable_input_is_refused_by_name() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor);
+    let refuse = |strokes: &Strokes, camera: &Camera, options: &ScoreOptions| {
+        score(&shot.photo(), strokes, camera, options).unwrap_err().to_string()
+    };
+    let options = ScoreOptions::default();
+    let empty = Strokes { glyphs: Vec::new(), ..noor.clone() };
+    assert!(refuse(&empty, &shot.camera, &options).contains("empty word"));
+    let mut lower = noor.clone();
+    lower.glyphs[2].character = 'o';
+    let text = refuse(&lower, &shot.camera, &options);
+    assert!(text.contains("position 3") && text.contains("'o'"), "{text}");
+    let text = refuse(&noor, &camera(&noor, 320, 0.0), &options);
+    assert!(text.contains("640 x 360") && text.contains("320 x 180"), "{text}");
+    let never = ScoreOptions { legible_probability: 1.5, ..options };
+    assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
+}
+
+#[test]
+fn the_verdict_is_written_as_it_is_documented() {
+    let noor = write("NO", &LetterOptions::default()).unwrap();
+    let verdict = serde_json::to_value(Shot::of(&noor).verdict(&noor)).unwrap();
+    let keys = |value: &serde_json::Value| -> Vec<String> {
+        value.as_object().unwrap().keys().cloned().collect()
+    };
+    let mut wanted = [
+        "word",
+        "read",
+        "legible",
+        "probability",
+        "placement",
+        "cap_height_px",
+        "letters",
+        "reason",
+    ];
+    wanted.sort_unstable();
+    assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
+    assert_eq!(keys(&verdict["placement"]), ["scale", "shift_m"]);
+    let letter = ["best", "expected", "margin", "p", "runner_up", "similarity"];
+    assert_eq!(keys(&verdict["letters"][0]), letter);
+    assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
+    let reason = serde_json::to_value(Reason::NoLight).unwrap();
+    assert_eq!(reason, "no_light");
+}
+
+#[test]
+fn tmp_times() {
+    use std::time::Instant;
+    let noor = word("NOOR");
+    let shot = Shot { camera: camera(&noor, 1920, 0.0), ..Shot::of(&noor) };
+    let photo = shot.photo();
+    let camera = &shot.camera;
+    for _ in 0..3 {
+        let t = Instant::now();
+        let bank = Bank::draw(0.6, "ae483", References::Both).unwrap();
+        println!("bank {:?} {}", t.elapsed(), bank.templates.len());
+        let home = home(&noor);
+        let grid = grid_around(&noor, &home);
+        let t = Instant::now();
+        let light = Light::decode(&photo, camera, &grid, &home).unwrap();
+        println!("decode {:?}", t.elapsed());
+        let t = Instant::now();
+        let seen = grid.resample(&light, camera, &home);
+        println!("resample {:?} {}x{}", t.elapsed(), grid.width, grid.height);
+        let t = Instant::now();
+        let placed = align::place(&seen, &grid, &noor, &home);
+        println!("align {:?}", t.elapsed());
+        let t = Instant::now();
+        let glyph = &noor.glyphs[1];
+        let g = bank.layout.grid(&glyph.cell);
+        let picture = g.resample(&light, camera, &placed).blur(BLUR_PX);
+        println!("window {:?}", t.elapsed());
+        let neighbours = draw(&g, &home, [&noor.glyphs[0], &noor.glyphs[2]].into_iter());
+        let t = Instant::now();
+        reader::read(&bank, [&picture, &picture], &neighbours);
+        println!("read {:?}", t.elapsed());
+    }
+}

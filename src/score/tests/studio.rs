@@ -1,0 +1,210 @@
+//! Photos for the tests: what is lit in the plane of the word is seen by a camera, glows, and is
+//! encoded with noise. The flight's faults are put in as they look, not as they come about.
+
+use nalgebra::Vector3;
+use tiny_skia::Transform;
+
+use super::super::ink::Page;
+use super::super::raster::Raster;
+use super::super::{ScoreOptions, Verdict, score};
+use crate::camera::Camera;
+use crate::geometry::camera_from_world;
+use crate::letters::{LetterOptions, Move, Strokes, write};
+use crate::photo::Photo;
+
+/// A photo in the making.
+#[derive(Clone)]
+pub(super) struct Shot {
+    /// What is lit, in the plane of the word.
+    pub(super) moves: Vec<Move>,
+    pub(super) camera: Camera,
+    /// Linear light of the trail and of the sky, 1 is white.
+    pub(super) light: f32,
+    pub(super) sky: f32,
+    /// Linear light of a glow that falls off by a third of the photo's height from its lower edge.
+    pub(super) floor_glow: f32,
+    /// Light of red, green and blue.
+    pub(super) tint: [f32; 3],
+    /// Standard deviation of the noise in sRGB codes.
+    pub(super) noise: f64,
+}
+
+/// Numbers from 0 to 1, always the same.
+pub(super) struct Dice(pub(super) u64);
+
+impl Dice {
+    pub(super) fn roll(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+        (self.0 >> 40) as f64 / f64::from(1 << 24)
+    }
+
+    /// About a Gaussian: mean 0, standard deviation 1.
+    fn gauss(&mut self) -> f64 {
+        ((0..3).map(|_| self.roll()).sum::<f64>() - 1.5) * 2.0
+    }
+}
+
+/// A word in the team's letters and boxes.
+pub(super) fn word(text: &str) -> Strokes {
+    write(text, &LetterOptions::default()).unwrap()
+}
+
+/// A camera before the middle of the word, turned about it by an angle, with half a metre of room.
+pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera {
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
+    let extent_m = (right - left).max((top - bottom) * 16.0 / 9.0) + 1.0;
+    let (sin, cos) = libm::sincos(angle_rad);
+    let forward = Vector3::new(sin, cos, 0.0);
+    Camera {
+        position_m: middle - forward * (0.035 / 0.036 * extent_m),
+        camera_from_world: camera_from_world(forward),
+        focal_length_m: 0.035,
+        sensor_width_m: 0.036,
+        f_number: 8.0,
+        transmission: 0.9,
+        blur_m: 0.0,
+        iso: 100.0,
+        shutter_open_s: 0.0,
+        shutter_close_s: 60.0,
+        width_px,
+        height_px: width_px * 9 / 16,
+    }
+}
+
+impl Shot {
+    /// A word as intended.
+    pub(super) fn of(strokes: &Strokes) -> Self {
+        Self {
+            moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
+            camera: camera(strokes, 640, 0.0),
+            light: 1.0,
+            sky: 0.004,
+            floor_glow: 0.0,
+            tint: [1.0; 3],
+            noise: 1.0,
+        }
+    }
+
+    /// The same camera before other lit lines.
+    pub(super) fn showing(&self, moves: Vec<Move>) -> Self {
+        Self { moves, ..self.clone() }
+    }
+
+    pub(super) fn mapped(mut self, map: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
+        for step in &mut self.moves {
+            (step.from_m, step.to_m) = (map(step.from_m), map(step.to_m));
+        }
+        self
+    }
+
+    pub(super) fn shifted(self, right_m: f64, up_m: f64) -> Self {
+        self.mapped(|[x, y]| [x + right_m, y + up_m])
+    }
+
+    /// As a drone draws that trails its setpoint along the path: corners are rounded, ends are not
+    /// reached, jumps are flown.
+    pub(super) fn trailing(mut self, lag_m: f64) -> Self {
+        let piece_m = 0.005;
+        let mut at = self.moves[0].from_m;
+        let mut flown = Vec::new();
+        for step in &self.moves {
+            let [dx, dy] = [0, 1].map(|axis| step.to_m[axis] - step.from_m[axis]);
+            let n_pieces = (libm::hypot(dx, dy) / piece_m).ceil() as u32;
+            for piece in 1..=n_pieces {
+                let part = f64::from(piece) / f64::from(n_pieces);
+                let goal = [step.from_m[0] + part * dx, step.from_m[1] + part * dy];
+                let to_m = [0, 1].map(|axis| at[axis] + piece_m / lag_m * (goal[axis] - at[axis]));
+                flown.push(Move { from_m: at, to_m, lit: step.lit });
+                at = to_m;
+            }
+        }
+        self.moves = flown;
+        self
+    }
+
+    /// The end of every lit run is missing.
+    pub(super) fn ending_early(mut self, missing_m: f64) -> Self {
+        let mut left_m = missing_m;
+        for step in self.moves.iter_mut().rev() {
+            if !step.lit {
+                left_m = missing_m;
+            } else if left_m > 0.0 {
+                let [dx, dy] = [0, 1].map(|axis| step.to_m[axis] - step.from_m[axis]);
+                let length_m = libm::hypot(dx, dy);
+                let keep = (1.0 - left_m / length_m).max(0.0);
+                left_m -= length_m;
+                step.lit = keep > 0.0;
+                step.to_m = [step.from_m[0] + keep * dx, step.from_m[1] + keep * dy];
+            }
+        }
+        self
+    }
+
+    /// Wanders by a standard deviation, forgotten over 0.14 m of path.
+    pub(super) fn wandering(self, sigma_m: f64) -> Self {
+        let mut flown = self.trailing(0.01);
+        let keep = libm::exp(-0.005 / 0.14_f64);
+        let (mut dice, mut off) = (Dice(7), [0.0; 2]);
+        for step in &mut flown.moves {
+            step.from_m = [0, 1].map(|axis| step.from_m[axis] + off[axis]);
+            off = off.map(|o| keep * o + sigma_m * libm::sqrt(1.0 - keep * keep) * dice.gauss());
+            step.to_m = [0, 1].map(|axis| step.to_m[axis] + off[axis]);
+        }
+        flown
+    }
+
+    pub(super) fn verdict(&self, strokes: &Strokes) -> Verdict {
+        self.verdict_with(strokes, &ScoreOptions::default())
+    }
+
+    pub(super) fn verdict_with(&self, strokes: &Strokes, options: &ScoreOptions) -> Verdict {
+        score(&self.photo(), strokes, &self.camera, options).unwrap()
+    }
+
+    /// Exposes and encodes: a trail of 2 cm that glows by 6 mm.
+    pub(super) fn photo(&self) -> Photo {
+        let camera = &self.camera;
+        let seen = |[x, y]: [f64; 2]| {
+            let point = camera.image_from_world(Vector3::new(x, 0.0, y)).unwrap();
+            [point.x_px, point.y_px]
+        };
+        let moves: Vec<Move> = self
+            .moves
+            .iter()
+            .map(|step| Move { from_m: seen(step.from_m), to_m: seen(step.to_m), ..*step })
+            .collect();
+        let [_, y] = seen([0.0, 0.0]);
+        let px_per_m = (y - seen([0.0, 1.0])[1]) as f32;
+        let mut page = Page::blank(camera.width_px as usize, camera.height_px as usize);
+        page.stroke(&moves, 0.02 * px_per_m, Transform::identity());
+        let mut linear = page.dry().blur((0.006 * px_per_m).max(0.3));
+        let (width, height) = (linear.width, linear.height);
+        for (index, value) in linear.values.iter_mut().enumerate() {
+            let above = (height - index / width) as f32 / height as f32;
+            *value = self.light * *value + self.sky + self.floor_glow * libm::expf(-3.0 * above);
+        }
+        self.develop(&linear)
+    }
+
+    fn develop(&self, linear: &Raster) -> Photo {
+        let mut dice = Dice(1);
+        let mut encode = |value: f32| {
+            let value = f64::from(value).clamp(0.0, 1.0);
+            let encoded = if value <= 0.003_130_8 {
+                12.92 * value
+            } else {
+                1.055 * libm::pow(value, 1.0 / 2.4) - 0.055
+            };
+            (255.0 * encoded + self.noise * dice.gauss()).round().clamp(0.0, 255.0) as u8
+        };
+        let rgb8 =
+            linear.values.iter().flat_map(|value| self.tint.map(|tint| encode(tint * value)));
+        Photo {
+            rgb8: rgb8.collect(),
+            width_px: self.camera.width_px,
+            height_px: self.camera.height_px,
+            scene_toml: None,
+        }
+    }
+}
