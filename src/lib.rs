@@ -20,8 +20,7 @@
 //! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
 //! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
 //! let trace = light::light(&flight, &scene.light)?;
-//! let cpu = expose::BackendChoice::Cpu;
-//! let exposure = expose::expose(&trace, &camera, &scene.expose, cpu)?;
+//! let exposure = expose::expose(&trace, &camera, &scene.expose)?;
 //! let photo = photo::develop(&exposure.film, &camera);
 //! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
 //! println!("{} reads as {}", verdict.word, verdict.read);
@@ -65,6 +64,8 @@
 //! the x-z plane. Body: x forward, y left, z up. Camera: x right, y down, z forward; image origin
 //! top left, pixel centres at +0.5. Transforms read `to_from`. Every public scalar has its unit in
 //! its name.
+
+#![forbid(unsafe_code)]
 
 pub mod camera;
 pub mod cli;

@@ -1,7 +1,15 @@
 //! The `noctograph` command.
+#![expect(unsafe_code, reason = "setting an environment variable, see below")]
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // Without that folder Mesa's device-select layer prints an error for each look at the
+        // graphics devices; this switches the layer off.
+        //
+        // SAFETY: no other thread runs yet that could read the environment meanwhile.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
     noctograph::cli::main()
 }

@@ -9,7 +9,7 @@ use super::outputs::Output;
 use super::{Outcome, print, show};
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::expose::{self, BackendChoice, Exposure};
+use crate::expose::{self, BackendChoice, ExposeOptions, Exposure};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::light;
@@ -76,8 +76,9 @@ pub(super) fn shoot(
 ) -> Result<Shot> {
     let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
     let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
+    let options = ExposeOptions { backend, ..scene.expose };
     let trace = light(flight, &scene.light)?;
-    let exposure = expose::expose(&trace, &camera, &scene.expose, backend)?;
+    let exposure = expose::expose(&trace, &camera, &options)?;
     let mut photo = develop(&exposure.film, &camera);
     photo.scene_toml = Some(scene.to_toml());
     Ok(Shot { photo, camera, exposure, seed: scene.seed })

@@ -4,15 +4,15 @@ use sha2::{Digest, Sha256};
 
 use crate::expose::Backend;
 use crate::flight::{Flight, rmse_m};
-use crate::score::Verdict;
+use crate::score::{Reason, Verdict};
 
 /// The verdict: a line for the word, a row for each letter.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
     let Verdict { word, read, legible, probability, .. } = verdict;
     let legible = if *legible { "legible" } else { "NOT legible" };
     let mut text = format!("{word} reads as {read}: {legible} (probability {probability:.2})\n");
-    if let Some(reason) = &verdict.reason {
-        text += &format!("because   {reason}\n");
+    if let Some(reason) = verdict.reason {
+        text += &format!("because   {}\n", in_words(reason));
     }
     text += "\nletter    best      runner-up margin\n";
     for letter in &verdict.letters {
@@ -21,6 +21,16 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         text += &format!("{:10}{best:10}{runner_up:10}{:+.3}\n", letter.expected, letter.margin);
     }
     text
+}
+
+fn in_words(reason: Reason) -> &'static str {
+    match reason {
+        Reason::NotInPhoto => "the place of the word is not in the photo",
+        Reason::NoLight => "nothing shines in the place of the word",
+        Reason::TooSmall => "its letters are less than 20 pixels high",
+        Reason::OutOfRange => "it hangs too far from its place, or is too large or too small",
+        Reason::Misread => "a letter looks like another one, or like nothing",
+    }
 }
 
 /// Flight time and tracking error.

@@ -34,6 +34,7 @@ mod tests;
 #[cfg(test)]
 mod twins;
 
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
@@ -124,6 +125,17 @@ pub enum Backend {
     Cpu,
 }
 
+impl Backend {
+    /// Its name in tables and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wgpu => "wgpu",
+            Self::Cpu => "cpu",
+        }
+    }
+}
+
 /// Which backend to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BackendChoice {
@@ -137,16 +149,33 @@ pub enum BackendChoice {
 }
 
 /// How to expose.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct ExposeOptions {
-    /// What adds up the light.
+    /// What adds up the light; no part of a scene, since it leaves the bits as they are.
+    #[serde(skip)]
     pub backend: BackendChoice,
     /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs least;
     /// 0.005 (default) errs by up to 1e-3 of the peak; more is faster and coarser.
     pub merge_tolerance_px: f64,
     /// Scale of the film, one count being `2^scale_log2` lx s, for films that are to be added up;
     /// `None` (default) takes the finest that this light allows.
+    #[serde(skip)]
     pub scale_log2: Option<i32>,
+}
+
+impl ExposeOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        within("expose.merge_tolerance_px", self.merge_tolerance_px, 0.0, 1.0)?;
+        self.scale_log2.map_or(Ok(()), |scale_log2| {
+            within("expose.scale_log2", f64::from(scale_log2), -128.0, 128.0)
+        })
+    }
 }
 
 impl Default for ExposeOptions {
@@ -201,10 +230,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     for value in camera.position_m.iter().chain(camera.camera_from_world.iter()) {
         within("camera: position and attitude", *value, -1e9, 1e9)?;
     }
-    within("expose: merge_tolerance_px", options.merge_tolerance_px, 0.0, 1.0)?;
-    if let Some(scale_log2) = options.scale_log2 {
-        within("expose: scale_log2", f64::from(scale_log2), -128.0, 128.0)?;
-    }
+    options.check()?;
 
     let samples: usize = trace.lamps.iter().map(|lamp| lamp.samples.len()).sum();
     if samples > MAX_SAMPLES {

@@ -1,12 +1,11 @@
 //! Lamps as the camera sees them: where in the picture, how bright, how wide; in f64.
 //!
-//! A lamp of intensity `I` cd lights the entrance pupil with `I cosᵐθ cosα / d²` lx (θ off the
+//! A lamp of intensity `I` cd lights the entrance pupil with `I(θ) cosα / d²` lx (θ off the
 //! beam's axis, α off the optical axis), the pupil of diameter `f/N` passes `π (f/2N)² τ` times
 //! that in lumen, and all of it lands in the lamp's spot: lumen over pixel area, summed over the
 //! pixels of the spot, is what this file calls light, in lx px².
 
 use glam::DVec2;
-use nalgebra::Vector3;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -94,13 +93,14 @@ pub(super) fn intervals<'a>(
 
 /// Checks that a lamp's numbers are numbers and its time runs forward.
 pub(super) fn check(lamp: &Lamp) -> Result<()> {
-    let Emitter { name, intensity_cd, rgb, beam_exponent, diameter_m, .. } = &lamp.emitter;
+    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, .. } = &lamp.emitter;
     let settings = [
         ("intensity_cd", *intensity_cd, 1e9),
         ("rgb[0]", rgb[0], 1e3),
         ("rgb[1]", rgb[1], 1e3),
         ("rgb[2]", rgb[2], 1e3),
         ("beam_exponent", *beam_exponent, 1e6),
+        ("spill", *spill, 1.0),
         ("diameter_m", *diameter_m, 10.0),
     ];
     for (key, value, max) in settings {
@@ -149,8 +149,8 @@ fn between(a: &LightSample, b: &LightSample, time_s: f64) -> LightSample {
 /// A camera looking at one kind of lamp: everything that does not change from sample to sample.
 struct Lens<'a> {
     camera: &'a Camera,
-    beam_exponent: f64,
-    /// Light of the lamp on both axes at 1 m, in lx px².
+    emitter: &'a Emitter,
+    /// Light of 1 cd on the optical axis at 1 m, in lx px².
     light_at_1m: f64,
     /// Variance of the spot without the lamp's disc.
     blur_px2: f64,
@@ -159,7 +159,7 @@ struct Lens<'a> {
 }
 
 impl<'a> Lens<'a> {
-    fn new(camera: &'a Camera, emitter: &Emitter) -> Self {
+    fn new(camera: &'a Camera, emitter: &'a Emitter) -> Self {
         let pitch_m = camera.pixel_pitch_m();
         let radius_m = camera.focal_length_m / (2.0 * camera.f_number);
         let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
@@ -168,8 +168,8 @@ impl<'a> Lens<'a> {
         let disc_px = emitter.diameter_m * camera.focal_length_px();
         Self {
             camera,
-            beam_exponent: emitter.beam_exponent,
-            light_at_1m: emitter.intensity_cd * pupil_m2 / (pitch_m * pitch_m),
+            emitter,
+            light_at_1m: pupil_m2 / (pitch_m * pitch_m),
             blur_px2: blur_px * blur_px + airy_px * airy_px + PIXEL_VARIANCE,
             disc_at_1m_px2: disc_px * disc_px / 16.0,
         }
@@ -187,25 +187,14 @@ impl<'a> Lens<'a> {
         let distance_sq_m2 = to_camera_m.norm_squared();
         let distance_m = distance_sq_m2.sqrt();
         let cos_lens = image.depth_m / distance_m;
-        let beam = self.beam(&sample.axis, &to_camera_m, distance_m);
-        let light = self.light_at_1m * sample.level * beam * cos_lens / distance_sq_m2;
+        let cos_beam = sample.axis.dot(&to_camera_m) / (sample.axis.norm() * distance_m);
+        let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
+        let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2;
         let variance = self.blur_px2 + self.disc_at_1m_px2 / (image.depth_m * image.depth_m);
         Some(Spot {
             at_px,
             light_lx_px2: if light.is_finite() { light } else { 0.0 },
             sigma_px: variance.sqrt().clamp(MIN_SIGMA_PX, MAX_SIGMA_PX),
         })
-    }
-
-    /// Share of the axial intensity that goes towards the camera: cosᵐθ, 0 behind.
-    fn beam(&self, axis: &Vector3<f64>, to_camera_m: &Vector3<f64>, distance_m: f64) -> f64 {
-        let cos = axis.dot(to_camera_m) / (axis.norm() * distance_m);
-        if cos.is_nan() || cos <= 0.0 {
-            0.0
-        } else if self.beam_exponent == 1.0 {
-            cos
-        } else {
-            libm::pow(cos.min(1.0), self.beam_exponent)
-        }
     }
 }

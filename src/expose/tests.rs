@@ -34,6 +34,7 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
         intensity_cd: 1.8,
         rgb: [1.0; 3],
         beam_exponent: 1.0,
+        spill: 0.0,
         diameter_m: 0.003,
     };
     let sample = |(time_s, place): (f64, [f64; 3])| LightSample {

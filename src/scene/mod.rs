@@ -14,7 +14,9 @@ use crate::letters::LetterOptions;
 use crate::light::LightOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
-use crate::sim::{ControllerOptions, ObserverOptions, SensorOptions, SimOptions, VehicleOptions};
+use crate::sim::{
+    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+};
 
 mod text;
 
@@ -34,6 +36,8 @@ pub struct Scene {
     pub plan: PlanOptions,
     /// The drone.
     pub vehicle: VehicleOptions,
+    /// Clocks of the simulation.
+    pub rates: RateOptions,
     /// What steers it.
     pub controller: ControllerOptions,
     /// What tells it where it is.
@@ -102,6 +106,7 @@ impl Scene {
     #[must_use]
     pub fn sim(&self) -> SimOptions {
         SimOptions {
+            rates: self.rates.clone(),
             vehicle: self.vehicle.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
@@ -143,7 +148,7 @@ mod tests {
     fn a_scene_reads_back_bit_by_bit() {
         let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
         scene.camera.shutter_close_s = Some(0.1 + 0.2);
-        scene.vehicle.mass_kg = 1.0 / 3.0;
+        scene.vehicle.mass_kg = 0.1 / 3.0;
         scene.light.emitters.pop();
         assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
     }

@@ -30,7 +30,9 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{ControllerOptions, ObserverOptions, SensorOptions, SimOptions, VehicleOptions};
+pub use options::{
+    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+};
 
 use self::recorder::Recorder;
 use self::rig::{LOST, Rig, TIME_TOLERANCE_S};
@@ -66,12 +68,12 @@ pub fn fly(
 ) -> Result<Flight> {
     options.check()?;
     check_plan(plan)?;
-    let n_ticks = n_ticks(plan, options.controller.rate_hz)?;
-    let ticks_per_sample = options.controller.rate_hz / options.log_rate_hz;
+    let n_ticks = n_ticks(plan, options.rates.control_hz)?;
+    let ticks_per_sample = options.rates.control_hz / options.rates.log_hz;
     let mut recorder = Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize);
     let mut rig = Rig::new(plan, options, seed)?;
     for tick in 0..=n_ticks {
-        let time_s = f64::from(tick) / f64::from(options.controller.rate_hz);
+        let time_s = f64::from(tick) / f64::from(options.rates.control_hz);
         rig.decide(plan, time_s);
         rig.check(time_s)?;
         if tick.is_multiple_of(ticks_per_sample) {

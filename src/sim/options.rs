@@ -7,13 +7,11 @@ use super::vehicle::GRAVITY_M_S2;
 use crate::error::{Error, Result, within};
 
 /// Vehicle, controller, observer and sensors of a simulated flight.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimOptions {
-    /// Samples per second of the flight that comes out; divides `controller.rate_hz`.
-    pub log_rate_hz: u32,
-    /// Runge–Kutta steps per tick of the controller. 1 (2 ms) is off by less than a micrometre.
-    pub steps_per_tick: u32,
+    /// The clocks.
+    pub rates: RateOptions,
     /// The drone itself.
     pub vehicle: VehicleOptions,
     /// What steers it.
@@ -24,16 +22,22 @@ pub struct SimOptions {
     pub sensors: SensorOptions,
 }
 
-impl Default for SimOptions {
+/// Clocks of a simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RateOptions {
+    /// Ticks per second: observer, controller and motor commands all run at this rate.
+    pub control_hz: u32,
+    /// Samples per second of the flight that comes out; divides `control_hz`.
+    pub log_hz: u32,
+    /// Runge–Kutta steps per control tick. 1 (2 ms) is off by less than a micrometre.
+    pub steps_per_tick: u32,
+}
+
+impl Default for RateOptions {
+    /// The firmware's 500 Hz, and a log at half of it.
     fn default() -> Self {
-        Self {
-            log_rate_hz: 250,
-            steps_per_tick: 1,
-            vehicle: VehicleOptions::default(),
-            controller: ControllerOptions::default(),
-            observer: ObserverOptions::default(),
-            sensors: SensorOptions::default(),
-        }
+        Self { control_hz: 500, log_hz: 250, steps_per_tick: 1 }
     }
 }
 
@@ -78,8 +82,6 @@ impl Default for VehicleOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ControllerOptions {
-    /// Ticks per second: observer, controller and motor commands all run at this rate.
-    pub rate_hz: u32,
     /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²) and
     /// body rate x y z (s²/rad²). More holds tighter and moves the motors more.
     pub q: [f64; 12],
@@ -91,7 +93,6 @@ impl Default for ControllerOptions {
     /// The team's choice, from Bryson's rule and then by hand.
     fn default() -> Self {
         Self {
-            rate_hz: 500,
             q: [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
             r: [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0],
         }
@@ -180,15 +181,22 @@ impl SimOptions {
         within_all("observer.q", &self.observer.q, 1e-6, 1e12)?;
         within_all("observer.r", &self.observer.r, 1e-6, 1e12)?;
         self.sensors.check()?;
-        within("steps_per_tick", self.steps_per_tick.into(), 1.0, 100.0)?;
-        within("log_rate_hz", self.log_rate_hz.into(), 1.0, self.controller.rate_hz.into())?;
-        if self.controller.rate_hz.is_multiple_of(self.log_rate_hz) {
+        self.rates.check()
+    }
+}
+
+impl RateOptions {
+    fn check(&self) -> Result<()> {
+        within("rates.control_hz", self.control_hz.into(), 50.0, 2000.0)?;
+        within("rates.steps_per_tick", self.steps_per_tick.into(), 1.0, 100.0)?;
+        within("rates.log_hz", self.log_hz.into(), 1.0, self.control_hz.into())?;
+        if self.control_hz.is_multiple_of(self.log_hz) {
             return Ok(());
         }
         Err(Error::input(
-            "log_rate_hz",
-            self.log_rate_hz,
-            format!("a divisor of controller.rate_hz = {}", self.controller.rate_hz),
+            "rates.log_hz",
+            self.log_hz,
+            format!("a divisor of rates.control_hz = {}", self.control_hz),
             "50, 100, 250 and 500 divide the default of 500",
         ))
     }
@@ -216,7 +224,6 @@ impl VehicleOptions {
 
 impl ControllerOptions {
     fn check(&self) -> Result<()> {
-        within("controller.rate_hz", self.rate_hz.into(), 50.0, 2000.0)?;
         within_all("controller.q", &self.q, 0.0, 1e12)?;
         within_all("controller.r", &self.r, 1e-6, 1e12)
     }
@@ -257,14 +264,15 @@ mod tests {
         assert!(refused(|o| o.vehicle.mass_kg = f64::NAN).starts_with("vehicle.mass_kg"));
         assert!(refused(|o| o.controller.q[3] = -1.0).starts_with("controller.q[3]"));
         assert!(refused(|o| o.observer.r[7] = 0.0).starts_with("observer.r[7]"));
-        assert!(refused(|o| o.log_rate_hz = 300).starts_with("log_rate_hz"));
-        assert!(refused(|o| o.log_rate_hz = 0).starts_with("log_rate_hz"));
+        assert!(refused(|o| o.rates.log_hz = 300).starts_with("rates.log_hz"));
+        assert!(refused(|o| o.rates.log_hz = 0).starts_with("rates.log_hz"));
         assert!(refused(|o| o.vehicle.mass_kg = 0.06).contains("weighs 0.589 N"));
     }
 
     #[test]
     fn options_survive_a_file_and_refuse_unknown_keys() {
-        let options = SimOptions { log_rate_hz: 100, ..Default::default() };
+        let rates = RateOptions { log_hz: 100, ..RateOptions::default() };
+        let options = SimOptions { rates, ..Default::default() };
         let text = serde_json::to_string(&options).unwrap();
         assert_eq!(serde_json::from_str::<SimOptions>(&text).unwrap(), options);
         assert_eq!(serde_json::from_str::<SimOptions>("{}").unwrap(), SimOptions::default());

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::{SensorOptions, SimOptions, VehicleOptions, fly};
+use super::{RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
 use crate::flight::{Flight, mean_error_m, rmse_m};
 use crate::plan::{Plan, Setpoint};
 
@@ -112,7 +112,13 @@ fn disturbed_error_is_that_of_an_independent_simulation() {
 #[test]
 fn half_the_step_moves_the_flight_by_less_than_a_micrometre() {
     let coarse = flown(&undisturbed(), 0);
-    let fine = flown(&SimOptions { steps_per_tick: 2, ..undisturbed() }, 0);
+    let fine = flown(
+        &SimOptions {
+            rates: RateOptions { steps_per_tick: 2, ..Default::default() },
+            ..undisturbed()
+        },
+        0,
+    );
     for (a, b) in coarse.samples.iter().zip(&fine.samples) {
         let apart_m = (a.position_m - b.position_m).norm();
         assert!(apart_m < 2e-6, "{apart_m} m apart at {} s", a.time_s);

@@ -39,7 +39,7 @@ pub(super) struct Rig {
 
 impl Rig {
     pub(super) fn new(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Self> {
-        let rate_hz = options.controller.rate_hz;
+        let rate_hz = options.rates.control_hz;
         let vehicle = Vehicle::new(&options.vehicle);
         let sensors = Sensors::new(&options.sensors, rate_hz, seed, 0);
         let mut start_m = plan.setpoints[0].position_m;
@@ -53,7 +53,7 @@ impl Rig {
             vehicle,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
-            steps_per_tick: options.steps_per_tick,
+            steps_per_tick: options.rates.steps_per_tick,
             state: vehicle::at(start_m, 0.0),
             estimate: State::zeros(),
             motors: [0.0; 4],
