@@ -177,20 +177,30 @@ mod tests {
 
     #[test]
     fn a_state_without_cost_is_refused() {
-        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
-        let g = Matrix2::new(0.0, 0.0, 0.0, 1.0);
-        assert!(care(&a, &g, &Matrix2::zeros()).is_err(), "nothing to stabilise for");
+        let a = Matrix2::identity() * 0.5;
+        let (g, q) = (Matrix2::identity(), Matrix2::new(1.0, 0.0, 0.0, 0.0));
+        assert!(care(&-a, &g, &q).is_err(), "X = diag(x, 0)");
+        assert!(dare(&a, &g, &q).is_err(), "X = diag(x, 0)");
+        assert!(care(&-a, &g, &Matrix2::zeros()).is_err(), "X = 0");
+    }
+
+    #[test]
+    fn of_two_positive_roots_only_the_stabilising_one_is_accepted() {
+        // 2 x − x² − 1/2 = 0 has the roots 1 ± √½.
+        let (one, q) = (Matrix1::new(1.0), Matrix1::new(-0.5));
+        let accepted = |x| solves_care(&Matrix1::new(x), &one, &one, &q);
+        assert!(accepted(1.0 + f64::sqrt(0.5)), "closed loop −√½");
+        assert!(!accepted(1.0 - f64::sqrt(0.5)), "closed loop +√½");
+        assert!(!accepted(2.0), "no root");
     }
 
     #[test]
     fn a_shift_on_an_eigenvalue_is_moved() {
-        // Poles of the closed loop −2.5 and −6.4: their mean 4 is an eigenvalue of A.
-        let a = Matrix2::new(-2.0, 0.0, 0.0, 4.0);
-        let (g, q) = (Matrix2::identity(), Matrix2::new(2.25, 0.0, 0.0, 24.96));
-        assert!((mean_pole(&a, &g, &q) - 4.0).abs() < 1e-14, "the rule's shift");
-        assert!(through_cayley(&a, &g, &q, 4.0).is_none(), "singular there");
+        // Poles of the closed loop −0.5 and −2: their mean 1 is an eigenvalue of A.
+        let a = Matrix2::new(0.0, 0.0, 0.0, 1.0);
+        let (g, q) = (Matrix2::identity(), Matrix2::new(0.25, 0.0, 0.0, 3.0));
+        assert!(through_cayley(&a, &g, &q, mean_pole(&a, &g, &q)).is_none(), "singular there");
         let x = care(&a, &g, &q).unwrap();
-        assert!((x[(0, 0)] - 0.5).abs() < 1e-14, "first root: −2 + 2.5");
-        assert!((x[(1, 1)] - 10.4).abs() < 1e-13, "second root: 4 + 6.4");
+        assert!((x - Matrix2::new(0.5, 0.0, 0.0, 3.0)).norm() < 1e-14, "a + √(a² + q): {x}");
     }
 }

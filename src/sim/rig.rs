@@ -129,3 +129,33 @@ impl Rig {
         if self.saturated_ticks > 0 { vec![text] } else { Vec::new() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::plan::Setpoint;
+
+    #[test]
+    fn a_lost_drone_and_a_lost_observer_are_both_found() {
+        let hover = Setpoint {
+            time_s: 0.0,
+            position_m: Vector3::z(),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: None,
+        };
+        let plan = Plan { setpoints: vec![hover], ..Default::default() };
+        let rig = || Rig::new(&plan, &SimOptions::default(), 0).unwrap();
+        assert!(rig().check(0.0).is_ok(), "at the start");
+        let lost = |change: fn(&mut Rig)| {
+            let mut rig = rig();
+            change(&mut rig);
+            rig.check(1.5).unwrap_err().to_string()
+        };
+        assert_eq!(lost(|rig| rig.state[0] = f64::NAN), "the drone flies away after 1.500 s");
+        assert_eq!(lost(|rig| rig.estimate[6] = -1e5), "the drone flies away after 1.500 s");
+        assert_eq!(lost(|rig| rig.state[5] = -2.0), "the drone turns over after 1.500 s");
+    }
+}

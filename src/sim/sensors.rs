@@ -111,6 +111,22 @@ mod tests {
     }
 
     #[test]
+    fn no_two_sensors_share_their_noise() {
+        let options = SensorOptions { lighthouse_distortion_m: 0.0, ..Default::default() };
+        let reading = readings(&options, 1)[0];
+        let sampled = f64::sqrt(250.0);
+        let first = [
+            (reading.position_m.x - 0.1) / options.lighthouse_jitter_m,
+            reading.rate_rad_s.x / (options.gyro_noise_rad_s_sqrt_hz * sampled),
+            (reading.specific_force_z_m_s2 - 9.81)
+                / (options.accelerometer_noise_m_s2_sqrt_hz * sampled),
+        ];
+        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            assert!((first[i] - first[j]).abs() > 1e-6, "{first:?}");
+        }
+    }
+
+    #[test]
     fn gyro_noise_has_its_density() {
         let n = 20_000;
         let readings = readings(&SensorOptions::default(), n);

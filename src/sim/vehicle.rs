@@ -191,6 +191,18 @@ mod tests {
     }
 
     #[test]
+    fn gravity_and_thrust_alone_change_the_velocity_in_the_world() {
+        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let (state, wrench) = (tumbling(), Wrench::new(0.0, 0.0, 0.0, 0.5));
+        let slope = vehicle.derivative(&state, &wrench);
+        let world = |s: &State| attitude(s).world_from_body() * velocity(s);
+        let found = (world(&(state + slope * 1e-6)) - world(&(state - slope * 1e-6))) / 2e-6;
+        let thrust = attitude(&state).world_from_body() * Vector3::z() * (0.5 / 0.0351);
+        let want = thrust - Vector3::z() * 9.81;
+        assert!((found - want).norm() < 1e-7, "{found} against {want}");
+    }
+
+    #[test]
     fn halving_the_step_divides_the_error_by_sixteen() {
         let vehicle = Vehicle::new(&VehicleOptions::default());
         let wrench = Wrench::new(1e-5, -2e-5, 1e-5, 0.4);
@@ -231,6 +243,9 @@ mod tests {
         let landed = fly(&vehicle, falling, &Wrench::zeros(), 0.002, 200);
         assert_eq!(landed, at(Vector3::new(landed[0], landed[1], 0.0), 0.2), "stops");
         assert!(landed[0] > 0.1, "flew on while it fell");
+        let mut sinking = at(Vector3::z() * 1e-3, 0.0);
+        sinking[8] = -1.0;
+        assert_eq!(vehicle.step(&sinking, &strong, 0.002)[2], 0.0, "no thrust lets it through");
     }
 
     #[test]
