@@ -96,7 +96,7 @@ fn scribbles_are_not_legible() {
         let strokes = word(text);
         let shot = Shot::of(&strokes);
         for n_lines in [4, 8, 20, 60] {
-            for seed in 1..=5 {
+            for seed in 1..=3 {
                 let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
                 assert!(!verdict.legible || text.len() == 1, "{n_lines}: {verdict:?}");
                 passed += u32::from(verdict.legible);
@@ -142,7 +142,7 @@ fn a_reader_who_knows_only_print_misreads_some_of_the_teams_letters() {
     let print = ScoreOptions { references: References::Typeface, ..ScoreOptions::default() };
     let misread = ('A'..='Z').filter(|letter| {
         let strokes = word(&letter.to_string());
-        !Shot::of(&strokes).verdict_with(&strokes, &print).legible
+        Shot::of(&strokes).verdict_with(&strokes, &print).read != strokes.word
     });
     assert_eq!(misread.collect::<String>(), "CDGIJOQRSWY");
 }
@@ -203,7 +203,7 @@ fn printed_words_read_though_other_shapes_were_intended() {
         let shot = Shot::of(&strokes);
         let verdict = shot.showing(printed(&strokes)).verdict(&strokes);
         assert_eq!(verdict.read, text, "{verdict:?}");
-        println!("{} {:.3} {:?}", verdict.read, verdict.probability, verdict.reason);
+        assert!(verdict.legible, "{verdict:?}");
     }
 }
 
@@ -256,6 +256,19 @@ fn the_place_is_found_and_its_limits_hold() {
     let verdict = placed(shot.clone().mapped(about(0.9)));
     assert!((verdict.placement.unwrap().scale - 0.9).abs() < 0.02, "{verdict:?}");
     assert!(verdict.legible, "{verdict:?}");
+
+    let turned = |angle: f64| {
+        let (sin, cos) = libm::sincos(angle);
+        move |[x, y]: [f64; 2]| {
+            let (x, y) = (x - 0.15, y - 0.75);
+            [0.15 + cos * x - sin * y, 0.75 + sin * x + cos * y]
+        }
+    };
+    for angle in [-0.1, 0.12] {
+        let verdict = placed(shot.clone().mapped(turned(angle)));
+        assert!((verdict.placement.unwrap().rotation_rad - angle).abs() < 0.02, "{verdict:?}");
+        assert!(verdict.legible, "{verdict:?}");
+    }
 
     for far in [shot.clone().shifted(0.0, 0.34), shot.mapped(about(1.22))] {
         let verdict = placed(far);
@@ -331,44 +344,10 @@ fn the_verdict_is_written_as_it_is_documented() {
     ];
     wanted.sort_unstable();
     assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
-    assert_eq!(keys(&verdict["placement"]), ["scale", "shift_m"]);
+    assert_eq!(keys(&verdict["placement"]), ["rotation_rad", "scale", "shift_m"]);
     let letter = ["best", "expected", "margin", "p", "runner_up", "similarity"];
     assert_eq!(keys(&verdict["letters"][0]), letter);
     assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
     let reason = serde_json::to_value(Reason::NoLight).unwrap();
     assert_eq!(reason, "no_light");
-}
-
-#[test]
-fn tmp_times() {
-    use std::time::Instant;
-    let noor = word("NOOR");
-    let shot = Shot { camera: camera(&noor, 1920, 0.0), ..Shot::of(&noor) };
-    let photo = shot.photo();
-    let camera = &shot.camera;
-    for _ in 0..3 {
-        let t = Instant::now();
-        let bank = Bank::draw(0.6, "ae483", References::Both).unwrap();
-        println!("bank {:?} {}", t.elapsed(), bank.templates.len());
-        let home = home(&noor);
-        let grid = grid_around(&noor, &home);
-        let t = Instant::now();
-        let light = Light::decode(&photo, camera, &grid, &home).unwrap();
-        println!("decode {:?}", t.elapsed());
-        let t = Instant::now();
-        let seen = grid.resample(&light, camera, &home);
-        println!("resample {:?} {}x{}", t.elapsed(), grid.width, grid.height);
-        let t = Instant::now();
-        let placed = align::place(&seen, &grid, &noor, &home);
-        println!("align {:?}", t.elapsed());
-        let t = Instant::now();
-        let glyph = &noor.glyphs[1];
-        let g = bank.layout.grid(&glyph.cell);
-        let picture = g.resample(&light, camera, &placed).blur(BLUR_PX);
-        println!("window {:?}", t.elapsed());
-        let neighbours = draw(&g, &home, [&noor.glyphs[0], &noor.glyphs[2]].into_iter());
-        let t = Instant::now();
-        reader::read(&bank, [&picture, &picture], &neighbours);
-        println!("read {:?}", t.elapsed());
-    }
 }
