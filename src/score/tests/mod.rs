@@ -135,16 +135,17 @@ fn a_missing_letter_is_a_gap() {
     assert!(!verdict.legible && verdict.probability == 0.0, "{verdict:?}");
 }
 
-/// With Roboto alone, these letters of the team's are misread: C, G, O, Q, S are square, D is a
-/// triangle, I and J have serifs, R's leg starts at the stem, W goes back over itself, Y leans.
+/// By print alone, the others have less than an even chance: C, G, O, Q and S are square, D is a
+/// triangle, B has no waist, I and J have serifs, R's leg starts at the stem, W goes back over itself,
+/// Y leans.
 #[test]
-fn a_reader_who_knows_only_print_misreads_some_of_the_teams_letters() {
+fn a_reader_who_knows_only_print_is_sure_of_half_of_the_teams_letters() {
     let print = ScoreOptions { references: References::Typeface, ..ScoreOptions::default() };
-    let misread = ('A'..='Z').filter(|letter| {
+    let sure = ('A'..='Z').filter(|letter| {
         let strokes = word(&letter.to_string());
-        Shot::of(&strokes).verdict_with(&strokes, &print).read != strokes.word
+        Shot::of(&strokes).verdict_with(&strokes, &print).letters[0].p > 0.6
     });
-    assert_eq!(misread.collect::<String>(), "CDGIJOQRSWY");
+    assert_eq!(sure.collect::<String>(), "AEFHKLMNPTUVXZ");
 }
 
 /// Roboto's outlines as lines in the cells of the team's letters: with a pen as wide as the outline
