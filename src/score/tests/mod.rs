@@ -46,7 +46,7 @@ fn the_teams_faults_leave_the_word_legible() {
         ("a hundredth of the light", Shot { light: 0.012, sky: 0.0, ..shot.clone() }),
         ("blue light", Shot { tint: [0.0, 0.02, 1.0], ..shot.clone() }),
         ("the floor aglow", Shot { floor_glow: 0.7, ..shot.clone() }),
-        ("seen from 30 degrees aside", Shot { camera: camera(&noor, 640, 0.52), ..shot.clone() }),
+        ("seen from 30 degrees aside", Shot { camera: camera(&noor, 480, 0.52), ..shot.clone() }),
         ("noise", Shot { noise: 12.0, ..shot.clone() }),
     ];
     for (fault, shot) in faults {
@@ -321,7 +321,7 @@ fn unusable_input_is_refused_by_name() {
     let text = refuse(&lower, &shot.camera, &options);
     assert!(text.contains("position 3") && text.contains("'o'"), "{text}");
     let text = refuse(&noor, &camera(&noor, 320, 0.0), &options);
-    assert!(text.contains("640 x 360") && text.contains("320 x 180"), "{text}");
+    assert!(text.contains("480 x 270") && text.contains("320 x 180"), "{text}");
     let never = ScoreOptions { legible_probability: 1.5, ..options };
     assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
 }
