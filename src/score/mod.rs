@@ -69,6 +69,13 @@ const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 /// faultless stroke has 0.5; a tenth of it is what noise and a neighbour's glow leave.
 const FAINT: f32 = 0.05;
 
+/// Cells that can be read: width by cap height. The team's are 0.6 wide.
+const ASPECTS: [f64; 2] = [0.05, 5.0];
+
+/// Longest word, in cap heights: 256 of the team's letters with as much space again are 400. The
+/// alignment's rasters grow with it.
+const MAX_LENGTH_H: f64 = 1000.0;
+
 /// How a photo is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -163,8 +170,9 @@ pub enum Reason {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an empty word, a character other than A to Z and 0 to 9, a photo whose size
-/// is not the camera's, an option out of range, or an unknown font.
+/// [`Error::Input`] for an empty word, a character other than A to Z and 0 to 9, letters too narrow or
+/// too wide to be letters, a photo whose size is not the camera's, an option out of range, or an
+/// unknown font.
 ///
 /// # Panics
 ///

@@ -320,6 +320,9 @@ fn unusable_input_is_refused_by_name() {
     lower.glyphs[2].character = 'o';
     let text = refuse(&lower, &shot.camera, &options);
     assert!(text.contains("position 3") && text.contains("'o'"), "{text}");
+    let mut wide = noor.clone();
+    wide.glyphs[0].cell.width_m = 1e3;
+    assert!(refuse(&wide, &shot.camera, &options).contains("width of a letter"));
     let text = refuse(&noor, &camera(&noor, 320, 0.0), &options);
     assert!(text.contains("480 x 270") && text.contains("320 x 180"), "{text}");
     let never = ScoreOptions { legible_probability: 1.5, ..options };
