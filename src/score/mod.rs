@@ -309,6 +309,13 @@ fn check(photo: &Photo, strokes: &Strokes, camera: &Camera) -> Result<()> {
             hint,
         ));
     }
+    for glyph in &strokes.glyphs {
+        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
+        within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
+    }
+    let [left, _, right, _] = strokes.bounds_m();
+    let length = (right - left) / cap_height_m(strokes);
+    within("length of the word by its height", length, 0.0, MAX_LENGTH_H)?;
     let [found, wanted] = [(photo.width_px, photo.height_px), (camera.width_px, camera.height_px)];
     if found != wanted {
         return Err(Error::input(
