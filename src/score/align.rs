@@ -1,7 +1,8 @@
-//! Where the word hangs: the shift and scale at which the intended word resembles the photo most.
+//! Where the word hangs: the shift, scale and rotation at which the intended word resembles the
+//! photo most.
 //!
 //! A reader does not care where a word hangs, so its place costs nothing within the limits and is
-//! reported for the flight's sake. Not sought: rotation, shear, perspective (the camera is known).
+//! reported for the flight's sake. Not sought: shear and perspective (the camera is known).
 
 use super::ink::Page;
 use super::plane::{Grid, Placed};
@@ -19,6 +20,10 @@ pub(super) const SEARCH_SCALE: f64 = 1.25;
 /// Scales tried first, from the smallest to the largest.
 const N_SCALES: i32 = 7;
 
+/// First step of the search for the rotation; halved until the ends of the word hardly move, it
+/// leads to twice as much.
+const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
+
 /// Blur of both pictures: 0.1 H, twice the reader's, so that a coarse grid of shifts catches the
 /// peak.
 const BLUR_PX: f32 = 3.2;
@@ -34,9 +39,9 @@ struct Target {
 pub(super) fn place(picture: &Raster, grid: &Grid, strokes: &Strokes, home: &Placed) -> Placed {
     let full = Target::new(picture.blur(BLUR_PX));
     let coarse = Target::new(full.raster.half().half());
-    let word = |scale: f64| {
+    let word = |scale: f64, rotation_rad: f64| {
         let mut page = Page::blank(grid.width, grid.height);
-        let page_from_plane = grid.page_from_plane(&Placed { scale, ..*home });
+        let page_from_plane = grid.page_from_plane(&Placed { scale, rotation_rad, ..*home });
         for glyph in &strokes.glyphs {
             page.stroke(&glyph.moves, PEN_PX, page_from_plane);
         }
@@ -49,26 +54,35 @@ pub(super) fn place(picture: &Raster, grid: &Grid, strokes: &Strokes, home: &Pla
     let reach = (SEARCH_H * f64::from(PX_PER_H) / 4.0) as isize;
     for index in 0..N_SCALES {
         let scale = libm::pow(step, f64::from(index - N_SCALES / 2));
-        let (similarity, [dx, dy]) = coarse.seek(&word(scale).half().half(), [0, 0], reach);
+        let (similarity, [dx, dy]) = coarse.seek(&word(scale, 0.0).half().half(), [0, 0], reach);
         if similarity > best.0 {
             best = (similarity, scale, [4 * dx, 4 * dy]);
         }
     }
 
-    let (mut scale, mut ratio) = (best.1, step);
-    let (mut similarity, mut shift) = full.seek(&word(scale), best.2, 3);
+    let (mut scale, mut rotation_rad) = (best.1, 0.0);
+    let (mut similarity, mut shift) = full.seek(&word(scale, 0.0), best.2, 3);
+    let (mut ratio, mut turn_rad) = (step, 2.0 * ROTATION_STEP_RAD);
     // Finer until the ends of the word move by less than a pixel.
-    while (ratio - 1.0) * 0.5 * grid.width as f64 > 1.0 {
-        ratio = ratio.sqrt();
-        for tried in [scale / ratio, scale * ratio] {
-            let found = full.seek(&word(tried), shift, 1);
+    while (ratio - 1.0).max(turn_rad) * 0.5 * grid.width as f64 > 1.0 {
+        (ratio, turn_rad) = (ratio.sqrt(), 0.5 * turn_rad);
+        let at = (scale, rotation_rad);
+        let tries = [
+            (at.0 / ratio, at.1),
+            (at.0 * ratio, at.1),
+            (at.0, at.1 - turn_rad),
+            (at.0, at.1 + turn_rad),
+        ];
+        for tried in tries {
+            let found = full.seek(&word(tried.0, tried.1), shift, 1);
             if found.0 > similarity {
-                (similarity, shift, scale) = (found.0, found.1, tried);
+                (similarity, shift) = found;
+                (scale, rotation_rad) = tried;
             }
         }
     }
     let [right, down] = shift.map(|pixels| pixels as f64 * grid.pitch_m);
-    Placed { shift_m: [right, -down], scale, ..*home }
+    Placed { shift_m: [right, -down], scale, rotation_rad, ..*home }
 }
 
 impl Target {

@@ -141,6 +141,6 @@ fn scales() -> impl Iterator<Item = ([f64; 2], f32)> {
 
 fn sums(page: &Raster, level: &Level, shifts: &[[isize; 2]]) -> Vec<[f32; 2]> {
     let squares = Raster { values: page.values.iter().map(|v| v * v).collect(), ..*page };
-    let sum = |page: &Raster, shift| dots([&level.mask], level.rows(page, shift))[0];
-    shifts.iter().map(|&shift| [sum(page, shift), sum(&squares, shift)]).collect()
+    let sums = |shift| dots([level.rows(page, shift), level.rows(&squares, shift)], &level.mask);
+    shifts.iter().map(|&shift| sums(shift)).collect()
 }

@@ -21,7 +21,7 @@ impl Page {
     /// Draws the lit moves with a round pen.
     pub(super) fn stroke(&mut self, moves: &[Move], pen_px: f32, page_from_plane: Transform) {
         if let Some(path) = path_of(moves).and_then(|path| path.transform(page_from_plane)) {
-            self.line(&path, pen_px);
+            self.line(&path, pen_px, LineJoin::Round);
         }
     }
 
@@ -29,18 +29,15 @@ impl Page {
     pub(super) fn fill(&mut self, outline: &Path, rim_px: f32, page_from_outline: Transform) {
         if let Some(path) = outline.clone().transform(page_from_outline) {
             self.0.fill_path(&path, FillRule::Winding, true, Transform::identity());
-            self.line(&path, rim_px);
+            // The rim is about a pixel wide: rounding its corners would be lost.
+            self.line(&path, rim_px, LineJoin::Bevel);
         }
     }
 
     // The path lies on the page already, so the pen stays round however it was stretched.
-    fn line(&mut self, path: &Path, pen_px: f32) {
-        let stroke = Stroke {
-            width: pen_px,
-            line_cap: LineCap::Round,
-            line_join: LineJoin::Round,
-            ..Stroke::default()
-        };
+    fn line(&mut self, path: &Path, pen_px: f32, line_join: LineJoin) {
+        let stroke =
+            Stroke { width: pen_px, line_cap: LineCap::Round, line_join, ..Stroke::default() };
         if let Some(line) = path.stroke(&stroke, 1.0) {
             self.0.fill_path(&line, FillRule::Winding, true, Transform::identity());
         }

@@ -11,7 +11,7 @@
 //! its worst letter decides.
 //!
 //! Sources: Loomis 1990 (low-pass, template match, choice); the settings were fitted on 460
-//! synthetic photos, see the constants. Not modelled: context (no dictionary), rotation, color,
+//! synthetic photos, see the constants. Not modelled: context (no dictionary), color,
 //! lower case. Score knows no plan, no flight and no light.
 
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,7 @@ use raster::Raster;
 mod align;
 mod bank;
 mod ink;
+mod level;
 mod light;
 mod plane;
 mod raster;
@@ -38,6 +39,7 @@ mod verdict;
 mod window;
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "pixels and codes of test photos")]
 mod tests;
 
 /// Resolution at which letters are read: pixels to a cap height (legibility.md 6.1).
@@ -57,20 +59,22 @@ const MAX_SHIFT_H: f64 = 0.6;
 /// not become something else.
 const SCALES: [f64; 2] = [0.85, 1.17];
 
+/// Largest rotation of the word, either way: 8 degrees (legibility.md 6.1).
+const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
+
 /// Cap height in the photo below which nothing is read, in pixels (legibility.md 6.3).
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
-
-/// How far above the sky light must be, in standard deviations of the sky (legibility.md 6.2).
-const LIGHT_SIGMAS: f32 = 5.0;
-
-/// Share of the intended ink's area that is brighter than the level that counts as fully lit. The
-/// 99.5th percentile of a word's frame (legibility.md 6.1) is about this, but shifts with the frame.
-/// Too small a share lets one glaring spot darken the word.
-const GLARE_SHARE: f64 = 0.1;
 
 /// Blurred light in a cell, of full light, below which the letter counts as missing. The middle of a
 /// faultless stroke has 0.5; a tenth of it is what noise and a neighbour's glow leave.
 const FAINT: f32 = 0.05;
+
+/// Cells that can be read: width by cap height. The team's are 0.6 wide.
+const ASPECTS: [f64; 2] = [0.05, 5.0];
+
+/// Longest word, in cap heights: 256 of the team's letters with as much space again are 400. The
+/// alignment's rasters grow with it.
+const MAX_LENGTH_H: f64 = 1000.0;
 
 /// How a photo is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,6 +128,8 @@ pub struct Placement {
     pub shift_m: [f64; 2],
     /// Size by intended size, about the middle of the word.
     pub scale: f64,
+    /// Anticlockwise, about the middle of the word.
+    pub rotation_rad: f64,
 }
 
 /// What is seen in the place of one letter.
@@ -154,7 +160,7 @@ pub enum Reason {
     /// Capitals are less than 20 pixels high in the photo.
     TooSmall,
     /// The word hangs farther than 0.6 cap heights from its place, or is larger or smaller than
-    /// intended by more than 17 %.
+    /// intended by more than a sixth, or turned by more than 8 degrees.
     OutOfRange,
     /// A letter looks like another one, like nothing, or too much like both.
     Misread,
@@ -164,8 +170,9 @@ pub enum Reason {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an empty word, a character other than A to Z and 0 to 9, a photo whose size
-/// is not the camera's, an option out of range, or an unknown font.
+/// [`Error::Input`] for an empty word, a character other than A to Z and 0 to 9, letters too narrow or
+/// too wide to be letters, a photo whose size is not the camera's, an option out of range, or an
+/// unknown font.
 ///
 /// # Panics
 ///
@@ -179,8 +186,8 @@ pub fn score(
     options.check()?;
     check(photo, strokes, camera)?;
 
-    let home = home(strokes);
-    let grid = grid_around(strokes, &home);
+    let home = Placed::home(strokes);
+    let grid = Grid::around(strokes, &home);
     let Some(light) = Light::decode(photo, camera, &grid, &home) else {
         return Ok(Verdict::unseen(strokes, Reason::NotInPhoto, None));
     };
@@ -188,7 +195,7 @@ pub fn score(
     let cap_height_px = f64::from(PX_PER_H) * pixel_px;
 
     let seen = grid.resample(&light, camera, &home);
-    let Some(full_light) = full_light(&seen, &light, strokes) else {
+    let Some(full_light) = level::full_light(&seen, light.sky, strokes) else {
         return Ok(Verdict::unseen(strokes, Reason::NoLight, Some(cap_height_px)));
     };
     let exposed = |mut raster: Raster| {
@@ -227,8 +234,10 @@ pub fn score(
         worst_loss = worst_loss.max(loss);
     }
 
-    let shift_h = libm::hypot(placed.shift_m[0], placed.shift_m[1]) / cap_height_m(strokes);
-    let in_range = shift_h <= MAX_SHIFT_H && (SCALES[0]..=SCALES[1]).contains(&placed.scale);
+    let Placed { shift_m, scale, rotation_rad, .. } = placed;
+    let in_range = libm::hypot(shift_m[0], shift_m[1]) <= MAX_SHIFT_H * cap_height_m(strokes)
+        && (SCALES[0]..=SCALES[1]).contains(&scale)
+        && rotation_rad.abs() <= MAX_ROTATION_RAD;
     let probability = verdict::probability(worst_loss);
     let right = letters.iter().all(|letter| letter.best == Some(letter.expected));
     let reason = match () {
@@ -242,7 +251,7 @@ pub fn score(
         read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
         legible: reason.is_none(),
         probability: if matches!(reason, None | Some(Reason::Misread)) { probability } else { 0.0 },
-        placement: Some(Placement { shift_m: placed.shift_m, scale: placed.scale }),
+        placement: Some(Placement { shift_m, scale, rotation_rad }),
         cap_height_px: Some(cap_height_px),
         letters,
         reason,
@@ -300,6 +309,13 @@ fn check(photo: &Photo, strokes: &Strokes, camera: &Camera) -> Result<()> {
             hint,
         ));
     }
+    for glyph in &strokes.glyphs {
+        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
+        within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
+    }
+    let [left, _, right, _] = strokes.bounds_m();
+    let length = (right - left) / cap_height_m(strokes);
+    within("length of the word by its height", length, 0.0, MAX_LENGTH_H)?;
     let [found, wanted] = [(photo.width_px, photo.height_px), (camera.width_px, camera.height_px)];
     if found != wanted {
         return Err(Error::input(
@@ -314,60 +330,8 @@ fn check(photo: &Photo, strokes: &Strokes, camera: &Camera) -> Result<()> {
     Ok(())
 }
 
-/// The word in its intended place.
-fn home(strokes: &Strokes) -> Placed {
-    let [left, bottom, right, top] = strokes.bounds_m();
-    let center_m = [0.5 * (left + right), 0.5 * (bottom + top)];
-    Placed { center_m, shift_m: [0.0, 0.0], scale: 1.0 }
-}
-
 fn cap_height_m(strokes: &Strokes) -> f64 {
     strokes.glyphs[0].cell.cap_height_m
-}
-
-/// A grid with room for every place where the word is looked for, and for the windows there.
-fn grid_around(strokes: &Strokes, home: &Placed) -> Grid {
-    let [left, bottom, right, top] = strokes.bounds_m();
-    let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
-    // Shift, and half a cap height for the window and the blur.
-    let margin_m = (align::SEARCH_H + 0.5) * cap_height_m(strokes);
-    let side = |length_m: f64| {
-        let pixels = (length_m * align::SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
-        #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-        #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
-        let pixels = pixels.ceil() as usize;
-        // Halved twice by the alignment.
-        pixels.next_multiple_of(4)
-    };
-    let (width, height) = (side(right - left), side(top - bottom));
-    let [left_m, top_m] = [
-        home.center_m[0] - 0.5 * width as f64 * pitch_m,
-        home.center_m[1] + 0.5 * height as f64 * pitch_m,
-    ];
-    Grid { left_m, top_m, pitch_m, width, height }
-}
-
-/// The level that counts as fully lit; `None` where nothing stands out from the sky.
-fn full_light(seen: &Raster, light: &Light, strokes: &Strokes) -> Option<f32> {
-    let mut deviations: Vec<f32> = seen.values.iter().map(|value| value.abs()).collect();
-    // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step
-    // over the root of 12.
-    let noise = 1.4826 * light::median(&mut deviations);
-    let sigma = noise.max(light::code_step(light.sky) / 12.0_f32.sqrt());
-    let lit = LIGHT_SIGMAS * sigma;
-
-    let lit_moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
-    let length_m: f64 = lit_moves
-        .map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1]))
-        .sum();
-    let ink_px = length_m / cap_height_m(strokes) * f64::from(PX_PER_H) * f64::from(PEN_PX);
-    #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-    #[expect(clippy::cast_sign_loss, reason = "areas are positive")]
-    let rank = ((GLARE_SHARE * ink_px) as usize).min(seen.values.len() - 1);
-    let mut values = seen.values.clone();
-    let level = *values.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
-    let brightest = seen.values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    (brightest > lit).then_some(level.max(lit))
 }
 
 /// Letters as the trail should draw them, blurred.

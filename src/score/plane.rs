@@ -5,7 +5,9 @@ use tiny_skia::Transform;
 
 use super::light::{Frame, Light};
 use super::raster::Raster;
+use super::{PX_PER_H, align, cap_height_m};
 use crate::camera::Camera;
+use crate::letters::Strokes;
 
 /// A grid of square pixels in the plane of the word.
 #[derive(Clone, Debug)]
@@ -20,40 +22,71 @@ pub(super) struct Grid {
 }
 
 /// Where a word hangs: a point of the intended word is found at
-/// `center + shift + scale · (point − center)`.
+/// `center + shift + scale · R(rotation) (point − center)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placed {
     pub(super) center_m: [f64; 2],
     pub(super) shift_m: [f64; 2],
     pub(super) scale: f64,
+    /// Anticlockwise.
+    pub(super) rotation_rad: f64,
 }
 
 impl Placed {
+    /// The word in its intended place.
+    pub(super) fn home(strokes: &Strokes) -> Self {
+        let [left, bottom, right, top] = strokes.bounds_m();
+        let center_m = [0.5 * (left + right), 0.5 * (bottom + top)];
+        Self { center_m, shift_m: [0.0, 0.0], scale: 1.0, rotation_rad: 0.0 }
+    }
+
+    /// First column of `scale · R(rotation)`; the second is `[−y, x]`.
+    fn column(&self) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.rotation_rad);
+        [self.scale * cos, self.scale * sin]
+    }
+
     fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
-        let along = |axis: usize| {
-            self.center_m[axis]
-                + self.shift_m[axis]
-                + self.scale * (point_m[axis] - self.center_m[axis])
-        };
-        [along(0), along(1)]
+        let [a, b] = self.column();
+        let [x, y] = [0, 1].map(|axis| point_m[axis] - self.center_m[axis]);
+        let turned = [a * x - b * y, b * x + a * y];
+        [0, 1].map(|axis| self.center_m[axis] + self.shift_m[axis] + turned[axis])
     }
 }
 
 impl Grid {
+    /// A grid with room for every place where the word is looked for, and for the windows there.
+    pub(super) fn around(strokes: &Strokes, home: &Placed) -> Self {
+        let [left, bottom, right, top] = strokes.bounds_m();
+        let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
+        // Shift, and half a cap height for the window and the blur.
+        let margin_m = (align::SEARCH_H + 0.5) * cap_height_m(strokes);
+        let side = |length_m: f64| {
+            let pixels = (length_m * align::SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
+            #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
+            #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
+            let pixels = pixels.ceil() as usize;
+            // Halved twice by the alignment.
+            pixels.next_multiple_of(4)
+        };
+        let (width, height) = (side(right - left), side(top - bottom));
+        let [left_m, top_m] = [
+            home.center_m[0] - 0.5 * width as f64 * pitch_m,
+            home.center_m[1] + 0.5 * height as f64 * pitch_m,
+        ];
+        Self { left_m, top_m, pitch_m, width, height }
+    }
+
     /// Brings the plane of the word (metres, y up) onto the grid's page (pixels, y down), where the
     /// word hangs as placed.
     pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
-        let scale = placed.scale / self.pitch_m;
+        let [a, b] = placed.column().map(|part| part / self.pitch_m);
         let [x, y] = placed.apply([0.0, 0.0]);
         #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
-        Transform::from_row(
-            scale as f32,
-            0.0,
-            0.0,
-            -scale as f32,
-            ((x - self.left_m) / self.pitch_m) as f32,
-            ((self.top_m - y) / self.pitch_m) as f32,
-        )
+        let [a, b, x, y] =
+            [a, b, (x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m]
+                .map(|value| value as f32);
+        Transform::from_row(a, -b, -b, -a, x, y)
     }
 
     /// What the photo shows at each pixel of the grid, the grid moved along with the word.

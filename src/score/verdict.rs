@@ -16,9 +16,9 @@ const PLATT: [f64; 2] = [2.46, 2.00];
 /// every other time at best is not made legible by drawing it well.
 const LEAST_EXCUSED: f64 = -core::f64::consts::LN_2;
 
-/// Similarity below which a picture shows no letter, whichever it resembles most. Of words drawn with
-/// wanderings of 0.02 to 0.2 H, those read with P of 0.5 or more had 0.65 or more, scribbles and filled
-/// boxes 0.2 to 0.8: this catches only what is no writing at all.
+/// Similarity below which a picture shows no letter, whichever it resembles most. Of words that
+/// wandered by 0.02 to 0.2 H those with P of 0.5 and more had letters of 0.7 and more, scribbles and
+/// filled boxes have 0.2 to 0.8 (measured here): this refuses only what is no writing at all.
 const MIN_SIMILARITY: f32 = 0.5;
 
 /// Judges a letter from the similarities of its photo and of its faultless drawing. Beside the

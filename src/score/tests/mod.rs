@@ -46,7 +46,7 @@ fn the_teams_faults_leave_the_word_legible() {
         ("a hundredth of the light", Shot { light: 0.012, sky: 0.0, ..shot.clone() }),
         ("blue light", Shot { tint: [0.0, 0.02, 1.0], ..shot.clone() }),
         ("the floor aglow", Shot { floor_glow: 0.7, ..shot.clone() }),
-        ("seen from 30 degrees aside", Shot { camera: camera(&noor, 640, 0.52), ..shot.clone() }),
+        ("seen from 30 degrees aside", Shot { camera: camera(&noor, 480, 0.52), ..shot.clone() }),
         ("noise", Shot { noise: 12.0, ..shot.clone() }),
     ];
     for (fault, shot) in faults {
@@ -96,7 +96,7 @@ fn scribbles_are_not_legible() {
         let strokes = word(text);
         let shot = Shot::of(&strokes);
         for n_lines in [4, 8, 20, 60] {
-            for seed in 1..=5 {
+            for seed in 1..=3 {
                 let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
                 assert!(!verdict.legible || text.len() == 1, "{n_lines}: {verdict:?}");
                 passed += u32::from(verdict.legible);
@@ -135,16 +135,17 @@ fn a_missing_letter_is_a_gap() {
     assert!(!verdict.legible && verdict.probability == 0.0, "{verdict:?}");
 }
 
-/// With Roboto alone, these letters of the team's are misread: C, G, O, Q, S are square, D is a
-/// triangle, I and J have serifs, R's leg starts at the stem, W goes back over itself, Y leans.
+/// By print alone, the others have less than an even chance: C, G, O, Q and S are square, D is a
+/// triangle, B has no waist, I and J have serifs, R's leg starts at the stem, W goes back over itself,
+/// Y leans.
 #[test]
-fn a_reader_who_knows_only_print_misreads_some_of_the_teams_letters() {
+fn a_reader_who_knows_only_print_is_sure_of_half_of_the_teams_letters() {
     let print = ScoreOptions { references: References::Typeface, ..ScoreOptions::default() };
-    let misread = ('A'..='Z').filter(|letter| {
+    let sure = ('A'..='Z').filter(|letter| {
         let strokes = word(&letter.to_string());
-        !Shot::of(&strokes).verdict_with(&strokes, &print).legible
+        Shot::of(&strokes).verdict_with(&strokes, &print).letters[0].p > 0.6
     });
-    assert_eq!(misread.collect::<String>(), "CDGIJOQRSWY");
+    assert_eq!(sure.collect::<String>(), "AEFHKLMNPTUVXZ");
 }
 
 /// Roboto's outlines as lines in the cells of the team's letters: with a pen as wide as the outline
@@ -203,7 +204,7 @@ fn printed_words_read_though_other_shapes_were_intended() {
         let shot = Shot::of(&strokes);
         let verdict = shot.showing(printed(&strokes)).verdict(&strokes);
         assert_eq!(verdict.read, text, "{verdict:?}");
-        println!("{} {:.3} {:?}", verdict.read, verdict.probability, verdict.reason);
+        assert!(verdict.legible, "{verdict:?}");
     }
 }
 
@@ -257,6 +258,19 @@ fn the_place_is_found_and_its_limits_hold() {
     assert!((verdict.placement.unwrap().scale - 0.9).abs() < 0.02, "{verdict:?}");
     assert!(verdict.legible, "{verdict:?}");
 
+    let turned = |angle: f64| {
+        let (sin, cos) = libm::sincos(angle);
+        move |[x, y]: [f64; 2]| {
+            let (x, y) = (x - 0.15, y - 0.75);
+            [0.15 + cos * x - sin * y, 0.75 + sin * x + cos * y]
+        }
+    };
+    for angle in [-0.1, 0.12] {
+        let verdict = placed(shot.clone().mapped(turned(angle)));
+        assert!((verdict.placement.unwrap().rotation_rad - angle).abs() < 0.02, "{verdict:?}");
+        assert!(verdict.legible, "{verdict:?}");
+    }
+
     for far in [shot.clone().shifted(0.0, 0.34), shot.mapped(about(1.22))] {
         let verdict = placed(far);
         assert_eq!(verdict.reason, Some(Reason::OutOfRange), "{verdict:?}");
@@ -306,8 +320,11 @@ fn unusable_input_is_refused_by_name() {
     lower.glyphs[2].character = 'o';
     let text = refuse(&lower, &shot.camera, &options);
     assert!(text.contains("position 3") && text.contains("'o'"), "{text}");
+    let mut wide = noor.clone();
+    wide.glyphs[0].cell.width_m = 1e3;
+    assert!(refuse(&wide, &shot.camera, &options).contains("width of a letter"));
     let text = refuse(&noor, &camera(&noor, 320, 0.0), &options);
-    assert!(text.contains("640 x 360") && text.contains("320 x 180"), "{text}");
+    assert!(text.contains("480 x 270") && text.contains("320 x 180"), "{text}");
     let never = ScoreOptions { legible_probability: 1.5, ..options };
     assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
 }
@@ -331,44 +348,10 @@ fn the_verdict_is_written_as_it_is_documented() {
     ];
     wanted.sort_unstable();
     assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
-    assert_eq!(keys(&verdict["placement"]), ["scale", "shift_m"]);
+    assert_eq!(keys(&verdict["placement"]), ["rotation_rad", "scale", "shift_m"]);
     let letter = ["best", "expected", "margin", "p", "runner_up", "similarity"];
     assert_eq!(keys(&verdict["letters"][0]), letter);
     assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
     let reason = serde_json::to_value(Reason::NoLight).unwrap();
     assert_eq!(reason, "no_light");
-}
-
-#[test]
-fn tmp_times() {
-    use std::time::Instant;
-    let noor = word("NOOR");
-    let shot = Shot { camera: camera(&noor, 1920, 0.0), ..Shot::of(&noor) };
-    let photo = shot.photo();
-    let camera = &shot.camera;
-    for _ in 0..3 {
-        let t = Instant::now();
-        let bank = Bank::draw(0.6, "ae483", References::Both).unwrap();
-        println!("bank {:?} {}", t.elapsed(), bank.templates.len());
-        let home = home(&noor);
-        let grid = grid_around(&noor, &home);
-        let t = Instant::now();
-        let light = Light::decode(&photo, camera, &grid, &home).unwrap();
-        println!("decode {:?}", t.elapsed());
-        let t = Instant::now();
-        let seen = grid.resample(&light, camera, &home);
-        println!("resample {:?} {}x{}", t.elapsed(), grid.width, grid.height);
-        let t = Instant::now();
-        let placed = align::place(&seen, &grid, &noor, &home);
-        println!("align {:?}", t.elapsed());
-        let t = Instant::now();
-        let glyph = &noor.glyphs[1];
-        let g = bank.layout.grid(&glyph.cell);
-        let picture = g.resample(&light, camera, &placed).blur(BLUR_PX);
-        println!("window {:?}", t.elapsed());
-        let neighbours = draw(&g, &home, [&noor.glyphs[0], &noor.glyphs[2]].into_iter());
-        let t = Instant::now();
-        reader::read(&bank, [&picture, &picture], &neighbours);
-        println!("read {:?}", t.elapsed());
-    }
 }

@@ -77,7 +77,7 @@ impl Shot {
     pub(super) fn of(strokes: &Strokes) -> Self {
         Self {
             moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
-            camera: camera(strokes, 640, 0.0),
+            camera: camera(strokes, 480, 0.0),
             light: 1.0,
             sky: 0.004,
             floor_glow: 0.0,
