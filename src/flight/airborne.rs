@@ -21,9 +21,9 @@ const LONGEST_BREAK_S: f64 = 0.5;
 ///
 /// A sample counts as flown where every motor command is above [`FLYING_MOTOR_COMMAND`]. Where
 /// motors are not logged, the setpoint's height decides; without setpoints, the height above the
-/// lowest sample; 0.05 m is the limit for both. Flown samples less than 0.5 s apart make one
-/// stretch, and the longest stretch is the flight: what was logged while the drone was carried or
-/// dragged along the floor afterwards stays outside.
+/// lowest sample; 0.05 m is the limit for both. Half a second of other samples ends a stretch (a
+/// hole in the log does not), and the longest stretch is the flight: what was logged while the
+/// drone was carried or dragged along the floor afterwards stays outside.
 #[must_use]
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let told = |quantity| !flight.unlogged.contains(&quantity);
@@ -38,20 +38,35 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
         }
     };
-    let time_s = |index: usize| flight.samples[index].time_s;
-    let mut longest: Option<Range<usize>> = None;
-    let mut stretch: Option<Range<usize>> = None;
-    for (index, _) in flight.samples.iter().enumerate().filter(|(_, sample)| flown(sample)) {
-        let goes_on = |s: &Range<usize>| time_s(index) - time_s(s.end - 1) < LONGEST_BREAK_S;
-        let start = stretch.as_ref().filter(|s| goes_on(s)).map_or(index, |s| s.start);
-        let now = start..index + 1;
-        let lasts_s = |s: &Range<usize>| time_s(s.end - 1) - time_s(s.start);
-        if longest.as_ref().is_none_or(|s| lasts_s(&now) >= lasts_s(s)) {
-            longest = Some(now.clone());
+    let mut longest = Stretch::default();
+    let (mut stretch, mut landed_s) = (Stretch::default(), None);
+    for (index, sample) in flight.samples.iter().enumerate() {
+        if !flown(sample) {
+            let since_s = *landed_s.get_or_insert(sample.time_s);
+            if sample.time_s - since_s >= LONGEST_BREAK_S {
+                stretch = Stretch::default();
+            }
+            continue;
         }
-        stretch = Some(now);
+        landed_s = None;
+        if stretch.samples.is_empty() {
+            stretch = Stretch { samples: index..index, start_s: sample.time_s, lasts_s: 0.0 };
+        }
+        stretch.samples.end = index + 1;
+        stretch.lasts_s = sample.time_s - stretch.start_s;
+        if stretch.lasts_s >= longest.lasts_s {
+            longest = stretch.clone();
+        }
     }
-    longest
+    (!longest.samples.is_empty()).then_some(longest.samples)
+}
+
+/// Samples from the first to the last flown one.
+#[derive(Clone, Debug, Default)]
+struct Stretch {
+    samples: Range<usize>,
+    start_s: f64,
+    lasts_s: f64,
 }
 
 #[cfg(test)]
@@ -80,6 +95,14 @@ mod tests {
         let on = |i: usize| (20..60).contains(&i) && !(30..33).contains(&i) || i > 95;
         let flight = flight(|i| if on(i) { 40_000.0 } else { 3_000.0 }, |_| 0.0);
         assert_eq!(airborne(&flight), Some(20..60));
+    }
+
+    #[test]
+    fn a_hole_in_the_log_is_no_landing() {
+        let mut flight = flight(|i| if (20..60).contains(&i) { 40_000.0 } else { 0.0 }, |_| 0.0);
+        flight.samples.drain(30..45);
+        flight.gaps = vec![[2.9, 4.5]];
+        assert_eq!(airborne(&flight), Some(20..45));
     }
 
     #[test]

@@ -140,8 +140,9 @@ impl Flight {
         }
         cells[0] = Some(time_s);
         cells[23] = table.has(COLUMNS[23]).then(|| table.column(COLUMNS[23])).transpose()?;
-        let samples: Vec<FlightSample> =
-            (0..table.n_rows()).map(|row| sample(cells.map(|c| c.map_or(0.0, |c| c[row])))).collect();
+        let samples: Vec<FlightSample> = (0..table.n_rows())
+            .map(|row| sample(cells.map(|c| c.map_or(0.0, |c| c[row]))))
+            .collect();
         let owned = |(name, values): (&str, &[f64])| (name.to_owned(), values.to_vec());
         let lights = table.columns_after("light.").map(owned).collect();
         check_levels(&lights)?;
@@ -154,9 +155,8 @@ impl Flight {
         } else {
             Vec::new()
         };
-        let warn = |quantity: &Quantity| {
-            format!("no {} in the file: zeros stand for it", quantity.name())
-        };
+        let warn =
+            |quantity: &Quantity| format!("no {} in the file: zeros stand for it", quantity.name());
         let warnings = unlogged.iter().map(warn).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
     }
@@ -273,7 +273,9 @@ mod tests {
     #[test]
     fn holes_and_further_columns_and_what_is_not_told_read_back() {
         let mut flight = flight();
-        flight.extra.insert("pm.vbat".into(), (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect());
+        flight
+            .extra
+            .insert("pm.vbat".into(), (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect());
         let times = |i: usize| [flight.samples[i].time_s, flight.samples[i + 1].time_s];
         flight.gaps = vec![times(3), times(4), times(30)];
         flight.unlogged = [Quantity::Motors, Quantity::Design].into();

@@ -31,7 +31,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         Ok(value) => value,
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
-            warnings.push(format!("the file ends too early, at {place}; what stands before is read"));
+            warnings
+                .push(format!("the file ends too early, at {place}; what stands before is read"));
             close(&mut text);
             serde_json::from_slice(&text).map_err(|source| broken(file, &source))?
         }
@@ -170,7 +171,8 @@ impl Reader<'_> {
     fn block(&mut self, name: &str, time: &Value, members: &Map<String, Value>) -> Result<()> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut columns = Vec::new();
-        for (key, value) in members.iter().filter(|(key, value)| *key != "time" && value.is_array()) {
+        for (key, value) in members.iter().filter(|(key, value)| *key != "time" && value.is_array())
+        {
             let name = format!("{name}.{key}");
             columns.push(Column { values: self.numbers(&name, value)?, name });
         }

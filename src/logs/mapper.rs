@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
-use super::recording::{Channel, Recording, shortened};
+use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Told, VelocityFrame, body_from_world, told};
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
@@ -47,7 +47,8 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
         warnings.push(format!("not in the log: {}; zeros stand for it", names.join(", ")));
     }
     let writer = Writer { told: &told, options };
-    let samples: Vec<FlightSample> = axis.stamps_s.iter().map(|&t| writer.sample(t, &axis)).collect();
+    let samples: Vec<FlightSample> =
+        axis.stamps_s.iter().map(|&t| writer.sample(t, &axis)).collect();
     warnings.extend(writer.warn_of_held_values(&axis));
     let extra = extra(&recording, &told.used, &axis)?;
     let mut all = recording.warnings;
@@ -110,16 +111,20 @@ fn axis(
     options: &ImportOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
-    let pose: Vec<&Channel> =
-        told.position_m.iter().chain(&told.attitude_rad).flatten().collect();
+    let pose: Vec<&Channel> = told.position_m.iter().chain(&told.attitude_rad).flatten().collect();
     if pose.is_empty() {
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
         let zero_s = stamps_s.first().copied().unwrap_or(0.0);
         return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
     }
-    let start_s = pose.iter().map(|channel| channel.start_s()).fold(f64::NEG_INFINITY, f64::max);
-    let end_s = pose.iter().map(|channel| channel.end_s()).fold(f64::INFINITY, f64::min);
+    // The motion capture may begin before the drone's log and outlast it.
+    let drone = || recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
+    let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
+    let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
+    let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
+    let start_s = pose.iter().map(|channel| channel.start_s()).fold(first_s, f64::max);
+    let end_s = pose.iter().map(|channel| channel.end_s()).fold(last_s, f64::min);
     let steps = ((end_s - start_s) * options.sample_rate_hz + 1e-6).floor();
     if steps.is_nan() || !(0.0..MAX_SAMPLES).contains(&steps) {
         let span = if steps < 0.0 {
@@ -253,7 +258,10 @@ impl Writer<'_> {
         let some = counted.filter(|(_, n)| *n > 0);
         let n_all = axis.stamps_s.len();
         some.map(|(quantity, n)| {
-            format!("{}: held in {n} of {n_all} samples, where its own log has gaps", quantity.name())
+            format!(
+                "{}: held in {n} of {n_all} samples, where its own log has gaps",
+                quantity.name()
+            )
         })
         .collect()
     }

@@ -122,28 +122,43 @@ impl Search {
         let stamps = stamps(start_s, end_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
-        let coarse_s = self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
+        let coarse_s =
+            self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
         let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         // The shift of each half tells whether one clock is slower.
         let half = |from_s: f64, to_s: f64| {
             let stamps = self::stamps(from_s, to_s);
-            let apart_s = 0.02 * (end_s - start_s) + 0.05;
+            let apart_s = 0.02 * (end_s - start_s) + COARSE_S;
             let shift_s = self.best(&stamps, fine_s, apart_s, apart_s / 100.0)?;
             let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
             good.then_some(shift_s)
         };
         let halves = half(start_s, middle_s).zip(half(middle_s, end_s));
         let slope = halves.map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * (end_s - start_s)));
-        // Below 0.3 % it is the noise of the fit.
-        let ratio = if slope.abs() > 0.003 { 1.0 / (1.0 - slope) } else { 1.0 };
-        Some(Shift {
+        let pivot_mocap_s = middle_s - fine_s;
+        let mut shift = Shift {
             pivot_drone_s: middle_s,
-            pivot_mocap_s: middle_s - fine_s,
-            ratio,
+            pivot_mocap_s,
+            ratio: 1.0,
             frame_offset_m: fit.offset_m,
-        })
+        };
+        // Below 0.3 % it is the noise of the fit.
+        if slope.abs() > 0.003 {
+            shift.ratio = 1.0 / (1.0 - slope);
+            let mut mocap = self.mocap.clone();
+            for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
+                *time_s = shift.drone_s(*time_s) - fine_s;
+            }
+            let paced = Self::new(mocap, self.path.clone());
+            let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
+            let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
+            let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
+            shift.pivot_drone_s += paced_s - fine_s;
+            shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
+        }
+        Some(shift)
     }
 
     /// The best shift within `reach_s` of `around_s`, on a grid of `step_s`.
@@ -213,7 +228,7 @@ mod tests {
     fn path(n: u32, period_s: f64, clock: impl Fn(f64) -> f64, offset_m: f64) -> [Channel; 3] {
         let axis = |rate: f64| {
             let times = (0..n).map(|i| f64::from(i) * period_s);
-            let value = |t: f64| libm::sin(rate * t) + 0.3 * libm::sin(0.37 * t * t) + offset_m;
+            let value = |t: f64| libm::sin(rate * t) + 0.3 * libm::sin(0.03 * t * t) + offset_m;
             Channel::new(times.clone().map(&clock).collect(), times.map(value).collect())
         };
         [axis(0.5), axis(0.31), axis(0.77)]

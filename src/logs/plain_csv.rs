@@ -105,7 +105,8 @@ fn meaning(title: &str) -> (&str, Option<f64>) {
     while lower.contains("__") {
         lower = lower.replace("__", "_");
     }
-    let known = |name: &str| NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(ours, _)| *ours);
+    let known =
+        |name: &str| NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(ours, _)| *ours);
     if let Some(ours) = known(&lower) {
         return (ours, None);
     }

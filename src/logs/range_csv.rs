@@ -45,12 +45,8 @@ pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
         let name = if name.is_empty() { "index".into() } else { name };
         Column { name, values }
     });
-    let block = Block {
-        name: "ranges".into(),
-        time_s,
-        columns: columns.collect(),
-        ..Block::default()
-    };
+    let block =
+        Block { name: "ranges".into(), time_s, columns: columns.collect(), ..Block::default() };
     Ok(Recording { file: file.to_owned(), blocks: vec![block], warnings, ..Recording::default() })
 }
 
@@ -80,7 +76,10 @@ mod tests {
         let text = b",timestamp,ranging.distance0,ranging.distance3\n\
             0,2023-05-04 12:00:00.100,2.3918,3.1052\n1,2023-05-04 12:00:00.200,2.2290,3.1052\n";
         let log = read(text, "r.csv").unwrap();
-        assert_eq!(log.names().collect::<Vec<_>>(), ["index", "ranging.distance0", "ranging.distance3"]);
+        assert_eq!(
+            log.names().collect::<Vec<_>>(),
+            ["index", "ranging.distance0", "ranging.distance3"]
+        );
         let step_s = log.blocks[0].time_s[1] - log.blocks[0].time_s[0];
         assert!((step_s - 0.1).abs() < 1e-6, "{step_s}");
         assert_eq!(log.channel("ranging.distance0").unwrap().values, [2.3918, 2.229]);

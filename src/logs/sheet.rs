@@ -75,6 +75,7 @@ impl Sheet {
             .delimiter(separator)
             .trim(csv::Trim::All)
             .from_reader(text);
+        let last_line = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at as u64 + 1);
         let (mut record, mut header_due) = (csv::StringRecord::new(), headed);
         loop {
             let more = reader.read_record(&mut record).map_err(|source| {
@@ -92,9 +93,10 @@ impl Sheet {
                 continue;
             }
             let line = record.position().map_or(1, csv::Position::line);
+            let unended = record.position().is_some_and(|at| at.byte() >= last_line);
             match sheet.row(&record) {
                 Ok(row) => sheet.push(file, row)?,
-                Err(_) if !text.ends_with(b"\n") && reader.is_done() => {
+                Err(_) if unended => {
                     let text = format!("line {line} is cut off; it is left out");
                     sheet.warnings.push(text);
                 }
@@ -158,7 +160,8 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     let time = time.trim().trim_end_matches('Z');
     let time = time.split(['+', ' ']).next()?;
     let mut clock = time.split(':').map(|part| part.parse::<f64>().ok());
-    let (hour, minute, second) = (clock.next()??, clock.next()??, clock.next().unwrap_or(Some(0.0))?);
+    let (hour, minute, second) =
+        (clock.next()??, clock.next()??, clock.next().unwrap_or(Some(0.0))?);
     let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
     let fits = (0.0..=24.0).contains(&hour) && (0.0..60.0).contains(&minute);
     if !whole || !fits || !(0.0..61.0).contains(&second) {
@@ -176,7 +179,8 @@ fn days_from_date(date: &str) -> Option<i64> {
         date.split(['-', '/', '.']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
     let [a, b, c] = parts[..] else { return None };
     let (year, month, day) = if a > 31 { (a, b, c) } else { (c, a, b) };
-    let fits = (1970..10_000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    let fits =
+        (1970..10_000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
     if !fits {
         return None;
     }

@@ -37,11 +37,7 @@ use PositionSource::{Best, Custom, Firmware, Lighthouse, Mocap};
 /// out, and the estimators have them behind them (reference flight: 5 mm r.m.s. apart).
 const POSITION: [Source; 12] = [
     source(Mocap, ["mocap.x", "mocap.y", "mocap.z"], [1.0; 3]),
-    source(
-        Mocap,
-        ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"],
-        [1.0; 3],
-    ),
+    source(Mocap, ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"], [1.0; 3]),
     source(Best, ["x_m", "y_m", "z_m"], [1.0; 3]),
     source(Custom, ["ae483log.o_x", "ae483log.o_y", "ae483log.o_z"], [1.0; 3]),
     source(Custom, ["ae483log.p_x", "ae483log.p_y", "ae483log.p_z"], [1.0; 3]),
@@ -67,11 +63,7 @@ const DESIGN: [Source; 6] = [
 /// Yaw, pitch and roll, rad. The firmware's pitch is inverted.
 const ATTITUDE: [Source; 6] = [
     source(Mocap, ["mocap.yaw", "mocap.pitch", "mocap.roll"], [1.0; 3]),
-    source(
-        Mocap,
-        ["ae483log.psi_mocap", "ae483log.theta_mocap", "ae483log.phi_mocap"],
-        [1.0; 3],
-    ),
+    source(Mocap, ["ae483log.psi_mocap", "ae483log.theta_mocap", "ae483log.phi_mocap"], [1.0; 3]),
     source(Best, ["yaw_rad", "pitch_rad", "roll_rad"], [1.0; 3]),
     source(Custom, ["ae483log.psi", "ae483log.theta", "ae483log.phi"], [1.0; 3]),
     source(
@@ -151,9 +143,8 @@ pub(super) enum VelocityFrame {
 /// Reads the tables.
 pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
     let mut used = BTreeSet::new();
-    let mut take = |table: &[Source], kinds: &[PositionSource]| {
-        first(recording, table, kinds, &mut used)
-    };
+    let mut take =
+        |table: &[Source], kinds: &[PositionSource]| first(recording, table, kinds, &mut used);
     let truth: &[PositionSource] = match wanted {
         Best => &[Best, Mocap, Custom, Firmware, Lighthouse],
         Mocap => &[Mocap],
@@ -170,10 +161,9 @@ pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
         .map(|channels| (VelocityFrame::Body, channels))
         .or_else(|| Some((VelocityFrame::World, take(&VELOCITY_WORLD, anything)?)))
         .or_else(|| Some((VelocityFrame::Body, take(&VELOCITY_BODY, &[Firmware])?)));
-    let attitude_rad =
-        take(&ATTITUDE, anything).or_else(|| from_quaternions(recording, &mut used)).map(
-            |[yaw, pitch, roll]| [without_jumps(yaw), pitch, without_jumps(roll)],
-        );
+    let attitude_rad = take(&ATTITUDE, anything)
+        .or_else(|| from_quaternions(recording, &mut used))
+        .map(|[yaw, pitch, roll]| [without_jumps(yaw), pitch, without_jumps(roll)]);
     let motors = MOTORS.iter().find_map(|names| quadruple(recording, names, &mut used));
     Told { position_m, attitude_rad, velocity, rate_body_rad_s, estimate_m, design_m, motors, used }
 }
@@ -219,7 +209,9 @@ fn quadruple(
 fn from_quaternions(recording: &Recording, used: &mut BTreeSet<String>) -> Option<[Channel; 3]> {
     let quadruple = QUATERNIONS.iter().find_map(|names| quadruple(recording, names, used));
     let (time_s, quaternions): (Vec<f64>, Vec<[f64; 4]>) = if let Some([w, x, y, z]) = quadruple {
-        let at = |(&time_s, &w): (&f64, &f64)| (time_s, [w, x.held(time_s), y.held(time_s), z.held(time_s)]);
+        let at = |(&time_s, &w): (&f64, &f64)| {
+            (time_s, [w, x.held(time_s), y.held(time_s), z.held(time_s)])
+        };
         w.time_s.iter().zip(&w.values).map(at).unzip()
     } else {
         let packed = recording.channel(COMPRESSED_QUATERNION)?;
@@ -289,7 +281,8 @@ mod tests {
     use crate::logs::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {
-        let column = |(name, value): &(&str, f64)| Column { name: (*name).into(), values: vec![*value] };
+        let column =
+            |(name, value): &(&str, f64)| Column { name: (*name).into(), values: vec![*value] };
         let columns = columns.iter().map(column).collect();
         let block = Block { time_s: vec![0.0], columns, ..Block::default() };
         Recording { blocks: vec![block], ..Recording::default() }
@@ -301,9 +294,12 @@ mod tests {
 
     #[test]
     fn an_observer_of_zeros_is_passed_over() {
-        let mut columns =
-            vec![("ae483log.o_x", 0.0), ("ae483log.o_y", 0.0), ("ae483log.o_z", 0.0)];
-        assert_eq!(values(told(&recording(&columns), Best).position_m), [0.0; 3], "better than none");
+        let mut columns = vec![("ae483log.o_x", 0.0), ("ae483log.o_y", 0.0), ("ae483log.o_z", 0.0)];
+        assert_eq!(
+            values(told(&recording(&columns), Best).position_m),
+            [0.0; 3],
+            "better than none"
+        );
         columns.extend([("stateEstimateZ.x", 500.0), ("stateEstimateZ.y", 1.0)]);
         columns.push(("stateEstimateZ.z", -250.0));
         let told = told(&recording(&columns), Best);
@@ -320,7 +316,8 @@ mod tests {
         for (found, wanted) in found.into_iter().zip([pi / 2.0, -pi / 6.0, -pi]) {
             assert!((found - wanted).abs() < 1e-15, "{found} instead of {wanted}");
         }
-        let rates = ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"];
+        let rates =
+            ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"];
         let log = recording(&[(rates[0], 1000.0), (rates[1], 2000.0), (rates[2], 3000.0)]);
         assert_eq!(values(told(&log, Best).rate_body_rad_s), [1.0, -2.0, 3.0]);
     }
@@ -331,7 +328,8 @@ mod tests {
         let rotation = nalgebra::Rotation3::from_matrix_unchecked(attitude.world_from_body());
         let q = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
         let back = attitude_from_quaternion([q.w, q.i, q.j, q.k].map(|part| part * 1.7));
-        let error = (back.yaw_rad - 2.5).abs() + (back.pitch_rad + 0.4).abs() + (back.roll_rad - 0.3).abs();
+        let error =
+            (back.yaw_rad - 2.5).abs() + (back.pitch_rad + 0.4).abs() + (back.roll_rad - 0.3).abs();
         assert!(error < 1e-12, "{back:?}");
     }
 
@@ -354,7 +352,10 @@ mod tests {
     fn yaw_goes_the_short_way_over_the_edge() {
         let channel = Channel::new(vec![0.0, 1.0, 2.0], vec![3.0, -3.0, 3.0]);
         let smooth = without_jumps(channel);
-        assert!((smooth.linear(0.5, 9.0).unwrap() - std::f64::consts::PI).abs() < 0.01, "{smooth:?}");
+        assert!(
+            (smooth.linear(0.5, 9.0).unwrap() - std::f64::consts::PI).abs() < 0.01,
+            "{smooth:?}"
+        );
         assert!((smooth.values[2] - 3.0).abs() < 1e-12, "and back: {smooth:?}");
     }
 }

@@ -51,7 +51,8 @@ pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recordi
     let byte = cursor.at + stop.at;
     if let Some(text) = verdict(&stop, whole, &body[..end]) {
         let recovered = format!("{text}; {n} records before it are read");
-        let cut_off = matches!(stop.reason, Reason::End | Reason::Short) && !whole && !stop.crc_like;
+        let cut_off =
+            matches!(stop.reason, Reason::End | Reason::Short) && !whole && !stop.crc_like;
         if !cut_off && damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(Error::input(format!("{file}: byte {byte}"), text, wanted, HINT));
@@ -217,13 +218,18 @@ impl Cursor<'_> {
                 let start = self.at;
                 let text = self.text("a variable's name")?;
                 let split = text.strip_suffix(')').and_then(|text| text.rsplit_once('('));
-                let kind = split.and_then(|(_, kind)| kind.bytes().next().filter(|_| kind.len() == 1));
+                let kind =
+                    split.and_then(|(_, kind)| kind.bytes().next().filter(|_| kind.len() == 1));
                 let (Some((variable, _)), Some(n_bytes)) = (split, kind.and_then(size)) else {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
                 // Variables of the log table have a group; those of other events have none.
-                let full = if variable.contains('.') { variable.into() } else { format!("{name}.{variable}") };
+                let full = if variable.contains('.') {
+                    variable.into()
+                } else {
+                    format!("{name}.{variable}")
+                };
                 event.types.extend(kind);
                 event.n_bytes += n_bytes;
                 event.block.columns.push(Column { name: full, values: Vec::new() });
@@ -267,7 +273,8 @@ mod tests {
     #[test]
     fn halves_of_sixteen_bits() {
         // numpy.float16: 1.5, −2.0, 65504, 5.96e-8
-        let cases = [(0x3e00, 1.5), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_477_539_063e-8)];
+        let cases =
+            [(0x3e00, 1.5), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_477_539_063e-8)];
         for (bits, wanted) in cases {
             assert_eq!(half(bits), wanted);
         }
