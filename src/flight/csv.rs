@@ -4,7 +4,7 @@
 //! in the first row after a hole, and stands only in files with holes. Columns of other names are
 //! kept as [`Flight::extra`].
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 
@@ -135,9 +135,6 @@ impl Flight {
                 unlogged.insert(quantity);
             }
         }
-        if unlogged.len() == Quantity::ALL.len() {
-            table.column(COLUMNS[1])?;
-        }
         cells[0] = Some(time_s);
         cells[23] = table.has(COLUMNS[23]).then(|| table.column(COLUMNS[23])).transpose()?;
         let samples: Vec<FlightSample> = (0..table.n_rows())
@@ -147,7 +144,10 @@ impl Flight {
         let lights = table.columns_after("light.").map(owned).collect();
         check_levels(&lights)?;
         let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
-        let extra = extra.map(owned).collect();
+        let extra: BTreeMap<_, _> = extra.map(owned).collect();
+        if unlogged.len() == Quantity::ALL.len() && extra.is_empty() {
+            table.column(COLUMNS[1])?;
+        }
         let gaps = if table.has(GAP) {
             let flags = table.column(GAP)?.iter().skip(1);
             let pairs = samples.windows(2).zip(flags).filter(|(_, flag)| **flag != 0.0);
@@ -182,7 +182,7 @@ fn sample(n: [f64; COLUMNS.len()]) -> FlightSample {
 /// # Errors
 ///
 /// [`Error::Input`] naming the channel.
-pub(crate) fn check_levels(lights: &std::collections::BTreeMap<String, Vec<f64>>) -> Result<()> {
+pub(crate) fn check_levels(lights: &BTreeMap<String, Vec<f64>>) -> Result<()> {
     for (channel, levels) in lights {
         if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
             let place = format!("column light.{channel}");

@@ -17,6 +17,12 @@ use crate::error::{Error, Result};
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
 const WRAP_S: f64 = 16_777.216;
 
+/// Largest JSON text, in bytes: the reference flight takes 2 MB a minute.
+const MAX_BYTES: usize = 128 << 20;
+
+/// Most variables; the firmware logs 128 at a time.
+const MAX_VARIABLES: usize = 1024;
+
 /// Reads a JSON log.
 ///
 /// # Errors
@@ -24,6 +30,11 @@ const WRAP_S: f64 = 16_777.216;
 /// [`Error::Input`] with line and column of broken JSON, or with the key of a value that is no
 /// list of numbers. A text that merely ends too early is closed where it ends, with a warning.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
+    if bytes.len() > MAX_BYTES {
+        let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
+        let wanted = format!("at most {most} MiB");
+        return Err(Error::input(file, format!("{found} MiB of JSON"), wanted, HINT));
+    }
     let mut text = bytes.to_vec();
     replace_nan(&mut text);
     let mut warnings = Vec::new();
@@ -134,6 +145,12 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn folder(&mut self, members: &Map<String, Value>, prefix: &str) -> Result<()> {
         for (key, value) in members {
+            if self.blocks.iter().map(|block| block.columns.len()).sum::<usize>() > MAX_VARIABLES
+                || self.blocks.len() > MAX_VARIABLES
+            {
+                let wanted = format!("at most {MAX_VARIABLES}");
+                return Err(Error::input(self.file, "too many variables", wanted, HINT));
+            }
             let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
             let Value::Object(inner) = value else { continue };
             match (inner.get("time"), inner.get("data")) {

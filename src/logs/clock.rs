@@ -9,6 +9,9 @@ pub const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
 /// A clock that falls by more than this, and did not wrap, was started again.
 const RESTART_S: f64 = 1.0;
 
+/// Stamps beyond 30,000 years are broken.
+const LATEST_S: f64 = 1e12;
+
 /// Puts every block in rising order of time and all blocks on one axis of true seconds.
 ///
 /// `clock_ratio` is how many seconds the drone's clock counts per true second.
@@ -34,7 +37,7 @@ pub(super) fn settle(recording: &mut Recording, clock_ratio: f64) {
 
 fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
     let n = block.time_s.len();
-    let finite = (0..n).filter(|&i| block.time_s[i].is_finite()).collect();
+    let finite = (0..n).filter(|&i| block.time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(&block.time_s, finite);
     if let Some(wrap_s) = wrap_s {
         let wraps = undo_wraps(&mut block.time_s, &kept, wrap_s);

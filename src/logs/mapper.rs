@@ -50,11 +50,12 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
     let samples: Vec<FlightSample> =
         axis.stamps_s.iter().map(|&t| writer.sample(t, &axis)).collect();
     warnings.extend(writer.warn_of_held_values(&axis));
-    let extra = extra(&recording, &told.used, &axis)?;
+    let mut extra = extra(&recording, &told.used, &axis)?;
+    let lights = lights(&mut extra);
     let mut all = recording.warnings;
     all.append(&mut warnings);
     let gaps = axis.gaps;
-    Ok(Flight { samples, lights: BTreeMap::new(), extra, gaps, unlogged, warnings: all })
+    Ok(Flight { samples, lights, extra, gaps, unlogged, warnings: all })
 }
 
 fn nothing_known(recording: &Recording) -> Error {
@@ -299,6 +300,17 @@ fn extra(
         extra.insert(title, values.collect());
     }
     Ok(extra)
+}
+
+/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.
+fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
+    let is_level = |level: &f64| (0.0..=1.0).contains(level);
+    let channel = |name: &str| name.strip_prefix("log.light.").map(str::to_owned);
+    let lights = extra.iter().filter(|(_, levels)| levels.iter().all(is_level));
+    let lights: BTreeMap<_, _> =
+        lights.filter_map(|(name, levels)| Some((channel(name)?, levels.clone()))).collect();
+    extra.retain(|name, _| channel(name).is_none_or(|channel| !lights.contains_key(&channel)));
+    lights
 }
 
 /// The name of a further column in a flight file: as logged, without the signs that a CSV header

@@ -20,7 +20,9 @@
 //!   (with a warning); setpoints, motor commands and unknown columns are always held.
 //! - **In-flight part**: nothing is cut away; [`crate::flight::airborne`] finds it.
 //! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
-//! - Letters and lights are not in any of these logs: `letter` is `None`, `lights` is empty.
+//! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
+//!   have columns `light.<channel>`.
+//! - A flight file of ours ([`Flight::read_csv`]) is taken as it is.
 //!
 //! Not done: turning a motion capture's frame into the drone's (a warning tells their distance),
 //! positions from ranges, more than one drone in a file.
@@ -49,6 +51,9 @@ use recording::Recording;
 
 /// Largest log that is read, in bytes: a day of 1 kHz logging stays below.
 const MAX_BYTES: u64 = 512 << 20;
+
+/// How our own flight files begin; they are read as they are.
+const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
 /// How a log becomes a flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,6 +140,9 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
         return flight(cfclient_csv::read(&folder(path)?, &name)?, options);
     }
     let bytes = contents(path)?;
+    if sheet::header(&bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
+        return Flight::read_csv(path);
+    }
     parse(&bytes, &name, options)
 }
 

@@ -75,7 +75,7 @@ impl Recording {
         let (block, column) = self.find(name)?;
         let pairs = block.time_s.iter().zip(&column.values);
         let (time_s, values): (Vec<f64>, Vec<f64>) =
-            pairs.filter(|(_, value)| value.is_finite()).map(|(t, v)| (*t, *v)).unzip();
+            pairs.filter(|(_, value)| is_number(**value)).map(|(t, v)| (*t, *v)).unzip();
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
@@ -106,7 +106,7 @@ impl Recording {
         for block in &self.blocks {
             let mut empty: Vec<String> = Vec::new();
             for column in &block.columns {
-                let n = column.values.iter().filter(|value| !value.is_finite()).count();
+                let n = column.values.iter().filter(|value| !is_number(**value)).count();
                 if n > 0 {
                     empty.push(format!("{} ({n} of {})", column.name, column.values.len()));
                 }
@@ -117,6 +117,11 @@ impl Recording {
             }
         }
     }
+}
+
+/// Whether a cell holds a number that can be reckoned with; nothing that a drone logs is larger.
+fn is_number(value: f64) -> bool {
+    value.abs() < 1e18
 }
 
 /// A list for a message: the first twelve names, then a count.

@@ -337,6 +337,7 @@ mod tests {
     fn thirty_two_bits_hold_an_attitude() {
         // quatcompress of (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…): w is largest.
         let pack = |part: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;
             u32::from(part < 0.0) << 9 | size
         };
