@@ -19,6 +19,9 @@ const MAX_SAMPLES: f64 = 4e6;
 /// Most numbers in all further columns together: half a gigabyte.
 const MAX_EXTRA_CELLS: usize = 64 << 20;
 
+/// The firmware's slowest log block: its period has one byte, in units of 10 ms.
+const SLOWEST_PERIOD_S: f64 = 2.55;
+
 /// Makes the flight of a settled recording.
 ///
 /// # Errors
@@ -168,7 +171,7 @@ fn axis(
 
 /// Samples further apart are not joined: the setting, or two and a half periods of a slower log.
 fn gap_limit_s(channel: &Channel, options: &ImportOptions) -> f64 {
-    options.max_gap_s.max(2.5 * channel.period_s)
+    options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
 }
 
 fn warn_of_gaps(axis: &Axis) -> Option<String> {

@@ -329,7 +329,7 @@ fn what_is_no_log_is_named() {
         let error = parse(bytes, "log", &ImportOptions::default()).unwrap_err();
         assert!(error.to_string().contains(wanted) && !error.hint().is_empty(), "{error}");
     }
-    let far = b"t,x,y,z\n0,0,0,0\n1e10,0,0,0\n";
+    let far = b"t,x,y,z\n0.5,0,0,0\n1e10,0,0,0\n";
     assert!(parse(far, "log", &ImportOptions::default()).is_err(), "a flight of eons");
 }
 
