@@ -47,6 +47,7 @@
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
+//! | 8 | [`report`] | products → plots |
 //! | 9 | [`cli`] | what was typed |
 //!
 //! What a room must not know keeps the house good:
@@ -78,6 +79,7 @@ pub mod letters;
 pub mod light;
 pub mod photo;
 pub mod plan;
+pub mod report;
 pub mod scene;
 pub mod score;
 pub mod sim;

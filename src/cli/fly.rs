@@ -1,23 +1,27 @@
-//! `noctograph fly`: a plan is flown in the simulator.
+//! `noctograph fly`: a plan, or the setpoints of a real flight, are flown in the simulator.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::SceneFlags;
+use super::inputs::{SceneFlags, read_flight};
 use super::outputs::Output;
 use super::progress::Progress;
 use super::{Outcome, print, show, tell};
 use crate::error::Result;
 use crate::flight::Flight;
-use crate::plan::Plan;
+use crate::plan::{Plan, replay};
 use crate::scene::Scene;
 use crate::sim;
 
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {
     /// Plan to fly, as `noctograph plan` writes it
-    plan: PathBuf,
+    #[arg(required_unless_present = "setpoints", conflicts_with = "setpoints")]
+    plan: Option<PathBuf>,
+    /// Fly the setpoints of this flight instead, as they were sent
+    #[arg(long, value_name = "FLIGHT")]
+    setpoints: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneFlags,
     /// Flight to write
@@ -28,9 +32,17 @@ pub(super) struct FlyArgs {
     json: bool,
 }
 
+impl FlyArgs {
+    fn plan(&self) -> Result<Plan> {
+        let sent = self.setpoints.as_deref().map(|log| replay(&read_flight(log)?));
+        let file = |path: &Path| Plan::read_csv(path);
+        sent.or_else(|| self.plan.as_deref().map(file)).expect("clap wants one of them")
+    }
+}
+
 pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
     let scene = args.scene.load()?;
-    let plan = Plan::read_csv(&args.plan)?;
+    let plan = args.plan()?;
     let output = Output::create(&args.output)?;
     let flight = fly(&plan, &scene)?;
     let path = output.keep(|out| flight.write_csv(out))?;

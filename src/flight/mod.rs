@@ -8,8 +8,10 @@ use nalgebra::Vector3;
 
 use crate::geometry::Attitude;
 
+pub mod comparison;
 pub mod csv;
 pub mod table;
+pub mod tracking;
 
 /// A flight of one drone, sampled over time.
 #[derive(Clone, Debug, Default, PartialEq)]
