@@ -1,6 +1,6 @@
 //! `noctograph fly`: a plan, or the setpoints of a real flight, are flown in the simulator.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::{Outcome, print, show, tell};
 use crate::error::Result;
 use crate::flight::Flight;
-use crate::plan::{Plan, replay};
+use crate::plan::{Plan, Replay, replay};
 use crate::scene::Scene;
 use crate::sim;
 
@@ -34,9 +34,14 @@ pub(super) struct FlyArgs {
 
 impl FlyArgs {
     fn plan(&self) -> Result<Plan> {
-        let sent = self.setpoints.as_deref().map(|log| replay(&read_flight(log)?));
-        let file = |path: &Path| Plan::read_csv(path);
-        sent.or_else(|| self.plan.as_deref().map(file)).expect("clap wants one of them")
+        let Some(log) = self.setpoints.as_deref() else {
+            return Plan::read_csv(self.plan.as_deref().expect("clap wants one of them"));
+        };
+        let Replay { plan, n_restored } = replay(&read_flight(log)?)?;
+        if n_restored > 0 {
+            tell(&format!("warning: the log lost {n_restored} setpoints, put back evenly"));
+        }
+        Ok(plan)
     }
 }
 

@@ -16,7 +16,7 @@ pub mod csv;
 mod replay;
 mod tour;
 
-pub use replay::replay;
+pub use replay::{Replay, replay};
 
 /// What is sent to the drone, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -9,12 +9,14 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 pub(super) const WIDTH_PX: f64 = 800.0;
 /// Room left and right of a panel; the axis labels stand in it.
 const SIDES_PX: [f64; 2] = [72.0, 24.0];
+/// Of the left side, what stays empty.
+const EDGE_PX: f64 = 12.0;
 /// Width of a panel.
 pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
 /// Room above the first panel.
 const HEAD_PX: f64 = 72.0;
 /// Room below each panel, and more below the last for the name of its axis.
-const BELOW_PX: [f64; 2] = [30.0, 28.0];
+const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// plotters draws on whole pixels; a canvas this many times as fine, shown smaller, is smooth.
 const FINENESS: f64 = 8.0;
 /// Points of a curve nearer to each other than this are one.
@@ -72,6 +74,7 @@ impl Figure {
     pub(super) fn svg(&self) -> String {
         let height_px = HEAD_PX
             + BELOW_PX[1]
+            + EDGE_PX
             + self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum::<f64>();
         let size = (fine(WIDTH_PX), fine(height_px));
         let mut text = String::new();
@@ -93,9 +96,10 @@ impl Figure {
         for (index, panel) in self.panels.iter().enumerate() {
             let last = index + 1 == self.panels.len();
             let below_px = if last { BELOW_PX[0] + BELOW_PX[1] } else { BELOW_PX[0] };
-            let area = root
-                .clone()
-                .shrink(at(0.0, top_px), at(WIDTH_PX - SIDES_PX[1], panel.height_px + below_px));
+            let area = root.clone().shrink(
+                at(EDGE_PX, top_px),
+                at(WIDTH_PX - EDGE_PX - SIDES_PX[1], panel.height_px + below_px),
+            );
             panel.draw(&area, below_px, if last { self.x_name } else { "" })?;
             top_px += panel.height_px + below_px;
         }
@@ -129,7 +133,7 @@ impl Panel {
     ) -> Drawn<B> {
         let mut chart = ChartBuilder::on(area)
             .x_label_area_size(fine(below_px))
-            .y_label_area_size(fine(SIDES_PX[0]))
+            .y_label_area_size(fine(SIDES_PX[0] - EDGE_PX))
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
         let n_labels = |length_px: f64| (length_px / 60.0).max(3.0) as usize;

@@ -85,7 +85,7 @@ pub fn error_over_time(traces: &[Trace]) -> String {
     });
     Figure {
         title: "Flown minus design".to_owned(),
-        legend: designed().map(|(trace, pen)| (trace.name.clone(), pen)).collect(),
+        legend: names(traces, Trace::has_design),
         x_name: "time (s)",
         panels: panels.collect(),
     }
@@ -98,6 +98,14 @@ fn pens(traces: &[Trace]) -> impl Iterator<Item = (&Trace, Pen)> {
     let pens = colors.map(|color| Pen { color, width_px: 1.75 });
     let pairs: Vec<_> = traces.iter().zip(pens).collect();
     pairs.into_iter().rev()
+}
+
+/// The legend of the traces of one's choice, the first on top.
+fn names(traces: &[Trace], choice: impl Fn(&Trace) -> bool) -> Vec<(String, Pen)> {
+    let chosen = pens(traces).filter(|(trace, _)| choice(trace));
+    let mut names: Vec<_> = chosen.map(|(trace, pen)| (trace.name.clone(), pen)).collect();
+    names.reverse();
+    names
 }
 
 impl Trace {
@@ -129,7 +137,7 @@ impl View {
         }
         let flown = pens(traces).map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
         curves.extend(flown);
-        legend.extend(pens(traces).map(|(trace, pen)| (trace.name.clone(), pen)));
+        legend.extend(names(traces, |_| true));
         let nothing = f64::INFINITY..f64::NEG_INFINITY;
         let mut view = Self { curves: Vec::new(), legend, x: nothing.clone(), y: nothing };
         for (x, y) in curves.iter().flat_map(|curve| curve.pieces.iter().flatten()) {
