@@ -204,7 +204,6 @@ fn stamp(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Stamp> {
 
 /// First threshold of a segment: its time, well mixed (Steele et al. 2014, splitmix64). Nothing but
 /// the segment itself sets it, so that films add up whatever else is on them.
-#[expect(clippy::cast_possible_truncation, reason = "the upper half of 64 bits")]
 fn dither(start_s: f64) -> u32 {
     let mut z = start_s.to_bits();
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
