@@ -11,7 +11,7 @@
 //! Every sample counts the same: a log whose rate varies is resampled when it is imported.
 //!
 //! Sources: RMSE as in Table 1 of the reference flight; lag, RMSE after lag and cross-track error
-//! as measured on it and on NanoBench (arXiv 2603.09908).
+//! as measured on it and on `NanoBench` (arXiv 2603.09908).
 
 use nalgebra::{Vector2, Vector3};
 

@@ -112,26 +112,23 @@ fn in_plane_distance_m(point: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>
 fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
     let mut kept: Vec<Corner> = Vec::new();
     let mut last: Option<Corner> = None;
-    let mut door = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+    let open = [Vector3::repeat(f64::NEG_INFINITY), Vector3::repeat(f64::INFINITY)];
+    let mut door = open;
     for corner in corners {
         if let (Some(start), Some(before)) = (kept.last().copied(), last) {
-            let lasts_s = corner.time_s - start.time_s;
-            let velocity = (corner.at_m - start.at_m) / lasts_s;
-            let [low, high] = door;
-            let passes = corner.time_s > before.time_s
-                && (0..3).all(|axis| (low[axis]..=high[axis]).contains(&velocity[axis]));
+            let velocity = (corner.at_m - start.at_m) / (corner.time_s - start.time_s);
+            let passes =
+                corner.time_s > before.time_s && velocity >= door[0] && velocity <= door[1];
             if !passes {
                 kept.push(before);
-                door = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+                door = open;
             }
             let start = kept[kept.len() - 1];
             let lasts_s = corner.time_s - start.time_s;
             if lasts_s > 0.0 {
-                for axis in 0..3 {
-                    let moved_m = corner.at_m[axis] - start.at_m[axis];
-                    door[0][axis] = door[0][axis].max((moved_m - TOLERANCE_M) / lasts_s);
-                    door[1][axis] = door[1][axis].min((moved_m + TOLERANCE_M) / lasts_s);
-                }
+                let velocity = (corner.at_m - start.at_m) / lasts_s;
+                let slack = Vector3::repeat(TOLERANCE_M / lasts_s);
+                door = [door[0].sup(&(velocity - slack)), door[1].inf(&(velocity + slack))];
             }
         } else {
             kept.push(corner);
