@@ -43,7 +43,7 @@
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
 //! | 2 | [`light`] | Flight → [`light::LightTrace`] |
 //! | 3 | [`sim`] | Plan → Flight |
-//! | 3 | [`expose`] | LightTrace × Camera → [`expose::Film`], on a graphics device or the CPU |
+//! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |

@@ -156,7 +156,7 @@ impl CameraOptions {
 /// # Errors
 ///
 /// [`Error::Input`] saying what is possible.
-fn check_size(width_px: u32, height_px: u32) -> Result<()> {
+pub(crate) fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     let sides = [width_px, height_px];
     let pixels = u64::from(width_px) * u64::from(height_px);
     if sides.iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) && pixels <= MAX_PIXELS {

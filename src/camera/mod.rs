@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+pub(crate) use framing::check_size;
 pub use framing::{CameraOptions, Framing, MAX_PIXELS, MAX_SIDE_PX};
 
 mod framing;

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::inputs::{PictureFlags, SceneFlags, strokes};
 use super::outputs::Output;
+use super::progress::Busy;
 use super::{Outcome, print, show};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -78,6 +79,7 @@ pub(super) fn shoot(
     let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
     let options = ExposeOptions { backend, ..scene.expose };
     let trace = light(flight, &scene.light)?;
+    let _busy = Busy::new("exposing");
     let exposure = expose::expose(&trace, &camera, &options)?;
     let mut photo = develop(&exposure.film, &camera);
     photo.scene_toml = Some(scene.to_toml());

@@ -59,11 +59,8 @@ impl PictureFlags {
 /// Who exposes.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(super) enum BackendName {
-    /// wgpu where it finds an adapter, else the CPU
     Auto,
-    /// A graphics device through wgpu
     Wgpu,
-    /// The CPU
     Cpu,
 }
 

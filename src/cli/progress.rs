@@ -1,6 +1,8 @@
 //! A progress bar for what takes longer than a second, where somebody looks at the terminal.
 
 use std::io::IsTerminal;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -15,6 +17,9 @@ pub(super) struct Progress {
 
 const STEPS: u64 = 1000;
 
+/// Work that takes no longer than this shows nothing.
+const PATIENCE: Duration = Duration::from_secs(1);
+
 impl Progress {
     pub(super) fn new(what: &'static str) -> Self {
         Self { what, start: Instant::now(), bar: None }
@@ -23,7 +28,7 @@ impl Progress {
     /// Shows the share of the work that is done, 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
         if self.bar.is_none() {
-            let late = self.start.elapsed() > Duration::from_secs(1);
+            let late = self.start.elapsed() > PATIENCE;
             if !late || !std::io::stderr().is_terminal() {
                 return;
             }
@@ -46,6 +51,41 @@ impl Drop for Progress {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
+        }
+    }
+}
+
+/// A piece of work that cannot tell how far it is: a spinner turns while it lasts.
+#[derive(Debug)]
+pub(super) struct Busy {
+    /// Closed when the work is done.
+    work: Option<Sender<()>>,
+    spinner: Option<JoinHandle<()>>,
+}
+
+impl Busy {
+    pub(super) fn new(what: &'static str) -> Self {
+        if !std::io::stderr().is_terminal() {
+            return Self { work: None, spinner: None };
+        }
+        let (work, done) = channel();
+        let spin = move || {
+            if done.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                let spinner = ProgressBar::new_spinner().with_message(what);
+                spinner.enable_steady_tick(Duration::from_millis(100));
+                let _ = done.recv();
+                spinner.finish_and_clear();
+            }
+        };
+        Self { work: Some(work), spinner: Some(std::thread::spawn(spin)) }
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.work = None;
+        if let Some(spinner) = self.spinner.take() {
+            let _ = spinner.join();
         }
     }
 }

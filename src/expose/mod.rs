@@ -37,13 +37,10 @@ mod twins;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, check_size};
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
 use record::{Record, Stamp};
-
-/// Longest side of a picture: 2^28 px, 3 GiB of counts.
-pub const MAX_SIDE_PX: u32 = 16_384;
 
 /// Most samples in a trace, and most segments in a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;
@@ -194,7 +191,7 @@ impl Default for ExposeOptions {
 ///
 /// [`Error::Input`] where a lamp's numbers are not finite or its time runs backward (named with
 /// lamp and time), where the camera's or the option's numbers are out of range, and above
-/// [`MAX_SIDE_PX`] or [`MAX_SAMPLES`]. [`Error::Infeasible`] where `scale_log2` is too fine for
+/// the largest picture or [`MAX_SAMPLES`]. [`Error::Infeasible`] where `scale_log2` is too fine for
 /// the light. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
 pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Exposure> {
     check(trace, camera, options)?;
@@ -217,9 +214,7 @@ pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> R
 }
 
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
-    let max_side = f64::from(MAX_SIDE_PX);
-    within("camera: width_px", f64::from(camera.width_px), 1.0, max_side)?;
-    within("camera: height_px", f64::from(camera.height_px), 1.0, max_side)?;
+    check_size(camera.width_px, camera.height_px)?;
     within("camera: focal_length_m", camera.focal_length_m, 1e-4, 10.0)?;
     within("camera: sensor_width_m", camera.sensor_width_m, 1e-4, 10.0)?;
     within("camera: f_number", camera.f_number, 0.1, 1e3)?;

@@ -167,7 +167,7 @@ impl Strokes {
     ///
     /// # Panics
     ///
-    /// If there is no glyph; [`write`] always makes one.
+    /// If there is no glyph; [`write()`] always makes one.
     #[must_use]
     pub fn bounds_m(&self) -> [f64; 4] {
         let (first, last) = (self.glyphs.first(), self.glyphs.last());

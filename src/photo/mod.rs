@@ -68,6 +68,7 @@ mod tests {
         let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 1.0).unwrap();
         // ISO 100 saturates at 0.78 lx s; 18 % of that is sRGB 118, half is 188.
         let scale_log2 = -20;
+        #[expect(clippy::cast_possible_truncation, reason = "far below u32::MAX")]
         let count = |share: f64| (share * 0.78 * libm::exp2(20.0)) as u32;
         let counts = vec![count(1.0), 0, count(0.5), u32::MAX, count(0.18), count(0.000_15)];
         let photo = develop(&film(counts, scale_log2), &camera);

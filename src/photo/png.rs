@@ -4,7 +4,7 @@ use std::io::{BufReader, Cursor, Read, Write};
 use std::path::Path;
 
 use super::Photo;
-use crate::camera::{MAX_PIXELS, MAX_SIDE_PX};
+use crate::camera::{MAX_PIXELS, check_size};
 use crate::error::{Error, Result};
 
 /// Keyword of the text chunk that holds the scene file.
@@ -53,16 +53,12 @@ impl Photo {
         let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(&bytes)));
         let header = decoder.read_header_info().map_err(|e| broken(&e))?;
         let (width_px, height_px) = (header.width, header.height);
-        if width_px.max(height_px) > MAX_SIDE_PX
-            || u64::from(width_px) * u64::from(height_px) > MAX_PIXELS
-        {
-            return Err(Error::input(
-                path.display().to_string(),
-                format!("{width_px}x{height_px} pixels"),
-                format!("sides up to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels"),
-                "scale the photo down",
-            ));
-        }
+        check_size(width_px, height_px).map_err(|error| match error {
+            Error::Input { found, wanted, .. } => {
+                Error::input(path.display().to_string(), found, wanted, "scale the photo down")
+            }
+            other => other,
+        })?;
         let format = image::ImageFormat::Png;
         let picture =
             image::load_from_memory_with_format(&bytes, format).map_err(|e| broken(&e))?;

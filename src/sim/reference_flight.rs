@@ -23,8 +23,8 @@ fn design_m(plan: &Plan, time_s: f64) -> Vector3<f64> {
 /// simulation held them. The team's own script, and ours, begin anew with every move.
 fn noor_on_one_grid() -> Plan {
     let noor = noor();
-    let n = (noor.duration_s() / 0.1) as usize + 1;
-    let times_s = (0..n).map(|k| k as f64 * 0.1).chain([noor.duration_s()]);
+    let grid_s = (0..).map(|k| f64::from(k) * 0.1).take_while(|s| *s < noor.duration_s());
+    let times_s = grid_s.chain([noor.duration_s()]);
     let setpoints: Vec<Setpoint> = times_s
         .map(|time_s| Setpoint {
             time_s,

@@ -18,16 +18,18 @@ fn golden(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden").join(path)
 }
 
-/// The preview of a word at 256x144 with the default scene.
-fn preview(word: &str, backend: BackendChoice) -> (Exposure, Photo) {
+const SMALL_PX: [u32; 2] = [256, 144];
+
+/// The preview of a word with the default scene.
+fn preview(word: &str, size_px: [u32; 2]) -> (Exposure, Photo) {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
-    (scene.camera.width_px, scene.camera.height_px) = (256, 144);
+    [scene.camera.width_px, scene.camera.height_px] = size_px;
     let strokes = letters::write(word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light).unwrap();
-    let options = ExposeOptions { backend, ..scene.expose };
+    let options = ExposeOptions { backend: backend(), ..scene.expose };
     let exposure = expose(&trace, &camera, &options).unwrap();
     let photo = develop(&exposure.film, &camera);
     (exposure, photo)
@@ -43,24 +45,34 @@ fn refuse_other_than_lavapipe(adapter: &str) {
     assert!(adapter.contains("llvmpipe"), "goldens are blessed on lavapipe, not on {adapter}");
 }
 
-#[test]
-fn golden_noor_is_the_photo_of_noor() {
-    let path = golden("photo/noor.png");
-    let (exposure, photo) = preview("NOOR", backend());
+/// Holds the preview of NOOR to a golden image of at most `max_bytes`.
+fn hold(file: &str, size_px: [u32; 2], max_bytes: usize) {
+    let path = golden(file);
+    let (exposure, photo) = preview("NOOR", size_px);
     if std::env::var_os(BLESS).is_some() {
         refuse_other_than_lavapipe(&exposure.adapter);
-        let mut file = Vec::new();
-        photo.write_png(&mut file, &[]).unwrap();
-        assert!(file.len() <= 16 << 10, "a golden of {} bytes is too large", file.len());
-        std::fs::write(&path, file).unwrap();
+        let mut png = Vec::new();
+        photo.write_png(&mut png, &[]).unwrap();
+        assert!(png.len() <= max_bytes, "a golden of {} bytes is too large", png.len());
+        std::fs::write(&path, png).unwrap();
     }
     let wanted = Photo::read_png(&path).ok();
     let difference = wanted.as_ref().map(|wanted| compare(wanted, &photo));
     if difference != Some(None) {
         let note = format!("{difference:?} on {}", exposure.adapter);
-        let page = leave_page("noor", wanted.as_ref(), &photo, &note);
+        let page = leave_page(file, wanted.as_ref(), &photo, &note);
         panic!("{note}: look at {}, bless with {BLESS}=1", page.display());
     }
+}
+
+#[test]
+fn golden_noor_is_the_photo_of_noor() {
+    hold("photo/noor.png", SMALL_PX, 16 << 10);
+}
+
+#[test]
+fn golden_picture_of_the_readme_is_what_the_command_makes() {
+    hold("readme/noor.png", [960, 540], 64 << 10);
 }
 
 #[test]
@@ -68,7 +80,7 @@ fn golden_accumulators_have_their_hashes() {
     let path = golden("expose/accumulators.txt");
     let mut found = String::new();
     for word in ["NOOR", "QUICK", "X"] {
-        let (exposure, _) = preview(word, backend());
+        let (exposure, _) = preview(word, SMALL_PX);
         if std::env::var_os(BLESS).is_some() {
             refuse_other_than_lavapipe(&exposure.adapter);
         }

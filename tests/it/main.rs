@@ -1,4 +1,5 @@
 //! Tests through the front door: the command, the golden images, and claims about the whole road.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod cli;
 mod compare;

@@ -1,1 +1,107 @@
 //! Claims about the whole road, from word to verdict.
+
+use std::ops::RangeInclusive;
+
+use noctograph::camera::Camera;
+use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::photo::develop;
+use noctograph::scene::Scene;
+use noctograph::{letters, light, plan, score, sim};
+
+/// A word on film, with the camera that took it.
+struct Taken {
+    film: Film,
+    camera: Camera,
+    verdict: score::Verdict,
+}
+
+fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
+    let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
+    change(&mut scene);
+    let strokes = letters::write(word, &scene.letters).unwrap();
+    let plan = plan::plan(&strokes, &scene.plan).unwrap();
+    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
+    let trace = light::light(&flight, &scene.light).unwrap();
+    let options = ExposeOptions { backend, ..scene.expose };
+    let film = expose(&trace, &camera, &options).unwrap().film;
+    let photo = develop(&film, &camera);
+    let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
+    Taken { film, camera, verdict }
+}
+
+fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
+    take(word, change, BackendChoice::Cpu)
+}
+
+impl Taken {
+    /// Exposed pixels in a box of the word's plane: their count and mean x, in metres.
+    fn lit(&self, x_m: RangeInclusive<f64>, z_m: RangeInclusive<f64>) -> (usize, f64) {
+        let width = self.film.width_px as usize;
+        let saturation_lx_s = self.camera.saturation_lx_s();
+        let at = |x: f64, z: f64| {
+            self.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap()
+        };
+        let m_per_px = 1.0 / (at(1.0, 0.0).x_px - at(0.0, 0.0).x_px);
+        let (origin, mut n, mut sum_m) = (at(0.0, 0.0), 0, 0.0);
+        for index in 0..width * self.film.height_px as usize {
+            let x = ((index % width) as f64 + 0.5 - origin.x_px) * m_per_px;
+            let z = (origin.y_px - (index / width) as f64 - 0.5) * m_per_px;
+            let lit = || self.film.exposure_lx_s(1, index) > 0.2 * saturation_lx_s;
+            if x_m.contains(&x) && z_m.contains(&z) && lit() {
+                n += 1;
+                sum_m += x;
+            }
+        }
+        (n, sum_m / n as f64)
+    }
+}
+
+#[test]
+fn a_displaced_centre_of_mass_shifts_the_letters_left_by_7_cm() {
+    let balanced = on_cpu("NOOR", |scene| scene.vehicle.center_of_mass_m = [0.0, 0.0]);
+    let displaced = on_cpu("NOOR", |_| {});
+    // The left stroke of the second O, designed at x = 0.2 m.
+    let (_, balanced_m) = balanced.lit(0.15..=0.25, 0.7..=0.8);
+    let (_, displaced_m) = displaced.lit(0.08..=0.18, 0.7..=0.8);
+    let shift_m = displaced_m - balanced_m;
+    assert!((-0.075..=-0.06).contains(&shift_m), "shifted by {shift_m} m");
+}
+
+#[test]
+fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
+    let taken = on_cpu("NOOR", |_| {});
+    // The first O's box runs from x = -0.2 m to 0.1 m, and hangs 7 cm to the left.
+    let (left, _) = taken.lit(-0.24..=-0.19, 0.45..=0.55);
+    let (right, _) = taken.lit(-0.15..=0.0, 0.45..=0.55);
+    assert!(left == 0 && right > 100, "bottom of the O: {left} px left, {right} px right");
+    let (tail, _) = taken.lit(-0.7..=-0.5, 0.3..=0.45);
+    assert!(tail > 50, "the light goes on while the drone still climbs: {tail} px");
+}
+
+#[test]
+fn a_dark_flight_reads_as_nothing() {
+    let taken = on_cpu("NOOR", |scene| {
+        scene.light.emitters.iter_mut().for_each(|emitter| emitter.intensity_cd = 0.0);
+    });
+    assert!(!taken.verdict.legible && taken.verdict.read == "????", "{:?}", taken.verdict);
+}
+
+#[test]
+fn clean_previews_of_the_teams_letters_read() {
+    // Every letter once; W and X as flawed as the team flew them.
+    for word in ["NOOR", "CAB", "FED", "GHI", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
+        let verdict = on_cpu(word, |_| {}).verdict;
+        assert_eq!(verdict.read, word, "{verdict:#?}");
+    }
+}
+
+#[test]
+fn both_backends_take_the_same_photo() {
+    let by_cpu = on_cpu("LOG", |_| {});
+    let by_device = match std::env::var_os("NOCTOGRAPH_REQUIRE_GPU") {
+        Some(_) => take("LOG", |_| {}, BackendChoice::Wgpu),
+        None => take("LOG", |_| {}, BackendChoice::Auto),
+    };
+    assert!(by_cpu.film == by_device.film, "the films differ");
+}
