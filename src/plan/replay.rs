@@ -30,7 +30,7 @@ pub struct Replay {
 /// simulated flight's design moves on between setpoints and changes with every sample; the plan's
 /// own file is closer to what was sent there.
 ///
-/// A log loses packets, the drone does not: where a setpoint is more than [`NEIGHBOR_STEPS`] usual
+/// A log loses packets, the drone does not: where a setpoint is more than one and a half usual
 /// steps from the one before, and was reached at the usual speed, those in between were sent as
 /// well. They are put back evenly. In the reference flight that is one setpoint in fifteen; holding
 /// the last one across the longest hole instead (0.78 s, 0.16 m) takes the replay's error in z from
