@@ -48,6 +48,7 @@
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
+//! | 8 | [`report`] | products → plots |
 //! | 9 | [`cli`] | what was typed |
 //!
 //! What a room must not know keeps the house good:
@@ -80,6 +81,7 @@ pub mod light;
 pub mod logs;
 pub mod photo;
 pub mod plan;
+pub mod report;
 pub mod scene;
 pub mod score;
 pub mod sim;

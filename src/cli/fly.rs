@@ -1,23 +1,27 @@
-//! `noctograph fly`: a plan is flown in the simulator.
+//! `noctograph fly`: a plan, or the setpoints of a real flight, are flown in the simulator.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::SceneFlags;
+use super::inputs::{SceneFlags, read_flight};
 use super::outputs::Output;
 use super::progress::Progress;
 use super::{Outcome, print, show, tell};
 use crate::error::Result;
 use crate::flight::Flight;
-use crate::plan::Plan;
+use crate::plan::{Plan, Replay, replay};
 use crate::scene::Scene;
 use crate::sim;
 
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {
     /// Plan to fly, as `noctograph plan` writes it
-    plan: PathBuf,
+    #[arg(required_unless_present = "setpoints", conflicts_with = "setpoints")]
+    plan: Option<PathBuf>,
+    /// Fly the setpoints of this flight instead, as they were sent
+    #[arg(long, value_name = "FLIGHT")]
+    setpoints: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneFlags,
     /// Flight to write
@@ -28,9 +32,22 @@ pub(super) struct FlyArgs {
     json: bool,
 }
 
+impl FlyArgs {
+    fn plan(&self) -> Result<Plan> {
+        let Some(log) = self.setpoints.as_deref() else {
+            return Plan::read_csv(self.plan.as_deref().expect("clap wants one of them"));
+        };
+        let Replay { plan, n_restored } = replay(&read_flight(log)?)?;
+        if n_restored > 0 {
+            tell(&format!("warning: the log lost {n_restored} setpoints, put back evenly"));
+        }
+        Ok(plan)
+    }
+}
+
 pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
     let scene = args.scene.load()?;
-    let plan = Plan::read_csv(&args.plan)?;
+    let plan = args.plan()?;
     let output = Output::create(&args.output)?;
     let flight = fly(&plan, &scene)?;
     let path = output.keep(|out| flight.write_csv(out))?;

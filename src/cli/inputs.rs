@@ -1,11 +1,12 @@
 //! Flags that several verbs share, and the scene they make.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
+use crate::flight::Flight;
 use crate::letters::{self, Strokes};
 use crate::scene::Scene;
 
@@ -82,6 +83,11 @@ pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> 
         return Err(Error::input("word", "no word", "the word that is written", hint));
     }
     letters::write(&scene.word, &scene.letters)
+}
+
+/// A flight from a file, whoever flew it.
+pub(super) fn read_flight(path: &Path) -> Result<Flight> {
+    Flight::read_csv(path)
 }
 
 fn size(text: &str) -> std::result::Result<(u32, u32), String> {

@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand};
 
 use crate::error::Result;
 
+mod compare;
 mod expose;
 mod fly;
 mod inputs;
@@ -41,6 +42,8 @@ enum Verb {
     Plan(plan::PlanArgs),
     /// Fly a plan in the simulator: the flight's log as CSV
     Fly(fly::FlyArgs),
+    /// Compare two flights, and each with its design: figures and plots
+    Compare(compare::CompareArgs),
     /// Expose a flight: its long-exposure photograph as PNG
     Expose(expose::ExposeArgs),
     /// Read a photograph, and say whether its word is legible
@@ -69,6 +72,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(args) => preview::run(&args),
         Verb::Plan(args) => plan::run(&args),
         Verb::Fly(args) => fly::run(&args),
+        Verb::Compare(args) => compare::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Scene(args) => scene::run(&args),

@@ -1,9 +1,12 @@
 //! Results as people read them, and as programs do.
 
+use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 
 use crate::expose::Backend;
-use crate::flight::{Flight, rmse_m};
+use crate::flight::Flight;
+use crate::flight::tracking::{Part, Tracking, track};
+use crate::geometry::Attitude;
 use crate::score::{Reason, Verdict};
 
 /// The verdict: a line for the word, a row for each letter.
@@ -33,19 +36,79 @@ fn in_words(reason: Reason) -> &'static str {
     }
 }
 
-/// Flight time and tracking error.
+/// Flight time and tracking error, over the letters or, where none was written, in the air.
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
-    let rmse = rmse_m(flight).map_or("no letter was written".to_owned(), |rmse| {
-        format!("x {:.3}  y {:.3}  z {:.3} m", rmse.x, rmse.y, rmse.z)
-    });
-    format!("flight    {duration_s:.1} s, RMSE over the letters: {rmse}\n")
+    let Ok(tracking) = track(flight, Part::of(flight)) else {
+        return format!("flight    {duration_s:.1} s on the floor\n");
+    };
+    let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
+    format!(
+        "flight    {duration_s:.1} s, RMSE {}: x {:.3}  y {:.3}  z {:.3} m\n          trails by \
+         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n",
+        in_part(tracking.part),
+        rmse.x,
+        rmse.y,
+        rmse.z,
+        contour.mean_m,
+        contour.max_m
+    )
 }
 
-/// Flight time and tracking error for programs; `rmse_m` is null where no letter was written.
+/// Flight time and tracking error for programs; all but the time is null where the drone never
+/// left the floor.
 pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
-    let rmse_m = rmse_m(flight).map(|rmse| [rmse.x, rmse.y, rmse.z]);
-    serde_json::json!({ "duration_s": duration_s(flight), "rmse_m": rmse_m })
+    let tracking = track(flight, Part::of(flight)).ok();
+    let mut json = tracking.as_ref().map_or_else(
+        || serde_json::json!({ "part": null, "rmse_m": null, "lag_s": null, "contour": null }),
+        tracking_json,
+    );
+    json["duration_s"] = duration_s(flight).into();
+    json
+}
+
+/// Figures of tracking for programs; vectors are `[x, y, z]`, angles `[yaw, pitch, roll]`.
+pub(super) fn tracking_json(tracking: &Tracking) -> serde_json::Value {
+    let xyz = |v: Vector3<f64>| [v.x, v.y, v.z];
+    let angles = |a: Attitude| [a.yaw_rad, a.pitch_rad, a.roll_rad];
+    let Tracking { contour, drift, attitude, .. } = tracking;
+    serde_json::json!({
+        "part": tracking.part.name(),
+        "samples": tracking.n_samples,
+        "span_s": tracking.span_s,
+        "rmse_m": xyz(tracking.rmse_m),
+        "mean_error_m": xyz(tracking.mean_error_m),
+        "in_plane_rmse_m": tracking.in_plane_rmse_m(),
+        "lag_s": tracking.lag_s,
+        "rmse_after_lag_m": xyz(tracking.rmse_after_lag_m),
+        "in_plane_rmse_after_lag_m": tracking.in_plane_rmse_after_lag_m(),
+        "contour": {
+            "mean_m": contour.mean_m,
+            "rms_m": contour.rms_m,
+            "p95_m": contour.p95_m,
+            "max_m": contour.max_m,
+        },
+        "observer_rmse_m": tracking.observer_rmse_m.map(xyz),
+        "drift": {
+            "min_y_m": drift.min_y_m,
+            "max_y_m": drift.max_y_m,
+            "in_corridor_frac": drift.in_corridor_frac,
+        },
+        "attitude": {
+            "mean_rad": angles(attitude.mean),
+            "sigma_rad": angles(attitude.sigma),
+            "max_rad": angles(attitude.max),
+        },
+    })
+}
+
+/// A part of a flight, after a figure.
+pub(super) fn in_part(part: Part) -> &'static str {
+    match part {
+        Part::Letters => "over the letters",
+        Part::Airborne => "in the air",
+        Part::All => "over all",
+    }
 }
 
 /// Who exposed.

@@ -9,8 +9,10 @@ use nalgebra::Vector3;
 use crate::geometry::Attitude;
 
 mod airborne;
+pub mod comparison;
 pub mod csv;
 pub mod table;
+pub mod tracking;
 
 pub use airborne::{FLYING_MOTOR_COMMAND, airborne};
 

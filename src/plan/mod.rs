@@ -13,7 +13,10 @@ use crate::geometry::polyline_length_m;
 use crate::letters::Strokes;
 
 pub mod csv;
+mod replay;
 mod tour;
+
+pub use replay::{Replay, replay};
 
 /// What is sent to the drone, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,5 +3,6 @@
 
 mod cli;
 mod compare;
+mod compare_flights;
 mod golden;
 mod road;

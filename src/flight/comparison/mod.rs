@@ -1,0 +1,155 @@
+//! Comparison: how far apart two flights are, sampled on clocks of their own.
+//!
+//! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
+//!
+//! Method: B's clock is shifted so that both designs agree (or as told), and B is read at the times
+//! of A's samples, on the straight line between two of its samples. Where these are further apart
+//! than [`ComparisonOptions::max_gap_s`], as where packets were lost, nothing is known of B, and A's
+//! sample is left out; so is one outside the stated part of either flight.
+//!
+//! Not done: clocks that run at different speeds, and frames that differ; both are turned where a
+//! log is imported.
+
+use nalgebra::Vector3;
+
+use super::tracking::{Part, angles_rad, attitude, mean, rms};
+use super::{Flight, FlightSample};
+use crate::error::{Error, Result, within};
+use crate::geometry::Attitude;
+
+mod align;
+#[cfg(test)]
+mod tests;
+
+/// How two flights are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComparisonOptions {
+    /// Part of both flights that is compared.
+    pub part: Part,
+    /// How B's clock is set to A's.
+    pub alignment: Alignment,
+    /// Longest time between two samples of B across which B is taken to move straight on. A
+    /// Crazyflie's log has a sample every 10 to 30 ms; longer hides the wobble of 1 to 4 Hz,
+    /// much shorter throws away samples that are known well.
+    pub max_gap_s: f64,
+}
+
+impl Default for ComparisonOptions {
+    fn default() -> Self {
+        Self { part: Part::Airborne, alignment: Alignment::Design, max_gap_s: 0.2 }
+    }
+}
+
+/// How the clock of flight B is set to that of flight A.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Alignment {
+    /// So that the designs agree best. Where one design is held between setpoints and the other is
+    /// not, that is off by half the time between two setpoints.
+    Design,
+    /// This is added to B's times.
+    Offset(f64),
+}
+
+/// How far apart two flights are; errors are A minus B, in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// What the figures cover.
+    pub part: Part,
+    /// What was added to B's times.
+    pub offset_s: f64,
+    /// Samples of A that were compared.
+    pub n_samples: usize,
+    /// First and last of them, on A's clock.
+    pub span_s: [f64; 2],
+    /// Root mean square of the position per axis.
+    pub rmse_m: Vector3<f64>,
+    /// Mean of the position per axis.
+    pub mean_m: Vector3<f64>,
+    /// Greatest distance in position.
+    pub max_m: f64,
+    /// Root mean square of the attitude.
+    pub attitude_rmse: Attitude,
+}
+
+/// Compares two flights.
+///
+/// # Errors
+///
+/// [`Error::Input`] for an option out of range; where a flight has no sample in the part; where
+/// designs shall be aligned and one flight has none; and where the flights have no time in common.
+pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
+    within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
+    let offset_s = match options.alignment {
+        Alignment::Design => align::offset_s(a, b)?,
+        Alignment::Offset(offset_s) => {
+            within("offset_s", offset_s, -1e6, 1e6)?;
+            offset_s
+        }
+    };
+    let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
+    for sample in &mut samples_b {
+        sample.time_s += offset_s;
+    }
+    let pairs = pairs(&samples_a, &samples_b, options.max_gap_s);
+    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
+        let span =
+            |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
+        let found = format!("A at {}, B at {}", span(&samples_a), span(&samples_b));
+        let hint = "shift B's clock with --offset, or name two flights of the same plan";
+        return Err(Error::input("flights A and B", found, "a time that both cover", hint));
+    };
+    let apart = || pairs.iter().map(|[a, b]| a.position_m - b.position_m);
+    let turned = pairs.iter().map(|[a, b]| {
+        let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
+        apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
+    });
+    Ok(Comparison {
+        part: options.part,
+        offset_s,
+        n_samples: pairs.len(),
+        span_s: [first[0].time_s, last[0].time_s],
+        rmse_m: rms(apart()),
+        mean_m: mean(apart()),
+        max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
+        attitude_rmse: attitude(rms(turned)),
+    })
+}
+
+/// Each sample of A with B at the same time, where B is known.
+fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
+    let mut next = 0;
+    let mut pairs = Vec::with_capacity(a.len());
+    for sample in a {
+        while b.get(next).is_some_and(|b| b.time_s < sample.time_s) {
+            next += 1;
+        }
+        let Some(after) = b.get(next) else { break };
+        let before = if next > 0 { &b[next - 1] } else { after };
+        if let Some(there) = between(before, after, sample.time_s, max_gap_s) {
+            pairs.push([*sample, there]);
+        }
+    }
+    pairs
+}
+
+/// A flight between two samples that follow each other; `None` where they do not enclose the time
+/// or lie too far apart.
+fn between(
+    before: &FlightSample,
+    after: &FlightSample,
+    time_s: f64,
+    max_gap_s: f64,
+) -> Option<FlightSample> {
+    if after.time_s == time_s {
+        return Some(*after);
+    }
+    let gap_s = after.time_s - before.time_s;
+    if time_s < before.time_s || gap_s > max_gap_s {
+        return None;
+    }
+    let done = (time_s - before.time_s) / gap_s;
+    let position_m = before.position_m + (after.position_m - before.position_m) * done;
+    let [from, to] = [before, after].map(|sample| angles_rad(&sample.attitude));
+    let turn = (to - from).map(|angle| libm::remainder(angle, std::f64::consts::TAU));
+    Some(FlightSample { time_s, position_m, attitude: attitude(from + turn * done), ..*before })
+}

@@ -1,0 +1,95 @@
+//! Two flights whose difference is known.
+
+use super::*;
+use crate::flight::tracking::constructed::{flight, square, still};
+
+fn near(found: f64, wanted: f64, within: f64, what: &str) {
+    assert!((found - wanted).abs() <= within, "{what}: {found} instead of {wanted}");
+}
+
+/// The square after a wait on the spot, as a drone 2 cm to the right of it flies it.
+fn aside(wait_s: f64, step_s: f64) -> Flight {
+    let design = |t: f64| square(t - wait_s);
+    flight(step_s, 12.0 + wait_s, |t| design(t) + Vector3::new(0.02, 0.0, 0.0), design)
+}
+
+#[test]
+fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
+    let (a, mut b) = (aside(1.0, 0.004), aside(2.7, 0.011));
+    for sample in &mut b.samples {
+        sample.time_s += 523.25;
+        sample.position_m += Vector3::new(0.0, 0.01, -0.03);
+    }
+    let options = ComparisonOptions { part: Part::All, ..Default::default() };
+    let comparison = compare(&a, &b, &options).unwrap();
+    near(comparison.offset_s, -524.95, 2e-4, "offset");
+    // The corners are cut by at most half a sample of B, 1.1 mm.
+    near(comparison.rmse_m.x, 0.0, 1e-3, "x");
+    near(comparison.rmse_m.y, 0.01, 1e-9, "y");
+    near(comparison.mean_m.y, -0.01, 1e-9, "mean y");
+    near(comparison.rmse_m.z, 0.03, 1e-3, "z");
+    near(comparison.max_m, libm::hypot(0.01, 0.03), 3e-3, "farthest");
+}
+
+#[test]
+fn equal_clocks_are_left_alone() {
+    let (a, b) = (aside(1.0, 0.004), aside(1.0, 0.01));
+    let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
+    assert_eq!(comparison.offset_s, 0.0);
+    near(comparison.max_m, 0.0, 1e-3, "same flight");
+}
+
+#[test]
+fn nothing_is_made_up_across_a_gap() {
+    let (a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.01));
+    let whole = compare(&a, &b, &ComparisonOptions::default()).unwrap();
+    assert_eq!(whole.n_samples, 1201);
+    // B is silent for 0.7 s and jumps meanwhile.
+    b.samples.retain(|sample| sample.time_s <= 3.0 || sample.time_s >= 3.7);
+    let options = ComparisonOptions::default();
+    let gapped = compare(&a, &b, &options).unwrap();
+    assert_eq!((gapped.n_samples, gapped.max_m), (1201 - 69, 0.0), "the gap is left out");
+    let trusting = ComparisonOptions { max_gap_s: 1.0, ..options };
+    assert_eq!(compare(&a, &b, &trusting).unwrap().n_samples, 1201, "unless it is trusted");
+}
+
+#[test]
+fn attitude_is_compared_the_short_way_round() {
+    let (mut a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.02));
+    a.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad = 3.1);
+    for (k, sample) in b.samples.iter_mut().enumerate() {
+        let turn = if k % 2 == 0 { 0.0 } else { std::f64::consts::TAU };
+        sample.attitude.yaw_rad = -3.1 + turn;
+    }
+    let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
+    near(comparison.attitude_rmse.yaw_rad, std::f64::consts::TAU - 6.2, 1e-9, "yaw");
+}
+
+#[test]
+fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
+    let refused = |a: &Flight, b: &Flight, alignment| {
+        let options = ComparisonOptions { alignment, ..Default::default() };
+        compare(a, b, &options).unwrap_err().to_string()
+    };
+    let (a, empty) = (aside(0.0, 0.01), Flight::default());
+    let undesigned = flight(0.01, 12.0, square, still);
+    assert!(refused(&a, &empty, Alignment::Design).contains("flight B: found no design"));
+    assert!(refused(&undesigned, &a, Alignment::Design).contains("flight A: found no design"));
+    assert!(refused(&a, &empty, Alignment::Offset(0.0)).contains("no sample"));
+    assert!(refused(&a, &a, Alignment::Offset(f64::NAN)).contains("offset_s"));
+    let apart = refused(&a, &a, Alignment::Offset(50.0));
+    assert!(apart.contains("A at 0.00 … 12.00 s, B at 50.00 … 62.00 s"), "{apart}");
+    assert!(
+        compare(
+            &undesigned,
+            &a,
+            &ComparisonOptions {
+                alignment: Alignment::Offset(0.0),
+                part: Part::All,
+                ..Default::default()
+            }
+        )
+        .is_ok(),
+        "a design is needed for the clocks alone"
+    );
+}

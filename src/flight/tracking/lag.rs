@@ -1,0 +1,70 @@
+//! How far a flight trails its design in time.
+
+use nalgebra::Vector3;
+
+use super::path::DesignPath;
+use crate::flight::FlightSample;
+
+/// Step of the search over a range of shifts. A letter's strokes last a second and more, so that
+/// the error falls and rises once within a step.
+const STEP_S: f64 = 0.02;
+/// The found shift is this sharp: at 0.2 m/s, 0.2 µm of path.
+const RESOLUTION_S: f64 = 1e-6;
+/// Samples that the first search looks at, spread over the flight; the refinement looks at all.
+const COARSE_SAMPLES: usize = 2000;
+
+/// The shift of the design within `range_s` that brings it closest to the flown positions: the
+/// shifted design at time t is the design at t − shift.
+///
+/// Where several are as good, as with a design that stands still, the smallest is taken.
+pub(super) fn best_shift_s(
+    samples: &[FlightSample],
+    design: &DesignPath,
+    range_s: [f64; 2],
+) -> f64 {
+    let cost = |samples: &mut dyn Iterator<Item = &FlightSample>, shift_s: f64| {
+        let mut walk = design.walk();
+        let error = |s: &FlightSample| s.position_m - walk.at_m(s.time_s - shift_s);
+        samples.map(error).map(|e: Vector3<f64>| e.xz().norm_squared()).sum::<f64>()
+    };
+    let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
+    let coarse = |shift_s: f64| cost(&mut samples.iter().step_by(stride), shift_s);
+    least(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
+}
+
+/// Where a function is least within a range: a grid by `coarse`, then a golden section by `fine`.
+pub(crate) fn least(
+    [low, high]: [f64; 2],
+    mut coarse: impl FnMut(f64) -> f64,
+    mut fine: impl FnMut(f64) -> f64,
+) -> f64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+    let n_steps = ((high - low) / STEP_S).ceil() as u32;
+    let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
+    let costs = grid.map(|at| (at, coarse(at)));
+    let (best, _) = costs.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a grid has a point");
+
+    let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
+    let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
+    let inner = |left: f64, right: f64| {
+        let reach = golden * (right - left);
+        (right - reach, left + reach)
+    };
+    let (mut a, mut b) = inner(left, right);
+    let (mut cost_a, mut cost_b) = (fine(a), fine(b));
+    while right - left > RESOLUTION_S {
+        if cost_a <= cost_b {
+            right = b;
+            (b, cost_b) = (a, cost_a);
+            a = inner(left, right).0;
+            cost_a = fine(a);
+        } else {
+            left = a;
+            (a, cost_a) = (b, cost_b);
+            b = inner(left, right).1;
+            cost_b = fine(b);
+        }
+    }
+    let middle = 0.5 * (left + right);
+    if fine(middle) < fine(best) { middle } else { best }
+}

@@ -1,0 +1,227 @@
+//! Tracking: how well a flight keeps to its design.
+//!
+//! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
+//!
+//! Method: the error at an instant mixes two things, being late and being beside the path. The lag
+//! is the shift of the design in time that brings it closest to the flight in the word's plane
+//! (x-z); what remains after it, and the distance to the path itself, is what a photograph shows.
+//! That distance (contour error) is to the stretch of path around the shifted time alone, and never
+//! to path not yet sent, so that another stroke that crosses here flatters nobody.
+//!
+//! Every sample counts the same: a log whose rate varies is resampled when it is imported.
+//!
+//! Sources: RMSE as in Table 1 of the reference flight; lag, RMSE after lag and cross-track error
+//! as measured on it and on `NanoBench` (arXiv 2603.09908).
+
+use nalgebra::{Vector2, Vector3};
+
+use super::{Flight, FlightSample};
+use crate::error::{Error, Result};
+use crate::geometry::Attitude;
+
+#[cfg(test)]
+pub(crate) mod constructed;
+mod lag;
+mod part;
+mod path;
+#[cfg(test)]
+mod tests;
+
+pub use part::Part;
+
+pub(super) use lag::least;
+pub(super) use path::DesignPath;
+
+/// Longest lag that is looked for. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
+pub const MAX_LAG_S: f64 = 1.5;
+
+/// The contour error looks at the design this long before and after the lag-shifted time. Too short
+/// counts lateness at a corner as distance, too long finds a neighbouring stroke: at 0.2 m/s it is
+/// 0.1 m of path either way, the gap between two letters.
+pub const CONTOUR_WINDOW_S: f64 = 0.5;
+
+/// The safety corridor for visitors: y within plus or minus this.
+pub const CORRIDOR_M: f64 = 0.2;
+
+/// How well a flight keeps to its design; errors are flown minus design, in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tracking {
+    /// What the figures cover.
+    pub part: Part,
+    /// Samples in that part.
+    pub n_samples: usize,
+    /// First and last sample of that part.
+    pub span_s: [f64; 2],
+    /// Root mean square per axis.
+    pub rmse_m: Vector3<f64>,
+    /// Mean per axis.
+    pub mean_error_m: Vector3<f64>,
+    /// Shift of the design in time, 0 to [`MAX_LAG_S`], that leaves the least error in the x-z
+    /// plane; 0 where the design stands still.
+    pub lag_s: f64,
+    /// Root mean square per axis against the design shifted by the lag.
+    pub rmse_after_lag_m: Vector3<f64>,
+    /// Distance in the x-z plane from the flown position to the path of the design.
+    pub contour: ContourError,
+    /// Root mean square of `estimate − position` per axis; `None` where the flight tells no
+    /// estimate.
+    pub observer_rmse_m: Option<Vector3<f64>>,
+    /// How far the flight leaves the word's plane.
+    pub drift: Drift,
+    /// How the drone is tilted and turned.
+    pub attitude: AttitudeSpread,
+}
+
+/// Distance from the flown position to the path of the design, in the x-z plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContourError {
+    /// Mean.
+    pub mean_m: f64,
+    /// Root mean square.
+    pub rms_m: f64,
+    /// 95 % of the samples are at most this far away.
+    pub p95_m: f64,
+    /// The farthest sample.
+    pub max_m: f64,
+}
+
+/// Where the drone is in depth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Least y.
+    pub min_y_m: f64,
+    /// Greatest y.
+    pub max_y_m: f64,
+    /// Share of the samples within ±[`CORRIDOR_M`], 0 to 1.
+    pub in_corridor_frac: f64,
+}
+
+/// Yaw, pitch and roll over a flight, each by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttitudeSpread {
+    /// Mean.
+    pub mean: Attitude,
+    /// Standard deviation.
+    pub sigma: Attitude,
+    /// Greatest size, to either side of zero.
+    pub max: Attitude,
+}
+
+impl Tracking {
+    /// Root mean square in the x-z plane.
+    #[must_use]
+    pub fn in_plane_rmse_m(&self) -> f64 {
+        self.rmse_m.xz().norm()
+    }
+
+    /// Root mean square in the x-z plane against the design shifted by the lag.
+    #[must_use]
+    pub fn in_plane_rmse_after_lag_m(&self) -> f64 {
+        self.rmse_after_lag_m.xz().norm()
+    }
+}
+
+/// Measures how well a flight keeps to its design over a part of it.
+///
+/// # Errors
+///
+/// [`Error::Input`] where the flight has no sample in that part, or no design.
+pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
+    let samples = part.samples(flight)?;
+    let design = DesignPath::of(flight).ok_or_else(|| {
+        let hint = "import a log that holds setpoints, or compare the flight with another one";
+        Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
+    })?;
+    let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
+    let lag_s = lag::best_shift_s(&samples, &design, [0.0, MAX_LAG_S]);
+    let mut walk = design.walk();
+    let late = samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s));
+    Ok(Tracking {
+        part,
+        n_samples: samples.len(),
+        span_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
+        rmse_m: rms(errors()),
+        mean_error_m: mean(errors()),
+        lag_s,
+        rmse_after_lag_m: rms(late),
+        contour: contour(&samples, &design, lag_s),
+        observer_rmse_m: observer_rmse_m(&samples),
+        drift: drift(&samples),
+        attitude: attitude_spread(&samples),
+    })
+}
+
+fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
+    let mut walk = design.walk();
+    let mut distances_m: Vec<f64> = samples
+        .iter()
+        .map(|sample| {
+            let due_s = sample.time_s - lag_s;
+            let sent_s = (due_s + CONTOUR_WINDOW_S).min(sample.time_s);
+            walk.distance_m(sample.position_m, [due_s - CONTOUR_WINDOW_S, sent_s])
+        })
+        .collect();
+    distances_m.sort_unstable_by(f64::total_cmp);
+    let n = distances_m.len();
+    let both: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
+    let both = both / count(n);
+    ContourError {
+        mean_m: both.x,
+        rms_m: both.y.sqrt(),
+        p95_m: distances_m[(n * 95).div_ceil(100) - 1],
+        max_m: distances_m[n - 1],
+    }
+}
+
+fn observer_rmse_m(samples: &[FlightSample]) -> Option<Vector3<f64>> {
+    let told = samples.iter().any(|sample| sample.estimate_m != Vector3::zeros());
+    told.then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m)))
+}
+
+fn drift(samples: &[FlightSample]) -> Drift {
+    let y_m = || samples.iter().map(|sample| sample.position_m.y);
+    Drift {
+        min_y_m: y_m().fold(f64::INFINITY, f64::min),
+        max_y_m: y_m().fold(f64::NEG_INFINITY, f64::max),
+        in_corridor_frac: count(y_m().filter(|y| y.abs() <= CORRIDOR_M).count())
+            / count(samples.len()),
+    }
+}
+
+fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
+    let angles = || samples.iter().map(|sample| angles_rad(&sample.attitude));
+    let mean = mean(angles());
+    let largest = angles().fold(Vector3::zeros(), |most: Vector3<f64>, a| most.sup(&a.abs()));
+    AttitudeSpread {
+        mean: attitude(mean),
+        sigma: attitude(rms(angles().map(|a| a - mean))),
+        max: attitude(largest),
+    }
+}
+
+/// Yaw, pitch and roll as a vector.
+pub(super) fn angles_rad(attitude: &Attitude) -> Vector3<f64> {
+    Vector3::new(attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad)
+}
+
+/// The attitude of a vector of yaw, pitch and roll.
+pub(super) fn attitude(angles_rad: Vector3<f64>) -> Attitude {
+    let [yaw_rad, pitch_rad, roll_rad] = angles_rad.into();
+    Attitude { yaw_rad, pitch_rad, roll_rad }
+}
+
+/// Root mean square of each component; zero of nothing.
+pub(super) fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
+}
+
+/// Mean; zero of nothing.
+pub(super) fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
+    sum / count(n.max(1))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
+fn count(n: usize) -> f64 {
+    n as f64
+}

@@ -1,0 +1,81 @@
+//! The part of a flight that a figure speaks of.
+
+use std::ops::RangeInclusive;
+
+use crate::error::{Error, Result};
+use crate::flight::{Flight, FlightSample};
+
+/// Part of a flight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Part {
+    /// Samples that write letters.
+    Letters,
+    /// From the first to the last sample at which every motor command is above 20,000 (of 65,535):
+    /// what the figures of the reference flight cover. A flight without motor commands is in the
+    /// air while its design is above the floor.
+    #[default]
+    Airborne,
+    /// Every sample, the floor included.
+    All,
+}
+
+/// Motor command above which a motor carries. A Crazyflie hovers at about 44,000; too low counts
+/// the spinning up on the floor, too high leaves out a fast descent.
+const CARRYING_COMMAND: f64 = 20_000.0;
+
+impl Part {
+    /// Its name on the command line and in JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Letters => "letters",
+            Self::Airborne => "airborne",
+            Self::All => "all",
+        }
+    }
+
+    /// The part that says most about a flight: its letters, or its time in the air where it writes
+    /// none.
+    #[must_use]
+    pub fn of(flight: &Flight) -> Self {
+        let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
+        if writes { Self::Letters } else { Self::Airborne }
+    }
+
+    /// The samples of this part, in order of time.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there are none.
+    pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
+        let all = flight.samples.iter().copied();
+        let samples: Vec<FlightSample> = match self {
+            Self::All => all.collect(),
+            Self::Letters => all.filter(|sample| sample.letter.is_some()).collect(),
+            Self::Airborne => {
+                let air = airborne(&flight.samples);
+                air.map_or(Vec::new(), |air| flight.samples[air].to_vec())
+            }
+        };
+        if samples.is_empty() {
+            let (found, hint) = match self {
+                Self::All => ("no sample", "name a file that holds a flight"),
+                Self::Letters => {
+                    ("no sample that writes a letter", "take the time in the air: --part airborne")
+                }
+                Self::Airborne => ("no sample in the air", "take the whole flight: --part all"),
+            };
+            return Err(Error::input("flight", found, "at least one", hint));
+        }
+        Ok(samples)
+    }
+}
+
+fn airborne(samples: &[FlightSample]) -> Option<RangeInclusive<usize>> {
+    let told = samples.iter().any(|sample| sample.motors != [0.0; 4]);
+    let carried = |sample: &FlightSample| match told {
+        true => sample.motors.iter().all(|command| *command > CARRYING_COMMAND),
+        false => sample.design_m.z > 0.0,
+    };
+    Some(samples.iter().position(carried)?..=samples.iter().rposition(carried)?)
+}

@@ -1,0 +1,140 @@
+//! Figures of flights whose answers are known.
+
+use std::f64::consts::TAU;
+
+use super::constructed::{flight, square, still};
+use super::*;
+
+fn near(found: f64, wanted: f64, within: f64, what: &str) {
+    assert!((found - wanted).abs() <= within, "{what}: {found} instead of {wanted}");
+}
+
+#[test]
+fn a_pure_delay_is_all_lag_and_no_contour_error() {
+    for lag_s in [0.0, 0.137, 0.58, 1.21] {
+        let tracking =
+            track(&flight(0.004, 20.0, |t| square(t - lag_s), square), Part::All).unwrap();
+        near(tracking.lag_s, lag_s, 2e-6, "lag");
+        near(tracking.in_plane_rmse_after_lag_m(), 0.0, 2e-5, "after lag");
+        near(tracking.contour.max_m, 0.0, 3e-6, "contour");
+        assert!(tracking.in_plane_rmse_m() >= 0.1 * lag_s, "late is wrong at the instant");
+    }
+}
+
+#[test]
+fn a_constant_offset_is_no_lag() {
+    let aside = Vector3::new(0.0, 0.03, -0.02);
+    // Along x alone, so that the path is 0.02 m away everywhere.
+    let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
+    let tracking = track(&flight(0.01, 5.0, |t| design(t) + aside, design), Part::All).unwrap();
+    near(tracking.lag_s, 0.0, 1e-9, "lag");
+    near((tracking.rmse_m - aside.abs()).norm(), 0.0, 1e-12, "RMSE");
+    near((tracking.mean_error_m - aside).norm(), 0.0, 1e-12, "mean");
+    let ContourError { mean_m, rms_m, p95_m, max_m } = tracking.contour;
+    for found in [mean_m, rms_m, p95_m, max_m] {
+        near(found, 0.02, 1e-9, "contour");
+    }
+}
+
+#[test]
+fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
+    let round = |radius_m: f64| {
+        move |t: f64| {
+            let (sin, cos) = libm::sincos(TAU * t / 8.0);
+            Vector3::new(radius_m * cos, 0.0, 1.0 + radius_m * sin)
+        }
+    };
+    let flown = flight(0.004, 16.0, |t| round(0.31)(t - 0.3), round(0.3));
+    // From 1 s on, when the design that the drone trails has begun.
+    let late =
+        flown.samples.iter().map(|s| FlightSample { letter: (s.time_s >= 1.0).then_some(0), ..*s });
+    let flown = Flight { samples: late.collect(), ..Flight::default() };
+    let tracking = track(&flown, Part::Letters).unwrap();
+    near(tracking.lag_s, 0.3, 1e-4, "lag");
+    near(tracking.in_plane_rmse_after_lag_m(), 0.01, 1e-5, "after lag");
+    near(tracking.contour.mean_m, 0.01, 1e-5, "contour");
+    near(tracking.contour.max_m, 0.01, 1e-5, "contour");
+}
+
+#[test]
+fn a_crossing_stroke_flatters_nobody() {
+    // Right along z = 0.5, later back along z = 0.55: a drone 0.05 m too high on its way right lies
+    // on the later stroke, and one 0.05 m too low on its way back on the earlier one.
+    let design = |t: f64| match t {
+        t if t < 3.0 => Vector3::new(0.2 * t, 0.0, 0.5),
+        t if t < 4.0 => Vector3::new(0.6, 0.0, 0.5 + 0.05 * (t - 3.0)),
+        t => Vector3::new(0.6 - 0.2 * (t - 4.0), 0.0, 0.55),
+    };
+    let wrong = |t: f64| {
+        let up_m = if t < 3.5 { 0.05 } else { -0.05 };
+        design(t) + Vector3::z() * up_m
+    };
+    let mut flown = flight(0.01, 7.0, wrong, design);
+    for sample in &mut flown.samples {
+        let straight = sample.time_s < 2.0 || sample.time_s > 5.0;
+        sample.letter = straight.then_some(0);
+    }
+    let tracking = track(&flown, Part::Letters).unwrap();
+    near(tracking.contour.mean_m, 0.05, 1e-6, "the other stroke is no excuse");
+}
+
+#[test]
+fn p95_is_what_19_of_20_keep_to() {
+    let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
+    let up = |t: f64| design(t) + Vector3::z() * if t < 0.945 { 0.001 } else { 0.1 };
+    let mut flown = flight(0.01, 0.99, up, design);
+    let contour = |flown: &Flight| track(flown, Part::All).unwrap().contour;
+    near(contour(&flown).p95_m, 0.001, 1e-9, "95 of 100");
+    flown.samples[94].position_m.z = 0.6;
+    near(contour(&flown).p95_m, 0.1, 1e-9, "94 of 100");
+    near(contour(&flown).max_m, 0.1, 1e-9, "the farthest");
+}
+
+#[test]
+fn drift_observer_and_attitude_are_told() {
+    let design = |_| Vector3::z();
+    let sway = |t: f64| Vector3::new(0.0, if t < 1.0 { -0.1 } else { 0.3 }, 1.0);
+    let mut flown = flight(0.01, 1.99, sway, design);
+    for (k, sample) in flown.samples.iter_mut().enumerate() {
+        sample.estimate_m.x += 0.004;
+        sample.attitude.pitch_rad = if k % 2 == 0 { 0.1 } else { -0.3 };
+    }
+    let tracking = track(&flown, Part::All).unwrap();
+    let drift = Drift { min_y_m: -0.1, max_y_m: 0.3, in_corridor_frac: 0.5 };
+    assert_eq!(tracking.drift, drift);
+    near((tracking.observer_rmse_m.unwrap() - Vector3::x() * 0.004).norm(), 0.0, 1e-12, "observer");
+    let AttitudeSpread { mean, sigma, max } = tracking.attitude;
+    near(mean.pitch_rad, -0.1, 1e-12, "mean");
+    near(sigma.pitch_rad, 0.2, 1e-12, "sigma");
+    assert_eq!((max.pitch_rad, max.yaw_rad), (0.3, 0.0));
+    assert_eq!(tracking.lag_s, 0.0, "a design that stands still has no lag");
+}
+
+#[test]
+fn a_part_is_what_it_says() {
+    let mut flown = flight(0.1, 1.0, square, square);
+    for (k, sample) in flown.samples.iter_mut().enumerate() {
+        sample.letter = (k > 4).then_some(0);
+        sample.motors = [if (2..9).contains(&k) { 40_000.0 } else { 3_000.0 }; 4];
+    }
+    flown.samples[5].motors[2] = 0.0;
+    let n = |flown: &Flight, part| track(flown, part).unwrap().n_samples;
+    assert_eq!(n(&flown, Part::All), 11);
+    assert_eq!(n(&flown, Part::Letters), 6);
+    assert_eq!(n(&flown, Part::Airborne), 7, "a motor that stops for a moment ends no flight");
+    assert_eq!(Part::of(&flown), Part::Letters);
+    flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([0.0; 4], None));
+    assert_eq!(n(&flown, Part::Airborne), 11, "without motors the design decides");
+    assert_eq!(Part::of(&flown), Part::Airborne);
+}
+
+#[test]
+fn a_flight_without_samples_letters_air_or_design_is_refused() {
+    let refused = |flight: &Flight, part| track(flight, part).unwrap_err().to_string();
+    assert!(refused(&Flight::default(), Part::All).contains("no sample"));
+    let mut flown = flight(0.1, 1.0, square, still);
+    assert!(refused(&flown, Part::All).contains("no design position"));
+    flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([9.0; 4], None));
+    assert!(refused(&flown, Part::Letters).contains("writes a letter"));
+    assert!(refused(&flown, Part::Airborne).contains("in the air"));
+}

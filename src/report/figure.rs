@@ -1,0 +1,229 @@
+//! A figure: panels under each other, with a title and a legend above them, as SVG.
+
+use std::ops::Range;
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Width of a figure.
+pub(super) const WIDTH_PX: f64 = 800.0;
+/// Room left and right of a panel; the axis labels stand in it.
+const SIDES_PX: [f64; 2] = [72.0, 24.0];
+/// Of the left side, what stays empty.
+const EDGE_PX: f64 = 12.0;
+/// Width of a panel.
+pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
+/// Room above the first panel.
+const HEAD_PX: f64 = 72.0;
+/// Room below each panel, and more below the last for the name of its axis.
+const BELOW_PX: [f64; 2] = [28.0, 18.0];
+/// plotters draws on whole pixels; a canvas this many times as fine, shown smaller, is smooth.
+const FINENESS: f64 = 8.0;
+/// Points of a curve nearer to each other than this are one.
+const THINNEST_PX: f64 = 0.4;
+
+pub(super) const BLACK: RGBColor = RGBColor(0, 0, 0);
+pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
+pub(super) const GRAY: RGBColor = RGBColor(186, 186, 186);
+const INK: RGBColor = RGBColor(64, 64, 64);
+const GRID: RGBColor = RGBColor(232, 232, 232);
+
+/// How a curve looks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pen {
+    pub(super) color: RGBColor,
+    pub(super) width_px: f64,
+}
+
+impl Pen {
+    fn style(self) -> ShapeStyle {
+        ShapeStyle { color: self.color.to_rgba(), filled: false, stroke_width: fine(self.width_px) }
+    }
+}
+
+/// A line through points, in pieces where it is interrupted.
+#[derive(Clone, Debug)]
+pub(super) struct Curve {
+    pub(super) pen: Pen,
+    pub(super) pieces: Vec<Vec<(f64, f64)>>,
+}
+
+/// Curves over a pair of axes.
+#[derive(Clone, Debug)]
+pub(super) struct Panel {
+    pub(super) x: Range<f64>,
+    pub(super) y: Range<f64>,
+    pub(super) height_px: f64,
+    pub(super) y_name: &'static str,
+    pub(super) curves: Vec<Curve>,
+}
+
+/// Everything that a figure shows.
+#[derive(Clone, Debug)]
+pub(super) struct Figure {
+    pub(super) title: String,
+    pub(super) legend: Vec<(String, Pen)>,
+    /// The axis that all panels share.
+    pub(super) x_name: &'static str,
+    pub(super) panels: Vec<Panel>,
+}
+
+impl Figure {
+    /// The figure as an SVG file's text, [`WIDTH_PX`] wide.
+    pub(super) fn svg(&self) -> String {
+        let height_px = HEAD_PX
+            + BELOW_PX[1]
+            + EDGE_PX
+            + self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum::<f64>();
+        let size = (fine(WIDTH_PX), fine(height_px));
+        let mut text = String::new();
+        {
+            let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
+            self.draw(&root).expect("drawing into memory cannot fail");
+        }
+        let drawn = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
+        let shown = format!("width=\"{WIDTH_PX}\" height=\"{height_px}\"");
+        text.replacen(&drawn, &shown, 1)
+    }
+
+    fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
+        root.fill(&WHITE)?;
+        let title = text_style(20.0, INK, HPos::Left);
+        root.draw_text(&self.title, &title, at(SIDES_PX[0], 24.0))?;
+        self.draw_legend(root)?;
+        let mut top_px = HEAD_PX;
+        for (index, panel) in self.panels.iter().enumerate() {
+            let last = index + 1 == self.panels.len();
+            let below_px = if last { BELOW_PX[0] + BELOW_PX[1] } else { BELOW_PX[0] };
+            let area = root.clone().shrink(
+                at(EDGE_PX, top_px),
+                at(WIDTH_PX - EDGE_PX - SIDES_PX[1], panel.height_px + below_px),
+            );
+            panel.draw(&area, below_px, if last { self.x_name } else { "" })?;
+            top_px += panel.height_px + below_px;
+        }
+        root.present()
+    }
+
+    fn draw_legend<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
+        let (mut left_px, line_px, high_px) = (SIDES_PX[0], 28.0, 50.0);
+        for (name, pen) in &self.legend {
+            let sample = [at(left_px, high_px), at(left_px + line_px, high_px)];
+            root.draw(&PathElement::new(sample, pen.style()))?;
+            let from = at(left_px + line_px + 8.0, high_px);
+            root.draw_text(name, &text_style(15.0, INK, HPos::Left), from)?;
+            #[expect(clippy::cast_precision_loss, reason = "a file's name")]
+            let name_px = name.chars().count() as f64 * 8.0;
+            left_px += line_px + 8.0 + name_px + 24.0;
+        }
+        Ok(())
+    }
+}
+
+type Shift = plotters::coord::Shift;
+type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+
+impl Panel {
+    fn draw<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        below_px: f64,
+        x_name: &str,
+    ) -> Drawn<B> {
+        let mut chart = ChartBuilder::on(area)
+            .x_label_area_size(fine(below_px))
+            .y_label_area_size(fine(SIDES_PX[0] - EDGE_PX))
+            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
+        let n_labels = |length_px: f64| (length_px / 60.0).max(3.0) as usize;
+        chart
+            .configure_mesh()
+            .x_labels(n_labels(PANEL_WIDTH_PX))
+            .y_labels(n_labels(self.height_px))
+            .max_light_lines(0)
+            .bold_line_style(Pen { color: GRID, width_px: 1.0 }.style())
+            .axis_style(Pen { color: INK, width_px: 1.0 }.style())
+            .set_all_tick_mark_size(fine(4.0))
+            .label_style(text_style(14.0, INK, HPos::Center))
+            .axis_desc_style(text_style(15.0, INK, HPos::Center))
+            .x_label_formatter(&|x| number(*x))
+            .y_label_formatter(&|y| number(*y))
+            .x_desc(x_name)
+            .y_desc(self.y_name)
+            .draw()?;
+        let per_px = [PANEL_WIDTH_PX, self.height_px];
+        let per_px = [(&self.x, per_px[0]), (&self.y, per_px[1])]
+            .map(|(range, length_px)| (range.end - range.start) / length_px);
+        for curve in &self.curves {
+            for piece in &curve.pieces {
+                let points = thinned(piece, per_px);
+                chart.draw_series([PathElement::new(points, curve.pen.style())])?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Leaves out points that a pixel cannot tell from the one before.
+fn thinned(points: &[(f64, f64)], [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    for point in points {
+        let near = kept.last().is_some_and(|last| {
+            let (dx, dy) = ((point.0 - last.0) / x_per_px, (point.1 - last.1) / y_per_px);
+            dx * dx + dy * dy < THINNEST_PX * THINNEST_PX
+        });
+        if !near {
+            kept.push(*point);
+        }
+    }
+    if let (Some(end), false) = (points.last(), kept.last() == points.last()) {
+        kept.push(*end);
+    }
+    kept
+}
+
+fn text_style(size_px: f64, color: RGBColor, across: HPos) -> TextStyle<'static> {
+    let font = ("sans-serif", fine(size_px)).into_font();
+    font.color(&color).pos(Pos::new(across, VPos::Center))
+}
+
+/// A number with as many decimals as it needs, and a proper minus.
+fn number(value: f64) -> String {
+    let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
+    rounded.to_string().replace('-', "−")
+}
+
+fn at(x_px: f64, y_px: f64) -> (i32, i32) {
+    let whole = |px: f64| i32::try_from(fine(px)).expect("a figure is a few thousand pixels");
+    (whole(x_px), whole(y_px))
+}
+
+/// Pixels on the fine canvas.
+fn fine(px: f64) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
+    let whole = (px * FINENESS).round() as u32;
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_both_ends_and_every_corner() {
+        let along = (0..=1000).map(|k| (f64::from(k) * 0.01, 0.0));
+        let up = (1..=1000).map(|k| (10.0, f64::from(k) * 0.01));
+        let points: Vec<_> = along.chain(up).collect();
+        let thin = thinned(&points, [1.0, 1.0]);
+        assert!(thin.len() < 55, "{} points over 20 pixels", thin.len());
+        assert_eq!((thin[0], thin[thin.len() - 1]), ((0.0, 0.0), (10.0, 10.0)));
+        let beside = |p: &(f64, f64)| (p.1.min(10.0 - p.0)).abs();
+        assert!(thin.iter().all(|p| beside(p) < 1e-9), "on the line");
+    }
+
+    #[test]
+    fn numbers_are_short_and_have_a_proper_minus() {
+        assert_eq!([0.30000000000000004, -0.2, -0.0, 60.0].map(number), ["0.3", "−0.2", "0", "60"]);
+    }
+}

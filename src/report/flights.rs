@@ -1,0 +1,184 @@
+//! Plots of flights: from above, from the front, and their errors over time.
+
+use std::ops::Range;
+
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, PANEL_WIDTH_PX, Panel, Pen, VERMILION};
+use crate::flight::FlightSample;
+use crate::flight::tracking::CORRIDOR_M;
+
+/// A flight to draw.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// Its name in the legend.
+    pub name: String,
+    /// The samples to draw, in order of time. A design of zeros is none.
+    pub samples: Vec<FlightSample>,
+}
+
+/// A line is interrupted where a flight has no sample for longer than this.
+const LONGEST_LINE_S: f64 = 0.2;
+/// Heights of a panel with equal scales on both axes; a flight wider or taller gets more air.
+const VIEW_PX: [f64; 2] = [160.0, 720.0];
+const DESIGN: Pen = Pen { color: GRAY, width_px: 5.0 };
+const CORRIDOR: Pen = Pen { color: BLACK, width_px: 1.5 };
+
+/// The flights from above, x to the right and y up, over the first trace's design, with black lines
+/// where the safety corridor ends. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn top_view(traces: &[Trace]) -> String {
+    let mut view = View::new(traces, |p| (p.x, p.y));
+    view.include_y(-1.25 * CORRIDOR_M);
+    view.include_y(1.25 * CORRIDOR_M);
+    let [x, y] = view.ranges();
+    let line = |y_m: f64| vec![(x.start, y_m), (x.end, y_m)];
+    let edges = Curve { pen: CORRIDOR, pieces: vec![line(-CORRIDOR_M), line(CORRIDOR_M)] };
+    view.curves.push(edges);
+    view.legend.push(("y = ±0.2 m".to_owned(), CORRIDOR));
+    view.svg("Flight from above", "y (m)", [x, y])
+}
+
+/// The flights from the front, x to the right and z up, over the first trace's design. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn front_view(traces: &[Trace]) -> String {
+    let view = View::new(traces, |p| (p.x, p.z));
+    let ranges = view.ranges();
+    view.svg("Flight from the front", "z (m)", ranges)
+}
+
+/// Flown minus design over time, a panel an axis, each flight against its own design. SVG.
+///
+/// # Panics
+///
+/// If there is no trace, or one without samples.
+#[must_use]
+pub fn error_over_time(traces: &[Trace]) -> String {
+    let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
+    let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
+    let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
+    let x = start_s..ends_s.fold(start_s + 0.1, f64::max);
+    let error = |sample: &FlightSample| sample.position_m - sample.design_m;
+    let curves = |axis: usize| -> Vec<Curve> {
+        let value = |s: &FlightSample| (s.time_s, error(s)[axis]);
+        let zero = Curve {
+            pen: Pen { color: BLACK, width_px: 1.0 },
+            pieces: vec![vec![(x.start, 0.0), (x.end, 0.0)]],
+        };
+        [zero].into_iter().chain(designed().map(|(t, pen)| t.curve(pen, value))).collect()
+    };
+    let all = designed().flat_map(|(trace, _)| &trace.samples).map(error);
+    let most_m = all.map(|e| e.amax()).fold(0.05, f64::max) * 1.05;
+    let panels = ["x error (m)", "y error (m)", "z error (m)"].into_iter().enumerate();
+    let panels = panels.map(|(axis, y_name)| Panel {
+        x: x.clone(),
+        y: -most_m..most_m,
+        height_px: 150.0,
+        y_name,
+        curves: curves(axis),
+    });
+    Figure {
+        title: "Flown minus design".to_owned(),
+        legend: names(traces, Trace::has_design),
+        x_name: "time (s)",
+        panels: panels.collect(),
+    }
+    .svg()
+}
+
+/// The last trace first, so that the first lies on top.
+fn pens(traces: &[Trace]) -> impl Iterator<Item = (&Trace, Pen)> {
+    let colors = [BLUE, VERMILION].into_iter().cycle();
+    let pens = colors.map(|color| Pen { color, width_px: 1.75 });
+    let pairs: Vec<_> = traces.iter().zip(pens).collect();
+    pairs.into_iter().rev()
+}
+
+/// The legend of the traces of one's choice, the first on top.
+fn names(traces: &[Trace], choice: impl Fn(&Trace) -> bool) -> Vec<(String, Pen)> {
+    let chosen = pens(traces).filter(|(trace, _)| choice(trace));
+    let mut names: Vec<_> = chosen.map(|(trace, pen)| (trace.name.clone(), pen)).collect();
+    names.reverse();
+    names
+}
+
+impl Trace {
+    fn has_design(&self) -> bool {
+        self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
+    }
+
+    fn curve(&self, pen: Pen, value: impl Fn(&FlightSample) -> (f64, f64)) -> Curve {
+        let pieces = self.samples.chunk_by(|a, b| b.time_s - a.time_s <= LONGEST_LINE_S);
+        let pieces = pieces.map(|piece| piece.iter().map(&value).collect());
+        Curve { pen, pieces: pieces.collect() }
+    }
+}
+
+/// A projection of flights, with the same scale on both axes.
+struct View {
+    curves: Vec<Curve>,
+    legend: Vec<(String, Pen)>,
+    x: Range<f64>,
+    y: Range<f64>,
+}
+
+impl View {
+    fn new(traces: &[Trace], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
+        let (mut curves, mut legend) = (Vec::new(), Vec::new());
+        if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
+            curves.push(trace.curve(DESIGN, |sample| project(sample.design_m)));
+            legend.push(("design".to_owned(), DESIGN));
+        }
+        let flown = pens(traces).map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
+        curves.extend(flown);
+        legend.extend(names(traces, |_| true));
+        let nothing = f64::INFINITY..f64::NEG_INFINITY;
+        let mut view = Self { curves: Vec::new(), legend, x: nothing.clone(), y: nothing };
+        for (x, y) in curves.iter().flat_map(|curve| curve.pieces.iter().flatten()) {
+            view.x = view.x.start.min(*x)..view.x.end.max(*x);
+            view.include_y(*y);
+        }
+        Self { curves, ..view }
+    }
+
+    fn include_y(&mut self, y: f64) {
+        self.y = self.y.start.min(y)..self.y.end.max(y);
+    }
+
+    /// What both axes cover, with a margin, so that a metre is as long on either.
+    fn ranges(&self) -> [Range<f64>; 2] {
+        let [x, y] = [&self.x, &self.y].map(|range| {
+            let margin = (0.04 * (range.end - range.start)).max(0.02);
+            range.start - margin..range.end + margin
+        });
+        let per_m = PANEL_WIDTH_PX / (x.end - x.start);
+        let [low_px, high_px] = VIEW_PX;
+        let y = widened(y, low_px / per_m);
+        [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
+    }
+
+    fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
+        let height_px = PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start);
+        let panel = Panel { x, y, height_px: height_px.round(), y_name, curves: self.curves };
+        Figure {
+            title: title.to_owned(),
+            legend: self.legend,
+            x_name: "x (m)",
+            panels: vec![panel],
+        }
+        .svg()
+    }
+}
+
+/// The range, or one about the same middle that is at least this long.
+fn widened(range: Range<f64>, least: f64) -> Range<f64> {
+    let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
+    let half = 0.5 * length.max(least);
+    middle - half..middle + half
+}

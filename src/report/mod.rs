@@ -1,0 +1,14 @@
+//! Report: products as pictures and pages for people.
+//!
+//! Products in: [`Flight`](crate::flight::Flight)s. Products out: plots as SVG text.
+//!
+//! Method: curves are thinned to what a pixel can show and drawn with plotters; nothing but the
+//! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colours are those of
+//! Okabe and Ito (2008), which people with any color vision can tell apart.
+//!
+//! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
+
+mod figure;
+mod flights;
+
+pub use flights::{Trace, error_over_time, front_view, top_view};

@@ -1,0 +1,169 @@
+//! Flights compared and flown again: `noctograph compare`, `noctograph fly --setpoints`, and plots.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use noctograph::flight::FlightSample;
+use noctograph::geometry::Attitude;
+use noctograph::report::{Trace, error_over_time, front_view, top_view};
+use predicates::prelude::*;
+use serde_json::Value;
+
+use crate::cli::{fails, json, names_in, noctograph};
+
+const BLESS: &str = "NOCTOGRAPH_BLESS";
+
+/// A folder with the plan and the flight of "I".
+fn flown() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    noctograph(folder.path()).args(["plan", "I"]).assert().success();
+    noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
+    folder
+}
+
+fn run_json(folder: &Path, arguments: &[&str]) -> Value {
+    json(&noctograph(folder).args(arguments).arg("--json").assert().success().get_output().stdout)
+}
+
+fn largest(vector: &Value) -> f64 {
+    vector.as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn fly_tells_lag_and_contour_error() {
+    let folder = flown();
+    let run = noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
+    run.stdout(predicate::str::contains("trails by").and(predicate::str::contains("off the path")));
+    let flight = &run_json(folder.path(), &["fly", "plan.csv"])["flight"];
+    // The gains' ramp lag is 0.46 s, and setpoints are held for 0.1 s.
+    let lag_s = flight["lag_s"].as_f64().unwrap();
+    assert!((0.4..0.7).contains(&lag_s), "trails by {lag_s} s");
+    let contour_m = flight["contour"]["mean_m"].as_f64().unwrap();
+    let rmse_m = flight["in_plane_rmse_m"].as_f64().unwrap();
+    assert!(contour_m < 0.6 * rmse_m, "off the path by {contour_m}, in the plane by {rmse_m} m");
+    assert_eq!(flight["part"], "letters");
+}
+
+#[test]
+fn a_replay_of_a_replay_is_the_same_flight() {
+    let folder = flown();
+    let replay = |log: &str, out: &str| {
+        let arguments = ["fly", "--setpoints", log, "-o", out];
+        noctograph(folder.path()).args(arguments).assert().success();
+    };
+    replay("flight.csv", "once.csv");
+    replay("once.csv", "twice.csv");
+    let apart_m = |other: &str| {
+        let comparison = run_json(folder.path(), &["compare", other, "once.csv"]);
+        assert_eq!(
+            (&comparison["part"], &comparison["offset_s"]),
+            (&"airborne".into(), &0.0.into())
+        );
+        assert!(largest(&comparison["a"]["tracking"]["rmse_m"]) > 0.02, "{comparison}");
+        largest(&comparison["rmse_m"])
+    };
+    // A log that holds each setpoint from the sample at which it was sent replays exactly; one
+    // whose design moves on between setpoints leads by half their interval: 50 ms, 10 mm of path.
+    assert_eq!(apart_m("twice.csv"), 0.0);
+    assert!((0.002..0.010).contains(&apart_m("flight.csv")), "{} m", apart_m("flight.csv"));
+}
+
+#[test]
+fn compare_prints_a_table_of_80_columns_and_writes_plots() {
+    let folder = flown();
+    let other = ["fly", "plan.csv", "--seed", "5", "-o", "other.csv"];
+    noctograph(folder.path()).args(other).assert().success();
+    let compare = |out: &str| {
+        let arguments = ["compare", "flight.csv", "other.csv", "--part", "letters", "-o", out];
+        let run = noctograph(folder.path()).args(arguments).assert().success();
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
+    };
+    let text = compare("plots");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    for row in ["A against B", "A against its design", "B after its lag", "B observer", "drift"] {
+        assert!(text.contains(row), "no {row:?} in {text}");
+    }
+    let names = names_in(&folder.path().join("plots"));
+    assert_eq!(names, ["error.svg", "flight-xy.svg", "flight-xz.svg"]);
+    compare("again");
+    for name in names {
+        let plot = |dir: &str| std::fs::read_to_string(folder.path().join(dir).join(&name));
+        let svg = plot("plots").unwrap();
+        assert!(svg.starts_with("<svg width=\"800\"") && svg.ends_with("</svg>\n"), "{name}");
+        assert!(svg.contains("A flight.csv") && svg.contains("B other.csv"), "{name}");
+        assert!(svg == plot("again").unwrap(), "{name} twice");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_compared_or_flown_are_refused() {
+    let folder = flown();
+    let flight = std::fs::read_to_string(folder.path().join("flight.csv")).unwrap();
+    let head = flight.lines().next().unwrap();
+    let empty = format!("{head}\n");
+    // A second on the floor, told nothing: 0 in all columns but time.
+    let zeros = ",0".repeat(head.split(',').count() - 1);
+    let nowhere = format!("{head}\n0{zeros}\n1{zeros}\n");
+    let files = [("a.csv", &flight[..]), ("empty.csv", &empty), ("nowhere.csv", &nowhere)];
+
+    fails(&["compare", "a.csv", "none.csv", "-o", "plots"], &files, &["none.csv"]);
+    fails(&["compare", "a.csv", "empty.csv"], &files, &["empty.csv", "no row"]);
+    let no_design = ["flight B", "no design position", "--offset"];
+    fails(&["compare", "a.csv", "nowhere.csv"], &files, &no_design);
+    let untold = ["compare", "a.csv", "nowhere.csv", "--offset", "0"];
+    fails(&untold, &files, &["no sample in the air", "--part all"]);
+    let letters = [&untold[..], &["--part", "letters"]].concat();
+    fails(&letters, &files, &["no sample that writes a letter", "--part airborne"]);
+    let apart = ["compare", "a.csv", "a.csv", "--offset", "-500", "-o", "plots"];
+    fails(&apart, &files, &["a time that both cover", "--offset"]);
+    fails(&["compare", "a.csv", "a.csv", "--offset", "NaN"], &files, &["offset_s", "NaN"]);
+
+    fails(&["fly", "--setpoints", "nowhere.csv"], &files, &["no design position"]);
+    fails(&["fly", "--setpoints", "none.csv"], &files, &["none.csv"]);
+    noctograph(folder.path()).arg("fly").assert().code(2);
+    noctograph(folder.path()).args(["fly", "a.csv", "--setpoints", "a.csv"]).assert().code(2);
+}
+
+/// A bow of 60 samples with a hole of half a second in it, `up_m` above its design.
+fn bow(name: &str, up_m: f64) -> Trace {
+    let samples = (0..60).filter(|k| !(30..40).contains(k)).map(|k| {
+        let time_s = f64::from(k) * 0.05;
+        let design_m = Vector3::new(0.4 * time_s - 0.6, 0.0, 0.5 + 0.1 * time_s * (3.0 - time_s));
+        FlightSample {
+            time_s,
+            position_m: design_m + Vector3::new(0.0, 0.1 * time_s - 0.05, up_m),
+            attitude: Attitude::default(),
+            velocity_body_m_s: Vector3::zeros(),
+            rate_body_rad_s: Vector3::zeros(),
+            estimate_m: design_m,
+            design_m,
+            motors: [44_000.0; 4],
+            letter: None,
+        }
+    });
+    Trace { name: name.to_owned(), samples: samples.collect() }
+}
+
+#[test]
+fn golden_plots_are_the_same_to_the_byte() {
+    let traces = [bow("A <one> & only", 0.02), bow("B", -0.05)];
+    let plots = [
+        ("flight-xy.svg", top_view(&traces)),
+        ("flight-xz.svg", front_view(&traces)),
+        ("error.svg", error_over_time(&traces)),
+    ];
+    for (name, svg) in plots {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden/report").join(name);
+        if std::env::var_os(BLESS).is_some() {
+            assert!(svg.len() <= 16 << 10, "a golden of {} bytes is too large", svg.len());
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, &svg).unwrap();
+        }
+        let wanted = std::fs::read_to_string(&path).unwrap_or_default();
+        if svg != wanted {
+            let found = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+            std::fs::write(&found, svg).unwrap();
+            panic!("{name} differs: look at {}, bless with {BLESS}=1", found.display());
+        }
+    }
+}
