@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::inputs::read_flight;
 use super::outputs::OutputFolder;
-use super::{Outcome, print, show, tell};
+use super::{Outcome, print, show};
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, compare};
@@ -61,7 +61,7 @@ const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
 pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
-    let (a, b) = (read(&args.a)?, read(&args.b)?);
+    let (a, b) = (read_flight(&args.a)?, read_flight(&args.b)?);
     let options = ComparisonOptions {
         part: args.part.into(),
         alignment: args.offset.map_or(Alignment::Design, Alignment::Offset),
@@ -81,14 +81,6 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
         print(&table(args, &comparison, &tracking, &files))?;
     }
     Ok(Outcome::Done)
-}
-
-fn read(path: &Path) -> Result<Flight> {
-    let flight = read_flight(path)?;
-    for warning in &flight.warnings {
-        tell(&format!("warning: {}: {warning}", path.display()));
-    }
-    Ok(flight)
 }
 
 fn plots(

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{PictureFlags, SceneFlags, strokes};
+use super::inputs::{PictureFlags, SceneFlags, read_flight, strokes};
 use super::outputs::Output;
 use super::progress::Busy;
 use super::{Outcome, print, show};
@@ -40,7 +40,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.picture.apply(&mut scene)?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
-    let flight = Flight::read_csv(&args.flight)?;
+    let flight = read_flight(&args.flight)?;
     let output = Output::create(&args.output)?;
     let shot = shoot(&flight, &strokes, &scene, args.picture.backend.into())?;
     let png = shot.png();

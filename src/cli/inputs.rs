@@ -4,10 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::tell;
+
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::letters::{self, Strokes};
+use crate::logs::{self, ImportOptions};
 use crate::scene::Scene;
 
 /// Where the scene comes from.
@@ -87,7 +90,16 @@ pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> 
 
 /// A flight from a file, whoever flew it.
 pub(super) fn read_flight(path: &Path) -> Result<Flight> {
-    Flight::read_csv(path)
+    let flight = logs::import(path, &ImportOptions::default())?;
+    tell_warnings(&flight, path);
+    Ok(flight)
+}
+
+/// Tells what whoever reads a flight should know.
+pub(super) fn tell_warnings(flight: &Flight, path: &Path) {
+    for warning in &flight.warnings {
+        tell(&format!("warning: {}: {warning}", path.display()));
+    }
 }
 
 fn size(text: &str) -> std::result::Result<(u32, u32), String> {

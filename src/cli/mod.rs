@@ -13,6 +13,7 @@ use crate::error::Result;
 mod compare;
 mod expose;
 mod fly;
+mod import;
 mod inputs;
 mod outputs;
 mod plan;
@@ -42,6 +43,8 @@ enum Verb {
     Plan(plan::PlanArgs),
     /// Fly a plan in the simulator: the flight's log as CSV
     Fly(fly::FlyArgs),
+    /// Import the log of a real flight: a flight's log as CSV
+    Import(import::ImportArgs),
     /// Compare two flights, and each with its design: figures and plots
     Compare(compare::CompareArgs),
     /// Expose a flight: its long-exposure photograph as PNG
@@ -72,6 +75,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(args) => preview::run(&args),
         Verb::Plan(args) => plan::run(&args),
         Verb::Fly(args) => fly::run(&args),
+        Verb::Import(args) => import::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),

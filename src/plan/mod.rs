@@ -13,10 +13,15 @@ use crate::geometry::polyline_length_m;
 use crate::letters::Strokes;
 
 pub mod csv;
+mod relight;
 mod replay;
 mod tour;
 
+pub use relight::relight;
 pub use replay::{Replay, replay};
+
+/// The light channel of the two forward lamps of the LED-ring deck.
+const HEADLIGHTS: &str = "headlights";
 
 /// What is sent to the drone, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,12 +6,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Extent, Plan, PlanOptions, Setpoint};
+use super::{Extent, HEADLIGHTS, Plan, PlanOptions, Setpoint};
 use crate::flight::table::on_grid;
 use crate::letters::{Glyph, Strokes};
-
-/// The light channel of the two forward lamps of the LED-ring deck.
-const HEADLIGHTS: &str = "headlights";
 
 /// A plan while it is being written.
 struct Tour<'a> {

@@ -1,0 +1,118 @@
+//! Relight: the letters and the headlights' schedule of a flight whose log tells neither.
+//!
+//! The team's logs hold the setpoints, and its letters say along which moves the headlights were
+//! on. The setpoints are laid over the moves in order: a setpoint belongs to the first move, from
+//! the one before on, that it lies on without running backward.
+
+use super::HEADLIGHTS;
+use crate::error::{Error, Result};
+use crate::flight::{Flight, Quantity};
+use crate::letters::{Move, Strokes};
+
+/// A setpoint this near a move lies on it. Logs round to a millimetre and skip setpoints; letters'
+/// strokes lie centimetres apart.
+const ON_MOVE_M: f64 = 0.01;
+
+/// Gives a flight its letters and the column `light.headlights`.
+///
+/// # Errors
+///
+/// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
+pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
+    let hint = "name the word that was flown, and its letters' size in the scene's [letters]";
+    if flight.unlogged.contains(&Quantity::Design) {
+        let wanted = "setpoints, from which letters and lights are told";
+        return Err(Error::input("flight", "no setpoints", wanted, hint));
+    }
+    let glyphs = strokes.glyphs.iter().enumerate();
+    let moves: Vec<(usize, Move)> =
+        glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
+    let (mut at, mut levels, mut n_on) = (Progress::default(), Vec::new(), 0);
+    for sample in &mut flight.samples {
+        let begun = at.advance(&moves, [sample.design_m.x, sample.design_m.z]);
+        sample.letter = begun.map(|(letter, _)| letter);
+        levels.push(f64::from(begun.is_some_and(|(_, lit)| lit)));
+        n_on += usize::from(begun.is_some());
+    }
+    if n_on * 4 < flight.samples.len() {
+        let found = format!("{n_on} of {} samples on its strokes", flight.samples.len());
+        let place = format!("word {}", strokes.word);
+        return Err(Error::input(place, found, "a flight that writes this word", hint));
+    }
+    flight.lights.insert(HEADLIGHTS.to_owned(), levels);
+    Ok(())
+}
+
+/// How far along the moves the setpoints have come.
+#[derive(Debug, Default)]
+struct Progress {
+    index: usize,
+    along_m: f64,
+}
+
+impl Progress {
+    /// Goes on to a setpoint; the letter and the light of its move, once the move is begun. While
+    /// the drone waits at a letter's beginning its light is still off.
+    fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
+        let onward = moves.iter().enumerate().skip(self.index);
+        let (index, along_m) = onward.into_iter().find_map(|(index, (_, leg))| {
+            let along_m = along(leg, point)?;
+            let backward = index == self.index && along_m < self.along_m - ON_MOVE_M;
+            (!backward).then_some((index, along_m))
+        })?;
+        let (letter, leg) = moves[index];
+        let first_of_letter = index == 0 || moves[index - 1].0 != letter;
+        *self = Self { index, along_m };
+        (along_m > 0.0 || !first_of_letter).then_some((letter, leg.lit))
+    }
+}
+
+/// How far along a move a point lies, in metres; `None` beside it.
+fn along(leg: &Move, [x, y]: [f64; 2]) -> Option<f64> {
+    let [from_x, from_y] = leg.from_m;
+    let (dx, dy) = (leg.to_m[0] - from_x, leg.to_m[1] - from_y);
+    let length_m = libm::hypot(dx, dy);
+    let along_m = if length_m > 0.0 {
+        (((x - from_x) * dx + (y - from_y) * dy) / length_m).clamp(0.0, length_m)
+    } else {
+        0.0
+    };
+    let share = if length_m > 0.0 { along_m / length_m } else { 0.0 };
+    let beside_m = libm::hypot(x - from_x - share * dx, y - from_y - share * dy);
+    (beside_m < ON_MOVE_M).then_some(along_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+    use crate::sim::{SimOptions, fly};
+
+    #[test]
+    fn a_flight_that_forgot_its_lights_gets_them_back() {
+        for word in ["NOOR", "WAX", "QUIZ"] {
+            let strokes = write(word, &LetterOptions::default()).unwrap();
+            let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+            let flown = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+            let mut forgetful = flown.clone();
+            forgetful.lights.clear();
+            forgetful.samples.iter_mut().for_each(|sample| sample.letter = None);
+            relight(&mut forgetful, &strokes).unwrap();
+            let pairs = flown.lights["headlights"].iter().zip(&forgetful.lights["headlights"]);
+            let wrong = pairs.filter(|(a, b)| a != b).count();
+            // At a corner from light to dark the setpoint lies on both moves for an instant.
+            let share = wrong as f64 / flown.samples.len() as f64;
+            assert!(share < 0.01, "{word}: {wrong} of {} samples", flown.samples.len());
+        }
+    }
+
+    #[test]
+    fn the_lights_of_another_word_are_refused() {
+        let strokes = |word| write(word, &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes("NO"), &PlanOptions::default()).unwrap();
+        let mut flight = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+        let error = relight(&mut flight, &strokes("QUIZZICAL")).unwrap_err().to_string();
+        assert!(error.contains("QUIZZICAL"), "{error}");
+    }
+}
