@@ -62,7 +62,9 @@ impl Progress {
         })?;
         let (letter, leg) = moves[index];
         let first_of_letter = index == 0 || moves[index - 1].0 != letter;
-        *self = Self { index, along_m };
+        // The farthest point counts: a drone that turns back slowly is soon on the next move.
+        let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
+        *self = Self { index, along_m: farthest_m };
         (along_m > 0.0 || !first_of_letter).then_some((letter, leg.lit))
     }
 }
