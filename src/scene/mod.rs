@@ -15,7 +15,8 @@ use crate::light::LightOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::sim::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+    AirOptions, BatteryOptions, ControllerOptions, ObserverOptions, RateOptions, SensorOptions,
+    SimOptions, VehicleOptions,
 };
 
 mod text;
@@ -36,6 +37,10 @@ pub struct Scene {
     pub plan: PlanOptions,
     /// The drone.
     pub vehicle: VehicleOptions,
+    /// What drives its motors.
+    pub battery: BatteryOptions,
+    /// The air it flies in.
+    pub air: AirOptions,
     /// Clocks of the simulation.
     pub rates: RateOptions,
     /// What steers it.
@@ -108,6 +113,8 @@ impl Scene {
         SimOptions {
             rates: self.rates.clone(),
             vehicle: self.vehicle.clone(),
+            battery: self.battery.clone(),
+            air: self.air.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
             sensors: self.sensors.clone(),

@@ -1,0 +1,169 @@
+//! Named parameter sets: whole drones, each number with its source.
+//!
+//! The figures of published models disagree by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005
+//! to 0.034 m); each set keeps to one source where it can. The regulator's weights are ours: the
+//! reference team's make every drone with a lagging motor oscillate, for they take the motors for
+//! immediate.
+
+use super::options::{ControllerOptions, SimOptions};
+use super::vehicle::{BatteryOptions, Compensation, GroundEffect, VehicleOptions};
+
+/// Largest motor command of the Crazyflie's firmware.
+const FULL: f64 = 65_535.0;
+
+impl SimOptions {
+    /// Crazyflie 2.1 with legacy propellers and the 250 mAh battery.
+    ///
+    /// Body, drag, rotors: crazyflow's `cf2x_L250` (`first_principles/params.toml`); its lag turned
+    /// into time constants at hover, its thrust over speed taken at hover; rotor inertia that of
+    /// `cf2x_P250`, since its own is marked "seems off". Largest thrust and yaw moment (7.35 mm):
+    /// firmware `platform_defaults_cf2.h`. Ground effect: propellers of 23 mm, 30 mm above the
+    /// floor. Battery: see [`BatteryOptions`]; the hover voltage falls as in 98 NanoBench flights.
+    #[must_use]
+    pub fn cf21() -> Self {
+        Self {
+            vehicle: VehicleOptions {
+                mass_kg: 0.0328,
+                inertia_kg_m2: [16.8e-6, 16.8e-6, 29.8e-6],
+                k_f_n: 0.12 / FULL,
+                k_m_n_m: 0.007_35 * 0.12 / FULL,
+                arm_m: 0.032_53,
+                motor_max: FULL,
+                center_of_mass_m: [0.0, 0.0],
+                rotor_thrust_n_s2: 1.986e-8,
+                motor_rise_s: 0.136,
+                motor_fall_s: 0.106,
+                body_drag_n_s_m: [0.014_72, 0.014_72, 0.012_78],
+                rotor_drag_n_s2_m: 0.0,
+                rotor_inertia_kg_m2: 26.97e-9,
+                ground_effect: GroundEffect::SanchezCuevas,
+                rotor_radius_m: 0.023,
+                rotor_height_m: 0.03,
+            },
+            battery: BatteryOptions { capacity_ah: 0.25, ..Default::default() },
+            controller: ControllerOptions {
+                q: [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+                r: [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0],
+            },
+            ..Self::default()
+        }
+    }
+
+    /// Crazyflie 2.1 with the thrust upgrade kit and a 350 mAh battery.
+    ///
+    /// Body, drag, rotors: crazyflow's `cf2x_T350` (its rotor inertia is that of `cf21B_500`).
+    /// Thrust over voltage, largest thrust (0.18 N), yaw moment (5.16 mm): firmware
+    /// `platform_defaults_cf2.h`, thrust kit. Battery: that of [`Self::cf21`] with a resistance
+    /// that falls as the capacity rises; current per thrust the same, for want of a measurement.
+    #[must_use]
+    pub fn cf21_thrust_kit() -> Self {
+        let base = Self::cf21();
+        Self {
+            vehicle: VehicleOptions {
+                mass_kg: 0.0379,
+                inertia_kg_m2: [15.7e-6, 17.1e-6, 30.0e-6],
+                k_f_n: 0.18 / FULL,
+                k_m_n_m: 0.005_16 * 0.18 / FULL,
+                rotor_thrust_n_s2: 2.338e-8,
+                motor_rise_s: 0.088,
+                motor_fall_s: 0.069,
+                body_drag_n_s_m: [0.015_57, 0.015_57, 0.021_92],
+                rotor_inertia_kg_m2: 38.93e-9,
+                ..base.vehicle
+            },
+            battery: BatteryOptions {
+                capacity_ah: 0.35,
+                resistance_ohm: 0.265 * 0.25 / 0.35,
+                thrust_from_v_n: [-0.039_782, 0.109_797, -0.055_453, 0.016_215],
+                ..base.battery
+            },
+            ..base
+        }
+    }
+
+    /// Crazyflie 2.1 Brushless with a 500 mAh battery.
+    ///
+    /// Body, drag, rotors: crazyflow's `cf21B_500`. Thrust over voltage, largest thrust (0.2 N),
+    /// yaw moment (5.69 mm): firmware `platform_defaults_cf21bl.h`. Propellers of 55 mm. Current per
+    /// thrust: from Bitcraze's 10 minutes with 350 mAh at 39.3 g. Resistance: as for the thrust kit.
+    #[must_use]
+    pub fn cf_brushless() -> Self {
+        let base = Self::cf21();
+        Self {
+            vehicle: VehicleOptions {
+                mass_kg: 0.0434,
+                inertia_kg_m2: [25.0e-6, 28.0e-6, 49.0e-6],
+                k_f_n: 0.2 / FULL,
+                k_m_n_m: 0.005_69 * 0.2 / FULL,
+                arm_m: 0.035_355,
+                rotor_thrust_n_s2: 3.839e-8,
+                motor_rise_s: 0.057,
+                motor_fall_s: 0.062,
+                body_drag_n_s_m: [0.021_49, 0.021_49, 0.023_60],
+                rotor_inertia_kg_m2: 38.93e-9,
+                rotor_radius_m: 0.0275,
+                ..base.vehicle
+            },
+            battery: BatteryOptions {
+                capacity_ah: 0.5,
+                resistance_ohm: 0.265 * 0.25 / 0.5,
+                current_a_per_n: 4.8,
+                thrust_from_v_n: [-0.014_059, 0.042_653, 0.001_833, 0.002_058],
+                ..base.battery
+            },
+            ..base
+        }
+    }
+
+    /// bzzz: a quadcopter of 1.15 kg with 10-inch propellers, for altitude-hold.md.
+    ///
+    /// Body, motor lag, propellers: QUADx88, the model of the same laboratory (pypi.org/project/
+    /// quadx88: mass of its example, C_T 0.112, C_P 0.044, 10 in, air 1.225 kg/m³); half the side
+    /// is its arm of 225 mm times √½. Largest thrust and current: a 920 KV motor with such a
+    /// propeller, 960 g at 11.1 V and 15.2 A; thrust as the square of the voltage, no compensation,
+    /// so that lift is linear in the throttle and falls with the battery. Battery: three of the
+    /// cells of [`Self::cf21`], 5 Ah and 20 mΩ assumed. Rotor drag: RotorS, 8.06e-5. Body drag and
+    /// height of the propellers assumed.
+    #[must_use]
+    pub fn bzzz() -> Self {
+        let base = Self::default();
+        let cell = BatteryOptions::default();
+        let full_n = 9.42;
+        Self {
+            vehicle: VehicleOptions {
+                mass_kg: 1.15,
+                inertia_kg_m2: [0.017_88, 0.030_14, 0.046_14],
+                k_f_n: full_n / FULL,
+                k_m_n_m: 0.015_88 * full_n / FULL,
+                arm_m: 0.159,
+                motor_max: FULL,
+                center_of_mass_m: [0.0, 0.0],
+                rotor_thrust_n_s2: 1.4465e-5,
+                motor_rise_s: 0.05,
+                motor_fall_s: 0.05,
+                body_drag_n_s_m: [0.1, 0.1, 0.2],
+                rotor_drag_n_s2_m: 8.06e-5,
+                rotor_inertia_kg_m2: 4.8e-5,
+                ground_effect: GroundEffect::SanchezCuevas,
+                rotor_radius_m: 0.127,
+                rotor_height_m: 0.2,
+            },
+            battery: BatteryOptions {
+                capacity_ah: 5.0,
+                open_circuit_v: cell.open_circuit_v.map(|v| 3.0 * v),
+                resistance_ohm: 0.02,
+                idle_current_a: 0.5,
+                current_a_per_n: 15.2 / full_n,
+                thrust_from_v_n: [0.0, 0.0, full_n / (11.1 * 11.1), 0.0],
+                compensation: Compensation::None,
+                cut_off_v: 9.0,
+                ..cell
+            },
+            controller: ControllerOptions {
+                q: [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+                r: [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0],
+            },
+            ..base
+        }
+    }
+}
