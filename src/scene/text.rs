@@ -10,7 +10,7 @@ pub(super) const HINT: &str = "`noctograph scene` prints every key with its defa
 
 /// Every key of a scene in the order of the file: section, key, meaning with unit.
 const KEYS: &[(&str, &str, &str)] = &[
-    ("", "preset", "where the defaults come from"),
+    ("", "preset", "ae483-2022, cf21, cf21-thrust-kit, cf-brushless or bzzz: the keys left out"),
     ("", "word", "the word to write"),
     ("", "seed", "seed of all noise: the same seed makes the same photo"),
     ("letters", "font", "stroke font: ae483, the reference team's 26 letters"),
@@ -49,7 +49,11 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("battery", "resistance_ohm", "resistance of battery, plug and wires, ohm"),
     ("battery", "idle_current_a", "current with the motors off, A"),
     ("battery", "current_a_per_n", "current of the motors per thrust, A/N"),
-    ("battery", "thrust_from_v_n", "a motor's thrust from its voltage: t0 + t1 v + t2 v2 + t3 v3, N"),
+    (
+        "battery",
+        "thrust_from_v_n",
+        "a motor's thrust from its voltage: t0 + t1 v + t2 v2 + t3 v3, N",
+    ),
     ("battery", "compensation", "firmware: commands are thrusts; none: shares of the voltage's"),
     ("battery", "cut_off_v", "voltage under load below which the motors stop; 0: never, V"),
     ("air", "wind_m_s", "steady wind along world x, y, z, m/s"),
@@ -113,7 +117,7 @@ pub(super) fn document(scene: &Scene) -> String {
     let values = toml::Table::try_from(scene).expect("a checked scene is a TOML table");
     let mut text =
         "# A noctograph scene: everything that the photo depends on. SI units; angles in \
-                    radians.\n# Keys that are left out keep their default.\n"
+                    radians.\n# Keys that are left out keep the value of the preset.\n"
             .to_owned();
     let mut section = "";
     for (place, key, meaning) in KEYS {

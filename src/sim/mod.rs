@@ -30,9 +30,7 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions,
-};
+pub use options::{ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions};
 pub use vehicle::{
     AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,
 };

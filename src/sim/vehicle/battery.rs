@@ -86,10 +86,12 @@ impl Battery {
 
     fn open_circuit_v(&self) -> f64 {
         let tenths = self.charge_frac * 10.0;
-        let below = (0..9).find(|&i| tenths < f64::from(i + 1)).unwrap_or(9);
-        let (low, high) =
-            (self.open_circuit_v[below as usize], self.open_circuit_v[below as usize + 1]);
-        low + (high - low) * (tenths - f64::from(below))
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
+        let below = (tenths as usize).min(9);
+        let (low, high) = (self.open_circuit_v[below], self.open_circuit_v[below + 1]);
+        #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
+        let above = tenths - below as f64;
+        low + (high - low) * above
     }
 }
 
@@ -123,7 +125,8 @@ mod tests {
     #[test]
     fn the_open_circuit_voltage_is_the_table() {
         let (mut battery, _) = cf21();
-        for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)] {
+        for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)]
+        {
             battery.charge_frac = charge_frac;
             let found = battery.open_circuit_v();
             assert!((found - want).abs() < 1e-12, "{found} V at {charge_frac}");

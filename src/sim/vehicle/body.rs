@@ -3,6 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::model::{GRAVITY_M_S2, State};
+use super::options::VehicleOptions;
 use super::rotors::Load;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
@@ -85,13 +86,37 @@ impl Body {
 /// What resists motion: mass, inertia, drag.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inertia {
-    pub(super) mass_kg: f64,
-    pub(super) moments_kg_m2: Vector3<f64>,
+    mass_kg: f64,
     /// Force per speed through the air along body x, y, z.
-    pub(super) drag_n_s_m: Vector3<f64>,
+    drag_n_s_m: Vector3<f64>,
+    /// Inverses, for a division costs as much as ten products.
+    per_mass: f64,
+    per_moment: Vector3<f64>,
+    /// `(J_y − J_z) / J_x` and so on round.
+    coupling: Vector3<f64>,
 }
 
 impl Inertia {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        let j = Vector3::from(options.inertia_kg_m2);
+        Self {
+            mass_kg: options.mass_kg,
+            drag_n_s_m: options.body_drag_n_s_m.into(),
+            per_mass: 1.0 / options.mass_kg,
+            per_moment: j.map(|j| 1.0 / j),
+            coupling: Vector3::new((j.y - j.z) / j.x, (j.z - j.x) / j.y, (j.x - j.y) / j.z),
+        }
+    }
+
+    pub(super) fn weight_n(&self) -> f64 {
+        self.mass_kg * GRAVITY_M_S2
+    }
+
+    /// Acceleration that a force gives.
+    pub(super) fn per_mass(&self, force_n: Vector3<f64>) -> Vector3<f64> {
+        force_n * self.per_mass
+    }
+
     /// Drag along the body axes at an airspeed in the body frame.
     pub(super) fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let across = load.drag_n_s_m;
@@ -116,8 +141,9 @@ impl Inertia {
         let k3 = self.slope(&ahead(&s, &k2, 0.5 * dt_s), &loads[1], wind_m_s);
         let k4 = self.slope(&ahead(&s, &k3, dt_s), &loads[2], wind_m_s);
         let mut end = s;
+        let sixth_s = dt_s / 6.0;
         for (i, value) in end.iter_mut().enumerate() {
-            *value += dt_s / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+            *value += sixth_s * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
         }
         Body::from_row(&end)
     }
@@ -134,13 +160,11 @@ impl Inertia {
         let along = |b: usize| r[0][b] * air[0] + r[1][b] * air[1] + r[2][b] * air[2];
         let force = self.drag_n(&Vector3::new(along(0), along(1), along(2)), load);
         let force = [force.x, force.y, force.z + load.thrust_n];
-        let per_mass = 1.0 / self.mass_kg;
         let a = |i: usize| {
-            (r[i][0] * force[0] + r[i][1] * force[1] + r[i][2] * force[2]) * per_mass
+            (r[i][0] * force[0] + r[i][1] * force[1] + r[i][2] * force[2]) * self.per_mass
         };
         let (p, q, o) = (s[10], s[11], s[12]);
-        let j = &self.moments_kg_m2;
-        let torque = &load.torque_n_m;
+        let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
         [
             s[3],
             s[4],
@@ -153,9 +177,9 @@ impl Inertia {
             0.5 * (w * q + z * p - x * o),
             0.5 * (w * o + x * q - y * p),
             // The rotors' own spin turns with the body: the gyroscopic torque.
-            ((j.y - j.z) * q * o + torque.x - q * load.spin_n_m_s) / j.x,
-            ((j.z - j.x) * p * o + torque.y + p * load.spin_n_m_s) / j.y,
-            ((j.x - j.y) * p * q + torque.z) / j.z,
+            c.x * q * o + (torque.x - q * load.spin_n_m_s) * per_j.x,
+            c.y * p * o + (torque.y + p * load.spin_n_m_s) * per_j.y,
+            c.z * p * q + torque.z * per_j.z,
         ]
     }
 }
@@ -173,19 +197,15 @@ fn ahead(s: &Row, slope: &Row, dt_s: f64) -> Row {
 mod tests {
     use super::*;
     use crate::sim::vehicle::model::{Vehicle, Wrench};
-    use crate::sim::vehicle::{VehicleOptions, attitude, rate};
+    use crate::sim::vehicle::{attitude, rate};
 
     /// The reference team's drone, whose drag is nought.
-    fn plain() -> Inertia {
-        let options = VehicleOptions::default();
-        Inertia {
-            mass_kg: options.mass_kg,
-            moments_kg_m2: options.inertia_kg_m2.into(),
-            drag_n_s_m: options.body_drag_n_s_m.into(),
-        }
+    fn plain() -> VehicleOptions {
+        VehicleOptions::default()
     }
 
-    fn fly(inertia: &Inertia, mut body: Body, load: Load, dt_s: f64, n: usize) -> Body {
+    fn fly(options: &VehicleOptions, mut body: Body, load: Load, dt_s: f64, n: usize) -> Body {
+        let inertia = Inertia::new(options);
         for _ in 0..n {
             body = inertia.step(&body, &[load; 3], &Vector3::zeros(), dt_s);
         }
@@ -213,12 +233,12 @@ mod tests {
 
     #[test]
     fn torque_free_rotation_keeps_energy_and_momentum() {
-        let inertia = plain();
-        let j = inertia.moments_kg_m2;
+        let options = plain();
+        let j = Vector3::from(options.inertia_kg_m2);
         let energy = |b: &Body| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
         let momentum = |b: &Body| b.world_from_body * j.component_mul(&b.rate_rad_s);
         let start = tumbling();
-        let end = fly(&inertia, start, Load::default(), 0.001, 1000);
+        let end = fly(&options, start, Load::default(), 0.001, 1000);
         assert!((end.rate_rad_s - start.rate_rad_s).norm() > 0.1, "it does tumble");
         assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-9, "energy");
         let drift = (momentum(&end) - momentum(&start)).norm() / momentum(&start).norm();
@@ -228,9 +248,9 @@ mod tests {
     #[test]
     fn a_free_spinning_top_precesses_as_the_closed_form_says() {
         // Two equal moments: w_z stays, (w_x, w_y) turn by (J_z − J_x) w_z / J_x.
-        let mut inertia = plain();
-        inertia.moments_kg_m2 = Vector3::new(1.2e-5, 1.2e-5, 3.3e-5);
-        let end = fly(&inertia, tumbling(), Load::default(), 0.001, 1000);
+        let options =
+            VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
+        let end = fly(&options, tumbling(), Load::default(), 0.001, 1000);
         let angle = (3.3 - 1.2) / 1.2 * 2.0;
         let (sin, cos) = libm::sincos(angle);
         let (x, y) = (1.5, -1.0);
@@ -240,11 +260,8 @@ mod tests {
 
     #[test]
     fn quaternions_and_the_teams_euler_angles_agree() {
-        let load = Load {
-            thrust_n: 0.36,
-            torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6),
-            ..Load::default()
-        };
+        let load =
+            Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
         let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
         let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
         let vehicle = Vehicle::new(&VehicleOptions::default());
@@ -265,8 +282,8 @@ mod tests {
 
     #[test]
     fn the_integrator_is_of_order_four() {
-        let mut inertia = plain();
-        inertia.drag_n_s_m = Vector3::new(0.015, 0.015, 0.013);
+        let options =
+            VehicleOptions { body_drag_n_s_m: [0.015, 0.015, 0.013], ..Default::default() };
         let load = Load {
             thrust_n: 0.4,
             torque_n_m: Vector3::new(1e-5, -2e-5, 1e-5),
@@ -275,7 +292,7 @@ mod tests {
         };
         let end = |n: usize| {
             #[expect(clippy::cast_precision_loss, reason = "small")]
-            fly(&inertia, tumbling(), load, 0.4 / n as f64, n)
+            fly(&options, tumbling(), load, 0.4 / n as f64, n)
         };
         let exact = end(12_800);
         let error = |n: usize| {
@@ -288,18 +305,17 @@ mod tests {
 
     #[test]
     fn a_falling_body_reaches_its_terminal_velocity() {
-        let mut inertia = plain();
-        inertia.drag_n_s_m = Vector3::new(0.0, 0.0, 0.1);
-        let end = fly(&inertia, Body::at(Vector3::zeros()), Load::default(), 0.01, 2000);
-        let want = -inertia.mass_kg * 9.81 / 0.1;
+        let options = VehicleOptions { body_drag_n_s_m: [0.0, 0.0, 0.1], ..Default::default() };
+        let end = fly(&options, Body::at(Vector3::zeros()), Load::default(), 0.01, 2000);
+        let want = -options.mass_kg * 9.81 / 0.1;
         assert!((end.velocity_m_s.z / want - 1.0).abs() < 1e-9, "{}", end.velocity_m_s.z);
     }
 
     #[test]
     fn wind_carries_a_weightless_body_with_it() {
-        let mut inertia = plain();
-        inertia.drag_n_s_m = Vector3::repeat(0.05);
-        let hover = Load { thrust_n: inertia.mass_kg * GRAVITY_M_S2, ..Load::default() };
+        let options = VehicleOptions { body_drag_n_s_m: [0.05; 3], ..Default::default() };
+        let inertia = Inertia::new(&options);
+        let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
         let wind = Vector3::new(0.3, -0.2, 0.0);
         let mut body = Body::at(Vector3::zeros());
         for _ in 0..20_000 {
@@ -312,8 +328,8 @@ mod tests {
     fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
         let body = Body { rate_rad_s: Vector3::x(), ..Body::at(Vector3::zeros()) };
-        let slope = plain().slope(&body.row(), &load, &Vector3::zeros());
-        assert!((slope[11] * plain().moments_kg_m2.y - 1e-4).abs() < 1e-18, "−w × h");
+        let slope = Inertia::new(&plain()).slope(&body.row(), &load, &Vector3::zeros());
+        assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
     }
 
     #[test]

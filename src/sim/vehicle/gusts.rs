@@ -28,9 +28,11 @@ impl Wind {
         let mut axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         let filters = match options.gusts {
             Gusts::None => None,
-            Gusts::OrnsteinUhlenbeck => Some(options.gust_sigma_m_s.map(|sigma_m_s| {
-                Filter::new([sigma_m_s, 0.0], options.gust_time_s, dt_s)
-            })),
+            Gusts::OrnsteinUhlenbeck => Some(
+                options
+                    .gust_sigma_m_s
+                    .map(|sigma_m_s| Filter::new([sigma_m_s, 0.0], options.gust_time_s, dt_s)),
+            ),
             Gusts::Dryden if level_m_s > 0.0 => {
                 let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
                 axes = [along, Vector3::z().cross(&along), Vector3::z()];
@@ -64,8 +66,7 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     let shape = 0.177 + 0.000_823 * LOWEST_FT;
     let vertical_m_s = 0.1 * wind_m_s;
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
-    let (vertical_m, level_m) =
-        (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
+    let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = |sigma_m_s: f64, length_m: f64| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -184,11 +185,8 @@ mod tests {
 
     #[test]
     fn drydens_gusts_have_the_densities_of_the_specification() {
-        let options = AirOptions {
-            gusts: Gusts::Dryden,
-            wind_m_s: [3.0, 0.0, 0.0],
-            ..Default::default()
-        };
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
         let found = spectra(&options);
         // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
@@ -204,11 +202,8 @@ mod tests {
 
     #[test]
     fn gusts_have_their_variance_from_the_start() {
-        let options = AirOptions {
-            gusts: Gusts::Dryden,
-            wind_m_s: [0.0, 2.0, 0.0],
-            ..Default::default()
-        };
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0], ..Default::default() };
         let n = 20_000_u32;
         let mut square = Vector3::zeros();
         for seed in 0..n {

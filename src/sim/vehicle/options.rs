@@ -39,7 +39,7 @@ pub struct VehicleOptions {
     /// Drag of the body per airspeed along body x, y, z, N/(m/s).
     pub body_drag_n_s_m: [f64; 3],
     /// Drag of one rotor across its axis per airspeed and rotor speed, N/((m/s)(rad/s)): the
-    /// H-force of blade element theory, linear as in RotorS (Furrer et al. 2016).
+    /// H-force of blade element theory, linear as in `RotorS` (Furrer et al. 2016).
     pub rotor_drag_n_s2_m: f64,
     /// Moment of inertia of one rotor with the turning part of its motor, about its axis: the
     /// gyroscopic torque, and the yaw that a rotor gives by speeding up.
@@ -143,7 +143,7 @@ impl Default for VehicleOptions {
     /// no lag, drag or ground effect in their model. Rotors: Bitcraze's fit of 2015 to a
     /// Crazyflie 2.0, 2.68e-10 N/rpm² a motor (firmware `docs/functional-areas/pwm-to-thrust.md`);
     /// propellers of radius 23 mm, 30 mm above the floor (constants of the ground-effect module in
-    /// XinLong-Li/cf-frimware-2022-12).
+    /// `XinLong-Li/cf-frimware-2022-12`).
     fn default() -> Self {
         Self {
             mass_kg: 0.0351,
@@ -170,16 +170,14 @@ impl Default for BatteryOptions {
     /// No capacity. The rest is the Crazyflie 2.1's 250 mAh battery, so that a capacity switches
     /// it on. Curve: firmware `pm_stm32f4.c` (0 to 90 %) and 4.20 V when full. Currents: Bitcraze's
     /// table of 2015 (firmware `docs/functional-areas/pwm-to-thrust.md`), 0.24 A at rest and 2.39 A
-    /// at 32.8 g. Resistance: from the median drop of 0.57 V at take-off in 98 NanoBench flights
+    /// at 32.8 g. Resistance: from the median drop of 0.57 V at take-off in 98 flights of `NanoBench`
     /// (arXiv 2603.09908) and the change of current. Thrust: firmware `platform_defaults_cf2.h`,
     /// legacy propellers. Cut-off: its critical voltage.
     fn default() -> Self {
         Self {
             capacity_ah: 0.0,
             charge_frac: 1.0,
-            open_circuit_v: [
-                3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20,
-            ],
+            open_circuit_v: [3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20],
             resistance_ohm: 0.265,
             idle_current_a: 0.24,
             current_a_per_n: 6.68,
@@ -196,12 +194,7 @@ impl Default for AirOptions {
     /// find a turbulent energy of up to 0.01 m²/s² in weakly turbulent flow, σ = √(2k/3) = 0.08 m/s,
     /// at mean speeds of 0.05 to 0.25 m/s; with eddies of 0.2 m that drift at 0.2 m/s, 1 s.
     fn default() -> Self {
-        Self {
-            wind_m_s: [0.0; 3],
-            gusts: Gusts::None,
-            gust_sigma_m_s: [0.08; 3],
-            gust_time_s: 1.0,
-        }
+        Self { wind_m_s: [0.0; 3], gusts: Gusts::None, gust_sigma_m_s: [0.08; 3], gust_time_s: 1.0 }
     }
 }
 

@@ -60,11 +60,7 @@ impl Plant {
             rotors: Rotors::new(vehicle, thrust_n, dt_s),
             battery: Battery::new(&options.battery),
             wind: Wind::new(&options.air, dt_s, seed, drone),
-            inertia: Inertia {
-                mass_kg: vehicle.mass_kg,
-                moments_kg_m2: vehicle.inertia_kg_m2.into(),
-                drag_n_s_m: vehicle.body_drag_n_s_m.into(),
-            },
+            inertia: Inertia::new(vehicle),
             floor: Floor::new(vehicle),
             dt_s,
             thrust_per_command_n: vehicle.k_f_n,
@@ -79,9 +75,8 @@ impl Plant {
         let wanted_n = self.thrusts_n(commands);
         let body = &self.body;
         // What changes slowly is held through the step: the ground effect at its middle height.
-        let ground = self
-            .floor
-            .thrust_ratio(body.position_m.z + 0.5 * self.dt_s * body.velocity_m_s.z);
+        let ground =
+            self.floor.thrust_ratio(body.position_m.z + 0.5 * self.dt_s * body.velocity_m_s.z);
         let loads = self.rotors.advance(&wanted_n, ground);
         self.wind_m_s = self.wind.advance();
         if let Some(battery) = &mut self.battery {
@@ -118,7 +113,7 @@ impl Plant {
         let airspeed = body.velocity_m_s - self.wind_m_s;
         let airspeed = body.world_from_body.inverse_transform_vector(&airspeed);
         let force_n = self.inertia.drag_n(&airspeed, &load) + Vector3::z() * load.thrust_n;
-        force_n / self.inertia.mass_kg
+        self.inertia.per_mass(force_n)
     }
 
     /// The twelve states of the design model.
@@ -153,7 +148,7 @@ impl Plant {
     }
 
     fn lifts(&self, thrust_n: f64) -> bool {
-        thrust_n > self.inertia.mass_kg * GRAVITY_M_S2
+        thrust_n > self.inertia.weight_n()
     }
 }
 

@@ -25,6 +25,7 @@ pub(super) struct Rotors {
     rise: Lag,
     fall: Lag,
     thrust_n_s2: f64,
+    per_thrust: f64,
     torque_per_thrust_m: f64,
     lever_m: f64,
     center_of_mass_m: [f64; 2],
@@ -57,6 +58,7 @@ impl Rotors {
             rise: Lag::new(options.motor_rise_s, dt_s),
             fall: Lag::new(options.motor_fall_s, dt_s),
             thrust_n_s2: options.rotor_thrust_n_s2,
+            per_thrust: 1.0 / options.rotor_thrust_n_s2,
             torque_per_thrust_m: options.k_m_n_m / options.k_f_n,
             lever_m: options.arm_m,
             center_of_mass_m: options.center_of_mass_m,
@@ -78,23 +80,20 @@ impl Rotors {
     /// Follows the thrusts asked for through one step: the loads at its start, middle and end.
     #[inline]
     pub(super) fn advance(&mut self, wanted_n: &[f64; 4], ground: f64) -> [Load; 3] {
-        let target = wanted_n.map(|n| (n / self.thrust_n_s2).sqrt());
+        let target = wanted_n.map(|n| (n * self.per_thrust).sqrt());
         let start = self.speed_rad_s;
-        let lag: [&Lag; 4] =
-            std::array::from_fn(|i| if target[i] > start[i] { &self.rise } else { &self.fall });
-        let at = |part: usize| -> ([f64; 4], [f64; 4]) {
-            let off: [f64; 4] =
-                std::array::from_fn(|i| (start[i] - target[i]) * lag[i].left[part]);
-            (
-                std::array::from_fn(|i| target[i] + off[i]),
-                std::array::from_fn(|i| -off[i] * lag[i].per_s),
-            )
-        };
-        let loads = [0, 1, 2].map(|part| {
-            let (speed, change) = at(part);
-            self.load_at(&speed, &change, ground)
-        });
-        self.speed_rad_s = at(2).0;
+        let mut loads = [Load::default(); 3];
+        for (part, load) in loads.iter_mut().enumerate() {
+            let (mut speed, mut change) = ([0.0; 4], [0.0; 4]);
+            for i in 0..4 {
+                let lag = if target[i] > start[i] { &self.rise } else { &self.fall };
+                let off = (start[i] - target[i]) * lag.left[part];
+                speed[i] = target[i] + off;
+                change[i] = -off * lag.per_s;
+            }
+            *load = self.load_at(&speed, &change, ground);
+            self.speed_rad_s = speed;
+        }
         loads
     }
 
