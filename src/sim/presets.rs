@@ -188,7 +188,7 @@ mod tests {
     use crate::flight::{Flight, rmse_m};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::fly;
+    use crate::sim::{SensorOptions, fly};
 
     fn noor(options: &SimOptions) -> Flight {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
@@ -214,5 +214,28 @@ mod tests {
             assert_eq!(flight.samples.last().unwrap().position_m.z, 0.0, "landed");
             assert!(flight.warnings.is_empty(), "{:?}", flight.warnings);
         }
+    }
+
+    #[test]
+    fn the_reference_teams_gains_do_not_bear_the_motor_lag() {
+        let mut options = SimOptions::cf21();
+        options.controller = ControllerOptions::default();
+        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+        let error = fly(&plan, &options, 1, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.starts_with("the drone "), "{error}");
+    }
+
+    #[test]
+    fn half_the_step_moves_the_flight_little_though_battery_and_ground_effect_are_held() {
+        let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::cf21() };
+        let coarse = noor(&options);
+        options.rates.steps_per_tick = 2;
+        let fine = noor(&options);
+        let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
+        let apart_m =
+            apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
+        // The moment of lift-off is known to a step; most of the difference is from there.
+        assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

@@ -114,11 +114,13 @@ impl Filter {
 
     fn advance(&mut self, noise: &mut Noise) -> f64 {
         let [first, second] = self.stages;
-        let (a, b) = (noise.normal(), noise.normal());
-        self.stages = [
-            self.stays * first + self.adds[0] * a,
-            self.stays * second + self.gives * first + self.adds[1] * a + self.adds[2] * b,
-        ];
+        let draw = noise.normal();
+        self.stages[0] = self.stays * first + self.adds[0] * draw;
+        if self.parts[1] == 0.0 {
+            return self.parts[0] * self.stages[0];
+        }
+        let added = self.adds[1] * draw + self.adds[2] * noise.normal();
+        self.stages[1] = self.stays * second + self.gives * first + added;
         self.parts[0] * self.stages[0] + self.parts[1] * self.stages[1]
     }
 }
