@@ -1,6 +1,7 @@
 //! Scene: the one TOML file that fixes a photo.
 //!
-//! Every key has a default (the preset `ae483-2022`), so a scene names only what it changes.
+//! Every key has the value of a preset (`ae483-2022`, if the scene names no other), so a scene names
+//! only what it changes.
 //! Unknown keys and values out of range are refused with line and key.
 
 use std::path::Path;
@@ -15,10 +16,14 @@ use crate::light::LightOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::sim::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+    AirOptions, BatteryOptions, ControllerOptions, ObserverOptions, RateOptions, SensorOptions,
+    SimOptions, VehicleOptions,
 };
 
+mod preset;
 mod text;
+
+pub use preset::Preset;
 
 /// Everything that a photo depends on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +41,10 @@ pub struct Scene {
     pub plan: PlanOptions,
     /// The drone.
     pub vehicle: VehicleOptions,
+    /// What drives its motors.
+    pub battery: BatteryOptions,
+    /// The air it flies in.
+    pub air: AirOptions,
     /// Clocks of the simulation.
     pub rates: RateOptions,
     /// What steers it.
@@ -52,15 +61,6 @@ pub struct Scene {
     pub expose: ExposeOptions,
     /// When a word counts as read.
     pub score: ScoreOptions,
-}
-
-/// A named set of defaults.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Preset {
-    /// The reference team's flight of December 2022: their drone, gains, letters and timing.
-    #[default]
-    #[serde(rename = "ae483-2022")]
-    Ae4832022,
 }
 
 /// Largest scene file that is read.
@@ -91,7 +91,8 @@ impl Scene {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
-        let scene: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
+        let alone: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
+        let scene = alone.preset.under(toml);
         scene.check().map_err(|error| text::with_line(error, toml, file))?;
         Ok(scene)
     }
@@ -102,12 +103,31 @@ impl Scene {
         text::document(self)
     }
 
+    /// A scene that is the preset and nothing else.
+    #[must_use]
+    pub fn preset(preset: Preset) -> Self {
+        let sim = preset.sim();
+        Self {
+            preset,
+            vehicle: sim.vehicle,
+            battery: sim.battery,
+            air: sim.air,
+            rates: sim.rates,
+            controller: sim.controller,
+            observer: sim.observer,
+            sensors: sim.sensors,
+            ..Self::default()
+        }
+    }
+
     /// What the simulator needs of it.
     #[must_use]
     pub fn sim(&self) -> SimOptions {
         SimOptions {
             rates: self.rates.clone(),
             vehicle: self.vehicle.clone(),
+            battery: self.battery.clone(),
+            air: self.air.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
             sensors: self.sensors.clone(),
@@ -154,12 +174,36 @@ mod tests {
     }
 
     #[test]
+    fn a_scene_keeps_what_its_preset_says_and_changes_what_it_names() {
+        let toml = "preset = \"cf21\"\n[vehicle]\nmass_kg = 0.0351\n[air]\ngusts = \"dryden\"\n";
+        let mut want = Scene::preset(Preset::Cf21);
+        want.vehicle.mass_kg = 0.0351;
+        want.air.gusts = crate::sim::Gusts::Dryden;
+        assert_eq!(Scene::parse(toml, "my.toml").unwrap(), want);
+        assert_ne!(want.controller, Scene::default().controller, "its own gains");
+    }
+
+    #[test]
+    fn every_preset_reads_back_as_it_is_printed() {
+        for preset in Preset::ALL {
+            let scene = Scene::preset(preset);
+            scene.check().unwrap();
+            assert_eq!(Scene::parse(&scene.to_toml(), "my.toml").unwrap(), scene, "{preset:?}");
+            let name = format!("preset = \"{}\"\n", preset.name());
+            assert_eq!(Scene::parse(&name, "my.toml").unwrap(), scene, "{preset:?} alone");
+        }
+        assert_eq!(Scene::preset(Preset::default()), Scene::default());
+    }
+
+    #[test]
     fn what_is_wrong_is_named_with_line_and_key() {
         let cases = [
             ("seed = 1\n[vehicle]\nmass_kg = -0.03\n", ":3: vehicle.mass_kg", "-0.03"),
             ("[vehicle]\nmas_kg = 0.03\n", ":2", "mas_kg"),
             ("seed = 1\nlettres = 3\n", ":2", "lettres"),
             ("seed = -1\n", ":1", "-1"),
+            ("seed = 1\npreset = \"cf22\"\n", ":2", "`cf21-thrust-kit`"),
+            ("preset = \"bzzz\"\n[vehicle]\nmass_kg = -1\n", ":3: vehicle.mass_kg", "-1"),
             ("[camera]\niso = \"high\"\n", ":2", "string"),
             ("[camera]\n\niso = nan\n", ":3: camera.iso", "NaN"),
             ("[camera]\nwidth_px = 0\n", ":2: camera.width_px", "0x1080"),

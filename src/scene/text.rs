@@ -10,7 +10,7 @@ pub(super) const HINT: &str = "`noctograph scene` prints every key with its defa
 
 /// Every key of a scene in the order of the file: section, key, meaning with unit.
 const KEYS: &[(&str, &str, &str)] = &[
-    ("", "preset", "where the defaults come from"),
+    ("", "preset", "ae483-2022, cf21, cf21-thrust-kit, cf-brushless or bzzz: the keys left out"),
     ("", "word", "the word to write"),
     ("", "seed", "seed of all noise: the same seed makes the same photo"),
     ("letters", "font", "stroke font: ae483, the reference team's 26 letters"),
@@ -34,6 +34,32 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("vehicle", "arm_m", "half the side of the square of motors, m"),
     ("vehicle", "motor_max", "largest motor command"),
     ("vehicle", "center_of_mass_m", "centre of mass off the motors' middle, body x and y, m"),
+    ("vehicle", "rotor_thrust_n_s2", "thrust of a rotor per square of its speed, N/(rad/s)2"),
+    ("vehicle", "motor_rise_s", "time constant of a rotor's speed while it rises; 0: none, s"),
+    ("vehicle", "motor_fall_s", "time constant of a rotor's speed while it falls; 0: none, s"),
+    ("vehicle", "body_drag_n_s_m", "drag per airspeed along body x, y, z, N/(m/s)"),
+    ("vehicle", "rotor_drag_n_s2_m", "drag of a rotor per airspeed and speed, N/((m/s)(rad/s))"),
+    ("vehicle", "rotor_inertia_kg_m2", "inertia of a rotor about its axis, kg m2"),
+    ("vehicle", "ground_effect", "none, cheeseman-bennett or sanchez-cuevas (four rotors)"),
+    ("vehicle", "rotor_radius_m", "radius of a propeller, m"),
+    ("vehicle", "rotor_height_m", "height of the propellers when it stands on the floor, m"),
+    ("battery", "capacity_ah", "charge of a full battery; 0: a voltage that never sags, A h"),
+    ("battery", "charge_frac", "share of the charge that is there at the start"),
+    ("battery", "open_circuit_v", "open-circuit voltage at 0, 10 ... 100 % of charge, V"),
+    ("battery", "resistance_ohm", "resistance of battery, plug and wires, ohm"),
+    ("battery", "idle_current_a", "current with the motors off, A"),
+    ("battery", "current_a_per_n", "current of the motors per thrust, A/N"),
+    (
+        "battery",
+        "thrust_from_v_n",
+        "a motor's thrust from its voltage: t0 + t1 v + t2 v2 + t3 v3, N",
+    ),
+    ("battery", "compensation", "firmware: commands are thrusts; none: shares of the voltage's"),
+    ("battery", "cut_off_v", "voltage under load below which the motors stop; 0: never, V"),
+    ("air", "wind_m_s", "steady wind along world x, y, z, m/s"),
+    ("air", "gusts", "none, ornstein-uhlenbeck (rooms) or dryden (open air, from the wind)"),
+    ("air", "gust_sigma_m_s", "gusts along world x, y, z (ornstein-uhlenbeck), sigma, m/s"),
+    ("air", "gust_time_s", "time over which they are correlated (ornstein-uhlenbeck), s"),
     ("rates", "control_hz", "ticks of observer, controller and motors, Hz"),
     ("rates", "log_hz", "samples of the flight that comes out; divides control_hz, Hz"),
     ("rates", "steps_per_tick", "Runge-Kutta steps per tick"),
@@ -74,6 +100,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("letters", "The word's drawing: boxes from left to right"),
     ("plan", "How it is flown"),
     ("vehicle", "The drone"),
+    ("battery", "What drives its motors"),
+    ("air", "The air it flies in"),
     ("rates", "Clocks of the simulation"),
     ("controller", "Linear-quadratic regulator on the estimated state"),
     ("observer", "Luenberger observer"),
@@ -89,7 +117,7 @@ pub(super) fn document(scene: &Scene) -> String {
     let values = toml::Table::try_from(scene).expect("a checked scene is a TOML table");
     let mut text =
         "# A noctograph scene: everything that the photo depends on. SI units; angles in \
-                    radians.\n# Keys that are left out keep their default.\n"
+                    radians.\n# Keys that are left out keep the value of the preset.\n"
             .to_owned();
     let mut section = "";
     for (place, key, meaning) in KEYS {

@@ -10,7 +10,7 @@ use super::vehicle::Wrench;
 /// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
 /// m3 back left, m4 front left. m1 and m3 turn counter-clockwise, m2 and m4 clockwise; each pushes
 /// the body the other way.
-const SIGNS: Matrix4<f64> = Matrix4::new(
+pub(super) const SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //
     -1.0, 1.0, -1.0, 1.0, //
@@ -20,6 +20,7 @@ const SIGNS: Matrix4<f64> = Matrix4::new(
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
 pub(super) struct Mixer {
+    #[cfg(test)]
     wrench_from_motors: Matrix4<f64>,
     motors_from_wrench: Matrix4<f64>,
     motor_max: f64,
@@ -31,6 +32,7 @@ impl Mixer {
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
         // The rows of SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
         Self {
+            #[cfg(test)]
             wrench_from_motors: Matrix4::from_diagonal(&scale) * SIGNS,
             motors_from_wrench: SIGNS.transpose()
                 * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
@@ -45,7 +47,8 @@ impl Mixer {
         (motors, motors != wanted)
     }
 
-    /// What four commands do to the body.
+    /// What four commands do to the body, at once and with the centre of mass in the middle.
+    #[cfg(test)]
     pub(super) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }

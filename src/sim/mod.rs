@@ -4,7 +4,7 @@
 //!
 //! Method: at every tick of the controller (500 Hz) the sensors are read, the observer takes them
 //! in, a linear-quadratic regulator answers the estimate with a wrench, and the mixer turns it into
-//! four motor commands; these move a rigid body with 12 states by one Runge–Kutta step of order 4.
+//! four motor commands; these move the drone ([`Plant`]): rotors, rigid body, battery, air and floor.
 //! The drone starts at rest at the first setpoint, and a setpoint at or below the floor switches
 //! the motors off. The setpoint is held as it was sent: a position with no velocity, which the
 //! drone trails by about half a second.
@@ -13,8 +13,7 @@
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
 //! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088.
 //!
-//! Not modelled: lag of motors and radio, lost packets, the battery, drag, ground effect and
-//! draughts, downwash between drones; whole-number motor commands; sensor offsets, filters,
+//! Not modelled: lag of the radio, lost packets, downwash between drones; whole-number motor commands; sensor offsets, filters,
 //! outliers and occlusion, and the time between two Lighthouse fixes (the jitter is white per tick);
 //! sliding, bouncing and tipping on the floor.
 
@@ -23,6 +22,7 @@ mod mixer;
 mod noise;
 mod observer;
 mod options;
+mod presets;
 mod recorder;
 #[cfg(test)]
 mod reference_flight;
@@ -30,8 +30,9 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+pub use options::{ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions};
+pub use vehicle::{
+    AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,
 };
 
 use self::recorder::Recorder;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::vehicle::GRAVITY_M_S2;
+pub(super) use super::vehicle::{AirOptions, BatteryOptions, VehicleOptions};
 use crate::error::{Error, Result, within};
 
 /// Vehicle, controller, observer and sensors of a simulated flight.
@@ -14,6 +14,10 @@ pub struct SimOptions {
     pub rates: RateOptions,
     /// The drone itself.
     pub vehicle: VehicleOptions,
+    /// What drives its motors.
+    pub battery: BatteryOptions,
+    /// The air it flies in.
+    pub air: AirOptions,
     /// What steers it.
     pub controller: ControllerOptions,
     /// What tells the controller where the drone is.
@@ -38,43 +42,6 @@ impl Default for RateOptions {
     /// The firmware's 500 Hz, and a log at half of it.
     fn default() -> Self {
         Self { control_hz: 500, log_hz: 250, steps_per_tick: 1 }
-    }
-}
-
-/// A quadrotor with its four motors at the corners of a square.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct VehicleOptions {
-    /// Mass with battery and decks.
-    pub mass_kg: f64,
-    /// Principal moments of inertia about body x, y, z.
-    pub inertia_kg_m2: [f64; 3],
-    /// Thrust of one motor per unit of its command.
-    pub k_f_n: f64,
-    /// Reaction torque of one motor about body z per unit of its command.
-    pub k_m_n_m: f64,
-    /// Half the side of the square of motors: lever of the thrust about body x and y.
-    pub arm_m: f64,
-    /// Largest motor command; the smallest is 0.
-    pub motor_max: f64,
-    /// Centre of mass in body x and y, from the middle of the motors. The thrust turns the drone
-    /// about it, and a controller without integral action pays with a constant position error.
-    pub center_of_mass_m: [f64; 2],
-}
-
-impl Default for VehicleOptions {
-    /// The team's pendulum tests and fits; the centre of mass explains the mean motor commands and
-    /// the standing position error of their flight (at hover (−1.3e-4, −3.3e-4, 0) N m).
-    fn default() -> Self {
-        Self {
-            mass_kg: 0.0351,
-            inertia_kg_m2: [1.24e-5, 1.27e-5, 3.32e-5],
-            k_f_n: 1.95e-6,
-            k_m_n_m: 7.47e-9,
-            arm_m: 0.035,
-            motor_max: 65_535.0,
-            center_of_mass_m: [-0.958e-3, 0.378e-3],
-        }
     }
 }
 
@@ -177,6 +144,8 @@ impl SimOptions {
     /// its motors.
     pub fn check(&self) -> Result<()> {
         self.vehicle.check()?;
+        self.battery.check()?;
+        self.air.check()?;
         self.controller.check()?;
         within_all("observer.q", &self.observer.q, 1e-6, 1e12)?;
         within_all("observer.r", &self.observer.r, 1e-6, 1e12)?;
@@ -202,26 +171,6 @@ impl RateOptions {
     }
 }
 
-impl VehicleOptions {
-    fn check(&self) -> Result<()> {
-        within("vehicle.mass_kg", self.mass_kg, 1e-3, 100.0)?;
-        within_all("vehicle.inertia_kg_m2", &self.inertia_kg_m2, 1e-8, 100.0)?;
-        within("vehicle.k_f_n", self.k_f_n, 1e-9, 1.0)?;
-        within("vehicle.k_m_n_m", self.k_m_n_m, 1e-12, 1.0)?;
-        within("vehicle.arm_m", self.arm_m, 1e-3, 2.0)?;
-        within("vehicle.motor_max", self.motor_max, 1.0, 65_535.0)?;
-        within_all("vehicle.center_of_mass_m", &self.center_of_mass_m, -1.0, 1.0)?;
-        let (lift_n, weight_n) = (4.0 * self.k_f_n * self.motor_max, self.mass_kg * GRAVITY_M_S2);
-        if lift_n > weight_n {
-            return Ok(());
-        }
-        Err(Error::Infeasible {
-            what: format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
-            hint: "lower vehicle.mass_kg, or raise vehicle.k_f_n or vehicle.motor_max".into(),
-        })
-    }
-}
-
 impl ControllerOptions {
     fn check(&self) -> Result<()> {
         within_all("controller.q", &self.q, 0.0, 1e12)?;
@@ -241,7 +190,8 @@ impl SensorOptions {
     }
 }
 
-fn within_all(key: &str, values: &[f64], min: f64, max: f64) -> Result<()> {
+/// [`within`] for each of several values.
+pub(super) fn within_all(key: &str, values: &[f64], min: f64, max: f64) -> Result<()> {
     values.iter().enumerate().try_for_each(|(i, &v)| within(&format!("{key}[{i}]"), v, min, max))
 }
 

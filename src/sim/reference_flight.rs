@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
+use super::{Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
 use crate::flight::{Flight, FlightSample, mean_error_m, rmse_m};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
@@ -112,4 +112,20 @@ fn the_seed_decides_the_flight() {
     let flight = flown(&options, 1);
     assert_eq!(flight, flown(&options, 1), "same seed, same flight");
     assert_ne!(flight, flown(&options, 2), "another seed, another flight");
+}
+
+#[test]
+fn a_rooms_draughts_leave_the_error_near_the_real_flights() {
+    // Real, airborne, against the design: 0.097, 0.046, 0.059 m. Measured here, with a Crazyflie's
+    // drag (crazyflow) and the gusts of a ventilated room: 0.104, 0.033, 0.073. In x that is within a
+    // tenth. What is missing in y is a slow drift: gusts would have to be of 0.8 m/s to make it. In
+    // z the real flight is better because it was slower than its plan (0.18 m/s: 0.067 m).
+    let mut options = SimOptions::default();
+    options.vehicle.body_drag_n_s_m = [0.0147, 0.0147, 0.0128];
+    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    let mean_sq = (0..4_u32).map(|seed| rmse_m(&flown(&options, seed.into())).unwrap());
+    let rmse_m = (mean_sq.map(|e| e.component_mul(&e)).sum::<Vector3<f64>>() / 4.0).map(f64::sqrt);
+    assert!((rmse_m.x / 0.097 - 1.0).abs() < 0.1, "x {}", rmse_m.x);
+    assert!((0.030..0.046).contains(&rmse_m.y), "y {}", rmse_m.y);
+    assert!((0.059..0.078).contains(&rmse_m.z), "z {}", rmse_m.z);
 }

@@ -8,7 +8,7 @@ use super::observer::Observer;
 use super::options::SimOptions;
 use super::recorder::Moment;
 use super::sensors::Sensors;
-use super::vehicle::{self, State, Vehicle, Wrench};
+use super::vehicle::{self, Plant, State, Vehicle};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -21,7 +21,7 @@ pub(super) const LOST: f64 = 1e4;
 /// One drone in flight: all that changes from tick to tick, and what changes it.
 #[derive(Debug)]
 pub(super) struct Rig {
-    vehicle: Vehicle,
+    plant: Plant,
     mixer: Mixer,
     controller: Controller,
     observer: Observer,
@@ -31,8 +31,6 @@ pub(super) struct Rig {
     state: State,
     estimate: State,
     motors: [f64; 4],
-    /// On the body, about the centre of mass.
-    wrench: Wrench,
     setpoint: usize,
     saturated_ticks: u32,
 }
@@ -44,20 +42,19 @@ impl Rig {
         let sensors = Sensors::new(&options.sensors, rate_hz, seed, 0);
         let mut start_m = plan.setpoints[0].position_m;
         start_m.z = start_m.z.max(0.0);
-        // In the air the drone hovers before it starts; on the floor its motors are off.
-        let wrench = if start_m.z > 0.0 { vehicle.hover() } else { Wrench::zeros() };
+        let dt_s = 1.0 / f64::from(rate_hz * options.rates.steps_per_tick);
+        let plant = Plant::new(options, dt_s, seed, 0, start_m);
         Ok(Self {
             controller: Controller::new(&options.controller, &vehicle)?,
             observer: Observer::new(&options.observer, sensors.settled_m(start_m))?,
             mixer: Mixer::new(&options.vehicle),
-            vehicle,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             steps_per_tick: options.rates.steps_per_tick,
-            state: vehicle::at(start_m, 0.0),
+            state: plant.state(),
+            plant,
             estimate: State::zeros(),
             motors: [0.0; 4],
-            wrench,
             setpoint: 0,
             saturated_ticks: 0,
         })
@@ -73,7 +70,7 @@ impl Rig {
         }
         let setpoint = &plan.setpoints[self.setpoint];
 
-        let force = self.vehicle.specific_force_z_m_s2(&self.state, &self.wrench);
+        let force = self.plant.specific_force_m_s2().z;
         let reading = self.sensors.read(&self.state, force);
         self.observer.update(&reading, self.tick_s);
         self.estimate = self.observer.state();
@@ -83,15 +80,14 @@ impl Rig {
         let (motors, saturated) = if off { Default::default() } else { self.mixer.motors(&wanted) };
         self.saturated_ticks += u32::from(saturated && setpoint.letter.is_some());
         self.motors = motors.into();
-        self.wrench = self.vehicle.about_center_of_mass(&self.mixer.wrench(&motors));
     }
 
     /// Moves the drone to the next tick.
     pub(super) fn advance(&mut self) {
-        let dt_s = self.tick_s / f64::from(self.steps_per_tick);
         for _ in 0..self.steps_per_tick {
-            self.state = self.vehicle.step(&self.state, &self.wrench, dt_s);
+            self.plant.advance(&self.motors);
         }
+        self.state = self.plant.state();
     }
 
     pub(super) fn moment(&self, time_s: f64) -> Moment<'_> {
@@ -126,7 +122,8 @@ impl Rig {
     pub(super) fn warnings(&self) -> Vec<String> {
         let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
-        if self.saturated_ticks > 0 { vec![text] } else { Vec::new() }
+        let saturated = (self.saturated_ticks > 0).then_some(text);
+        saturated.into_iter().chain(self.plant.warnings()).collect()
     }
 }
 

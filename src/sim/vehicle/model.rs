@@ -1,4 +1,5 @@
-//! The drone's nonlinear motion: 12 states, 4 inputs, and a floor.
+//! The design model: the reference team's nonlinear motion, 12 states and 4 inputs, which gains are
+//! made from. Immediate motors, no drag, no floor.
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -6,48 +7,49 @@ use super::options::VehicleOptions;
 use crate::geometry::Attitude;
 
 /// Standard of the reference flight's model.
-pub(super) const GRAVITY_M_S2: f64 = 9.81;
+pub(in crate::sim) const GRAVITY_M_S2: f64 = 9.81;
 
 /// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
 /// and angular velocity in the body frame.
-pub(super) type State = SVector<f64, 12>;
+pub(in crate::sim) type State = SVector<f64, 12>;
 /// First nine rows of [`State`]: what moves when the body rate is given.
-pub(super) type Motion = SVector<f64, 9>;
+pub(in crate::sim) type Motion = SVector<f64, 9>;
 /// `[τ_x τ_y τ_z f_z]` on the body.
-pub(super) type Wrench = Vector4<f64>;
+pub(in crate::sim) type Wrench = Vector4<f64>;
 
-const HEIGHT: usize = 2;
-
-/// A rigid body above a floor at z = 0.
+/// A rigid body in free air.
 #[derive(Clone, Debug)]
-pub(super) struct Vehicle {
+pub(in crate::sim) struct Vehicle {
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
+    #[cfg(test)]
     center_of_mass_m: [f64; 2],
 }
 
 impl Vehicle {
-    pub(super) fn new(options: &VehicleOptions) -> Self {
+    pub(in crate::sim) fn new(options: &VehicleOptions) -> Self {
         Self {
             mass_kg: options.mass_kg,
             inertia_kg_m2: options.inertia_kg_m2.into(),
+            #[cfg(test)]
             center_of_mass_m: options.center_of_mass_m,
         }
     }
 
     /// Thrust that carries the drone, with no torque.
-    pub(super) fn hover(&self) -> Wrench {
+    pub(in crate::sim) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
+    #[cfg(test)]
     /// What the motors' wrench does about the centre of mass: the thrust acts at `−(x, y)` of it.
-    pub(super) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
+    pub(in crate::sim) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
         let ([x, y], f) = (self.center_of_mass_m, motors[3]);
         motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
     }
 
     /// `ṡ` in the air.
-    pub(super) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+    pub(in crate::sim) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let motion = state.fixed_rows::<9>(0).into_owned();
         let rate = rate(state);
         let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
@@ -61,33 +63,20 @@ impl Vehicle {
         slope
     }
 
-    /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method, or
-    /// rest where the floor carries the drone.
-    pub(super) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
-        if self.rests(state, wrench) {
-            return at_rest(state);
-        }
+    /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method.
+    #[cfg(test)]
+    pub(in crate::sim) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
         let k1 = self.derivative(state, wrench);
         let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
         let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);
         let k4 = self.derivative(&(state + k3 * dt_s), wrench);
-        let next = state + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
-        if next[HEIGHT] < 0.0 { at_rest(&next) } else { next }
-    }
-
-    /// What an accelerometer at the body origin reads along body z: thrust, or the floor, per mass.
-    pub(super) fn specific_force_z_m_s2(&self, state: &State, wrench: &Wrench) -> f64 {
-        if self.rests(state, wrench) { GRAVITY_M_S2 } else { wrench[3] / self.mass_kg }
-    }
-
-    fn rests(&self, state: &State, wrench: &Wrench) -> bool {
-        state[HEIGHT] <= 0.0 && wrench[3] <= self.mass_kg * GRAVITY_M_S2
+        state + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0)
     }
 }
 
 /// First nine rows of `ṡ`, given the body rate and the specific force along body z (thrust per
 /// mass, which is also what the accelerometer reads).
-pub(super) fn motion_derivative(
+pub(in crate::sim) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
     specific_force_z: f64,
@@ -115,32 +104,27 @@ pub(super) fn motion_derivative(
     ])
 }
 
-/// The same place and yaw, on the floor, level and at rest.
-fn at_rest(state: &State) -> State {
-    at(Vector3::new(state[0], state[1], 0.0), state[3])
-}
-
 /// A level drone at rest.
-pub(super) fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
+pub(in crate::sim) fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
     let mut state = State::zeros();
     state.fixed_rows_mut::<3>(0).copy_from(&position_m);
     state[3] = yaw_rad;
     state
 }
 
-pub(super) fn position(state: &State) -> Vector3<f64> {
+pub(in crate::sim) fn position(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(0).into_owned()
 }
 
-pub(super) fn attitude(state: &State) -> Attitude {
+pub(in crate::sim) fn attitude(state: &State) -> Attitude {
     Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
 }
 
-pub(super) fn velocity(state: &State) -> Vector3<f64> {
+pub(in crate::sim) fn velocity(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(6).into_owned()
 }
 
-pub(super) fn rate(state: &State) -> Vector3<f64> {
+pub(in crate::sim) fn rate(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(9).into_owned()
 }
 
@@ -148,27 +132,12 @@ pub(super) fn rate(state: &State) -> Vector3<f64> {
 mod tests {
     use super::*;
 
-    fn fly(vehicle: &Vehicle, mut state: State, wrench: &Wrench, dt_s: f64, n: usize) -> State {
-        for _ in 0..n {
-            state = vehicle.step(&state, wrench, dt_s);
-        }
-        state
-    }
-
     fn tumbling() -> State {
         let mut state = at(Vector3::new(0.1, -0.2, 50.0), 0.4);
         for (i, value) in [0.2, -0.3, 1.0, -2.0, 0.5, 1.5, -1.0, 2.0].into_iter().enumerate() {
             state[4 + i] = value;
         }
         state
-    }
-
-    #[test]
-    fn free_fall_is_exact() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
-        let end = fly(&vehicle, at(Vector3::z() * 10.0, 0.7), &Wrench::zeros(), 0.002, 500);
-        assert!((end[2] - (10.0 - 0.5 * 9.81)).abs() < 1e-12, "z = {}", end[2]);
-        assert!((end[8] + 9.81).abs() < 1e-12, "v_z = {}", end[8]);
     }
 
     #[test]
@@ -200,52 +169,6 @@ mod tests {
         let thrust = attitude(&state).world_from_body() * Vector3::z() * (0.5 / 0.0351);
         let want = thrust - Vector3::z() * 9.81;
         assert!((found - want).norm() < 1e-7, "{found} against {want}");
-    }
-
-    #[test]
-    fn halving_the_step_divides_the_error_by_sixteen() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
-        let wrench = Wrench::new(1e-5, -2e-5, 1e-5, 0.4);
-        let end = |n: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "small")]
-            fly(&vehicle, tumbling(), &wrench, 0.4 / n as f64, n)
-        };
-        let exact = end(6400);
-        let ratio = (end(20) - exact).norm() / (end(40) - exact).norm();
-        assert!((14.0..18.0).contains(&ratio), "ratio {ratio}");
-    }
-
-    #[test]
-    fn torque_free_rotation_keeps_energy_and_momentum() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
-        let j = vehicle.inertia_kg_m2;
-        let energy = |s: &State| 0.5 * rate(s).component_mul(&rate(s)).dot(&j);
-        let momentum = |s: &State| attitude(s).world_from_body() * j.component_mul(&rate(s));
-        let (start, wrench) = (tumbling(), vehicle.hover());
-        let end = fly(&vehicle, start, &wrench, 0.002, 300);
-        assert!((rate(&end) - rate(&start)).norm() > 0.1, "it does tumble");
-        assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-10, "energy");
-        let drift = (momentum(&end) - momentum(&start)).norm() / momentum(&start).norm();
-        assert!(drift < 1e-9, "momentum drifts by {drift:e}");
-    }
-
-    #[test]
-    fn the_floor_holds_carries_and_lets_go() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
-        let start = at(Vector3::new(0.3, 0.0, 0.0), 0.0);
-        let weak = Wrench::new(1e-4, 1e-4, 0.0, 0.3);
-        assert_eq!(fly(&vehicle, start, &weak, 0.002, 100), start, "stays put");
-        assert_eq!(vehicle.specific_force_z_m_s2(&start, &weak), GRAVITY_M_S2, "carried");
-        let strong = Wrench::new(0.0, 0.0, 0.0, 0.4);
-        assert!(fly(&vehicle, start, &strong, 0.002, 100)[2] > 0.01, "takes off");
-        let mut falling = at(Vector3::new(0.0, 0.0, 0.1), 0.2);
-        falling[6] = 1.0;
-        let landed = fly(&vehicle, falling, &Wrench::zeros(), 0.002, 200);
-        assert_eq!(landed, at(Vector3::new(landed[0], landed[1], 0.0), 0.2), "stops");
-        assert!(landed[0] > 0.1, "flew on while it fell");
-        let mut sinking = at(Vector3::z() * 1e-3, 0.0);
-        sinking[8] = -1.0;
-        assert_eq!(vehicle.step(&sinking, &strong, 0.002)[2], 0.0, "no thrust lets it through");
     }
 
     #[test]

@@ -1,0 +1,67 @@
+//! Steps of the flight physics a second, one drone on one core, in processor time.
+//!
+//! `cargo bench --bench physics`; an element is a step of 1 ms. The goal is 6 M steps/s for "rotors
+//! and drag", which is what other simulators' physics are (`floor.rs`: 6.9 M, built for its machine).
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use nalgebra::Vector3;
+use noctograph::sim::{GroundEffect, Gusts, Plant, SimOptions};
+
+const STEPS: u64 = 100_000;
+
+/// Body and lagging, spinning, dragging rotors.
+fn motion() -> SimOptions {
+    let mut options = SimOptions::cf21();
+    options.battery.capacity_ah = 0.0;
+    options.vehicle.ground_effect = GroundEffect::None;
+    options
+}
+
+/// All of it: battery, ground effect and gusts as well.
+fn everything() -> SimOptions {
+    let mut options = SimOptions::cf21();
+    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options
+}
+
+/// Time that this thread was on a core, where the system tells it: other programs on the machine
+/// take none of it.
+fn processor_time() -> Option<Duration> {
+    let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    line.split(' ').next()?.parse().ok().map(Duration::from_nanos)
+}
+
+fn physics(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("physics RK4 f64 1 ms");
+    group.throughput(Throughput::Elements(STEPS)).sample_size(20).sampling_mode(SamplingMode::Flat);
+    let cases = [
+        ("rotors and drag", motion()),
+        ("cf21", SimOptions::cf21()),
+        ("cf21, gusts", everything()),
+    ];
+    for (name, options) in cases {
+        let vehicle = &options.vehicle;
+        let hover = vehicle.mass_kg * 9.81 / (4.0 * vehicle.k_f_n);
+        group.bench_function(name, |bencher| {
+            bencher.iter_custom(|n| {
+                let (clock, processor) = (Instant::now(), processor_time());
+                for _ in 0..n {
+                    let mut plant = Plant::new(&options, 0.001, 1, 0, Vector3::z());
+                    for _ in 0..STEPS {
+                        plant.advance(black_box(&[hover; 4]));
+                    }
+                    black_box(plant.body());
+                }
+                let used = processor_time().zip(processor).map(|(end, start)| end - start);
+                used.unwrap_or_else(|| clock.elapsed())
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, physics);
+criterion_main!(benches);

@@ -1,0 +1,162 @@
+//! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
+
+use super::options::{BatteryOptions, Compensation};
+
+const SECONDS_PER_HOUR: f64 = 3600.0;
+
+/// A battery in use.
+#[derive(Clone, Debug)]
+pub(super) struct Battery {
+    open_circuit_v: [f64; 11],
+    capacity_a_s: f64,
+    resistance_ohm: f64,
+    idle_current_a: f64,
+    current_a_per_n: f64,
+    thrust_from_v_n: [f64; 4],
+    compensation: Compensation,
+    cut_off_v: f64,
+    charge_frac: f64,
+    voltage_v: f64,
+    cut_off: bool,
+}
+
+/// What one motor can do at the present voltage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limit {
+    /// Thrust per thrust asked for.
+    pub(super) gain: f64,
+    /// Largest thrust of one motor.
+    pub(super) max_n: f64,
+}
+
+impl Battery {
+    /// The battery of some options under no more than its idle current; `None` for one that never
+    /// sags.
+    pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
+        let mut battery = Self {
+            open_circuit_v: options.open_circuit_v,
+            capacity_a_s: options.capacity_ah * SECONDS_PER_HOUR,
+            resistance_ohm: options.resistance_ohm,
+            idle_current_a: options.idle_current_a,
+            current_a_per_n: options.current_a_per_n,
+            thrust_from_v_n: options.thrust_from_v_n,
+            compensation: options.compensation,
+            cut_off_v: options.cut_off_v,
+            charge_frac: options.charge_frac,
+            voltage_v: 0.0,
+            cut_off: false,
+        };
+        battery.drain(0.0, 0.0);
+        (options.capacity_ah > 0.0).then_some(battery)
+    }
+
+    /// Voltage under load.
+    pub(super) fn voltage_v(&self) -> f64 {
+        self.voltage_v
+    }
+
+    /// Whether the voltage has been below the cut-off; the motors stay off from then on.
+    pub(super) fn is_cut_off(&self) -> bool {
+        self.cut_off
+    }
+
+    /// Bears a thrust of all rotors for `dt_s`.
+    #[inline]
+    pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
+        let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
+        self.charge_frac = (self.charge_frac - current_a * dt_s / self.capacity_a_s).max(0.0);
+        self.voltage_v = self.open_circuit_v() - self.resistance_ohm * current_a;
+        self.cut_off |= self.voltage_v < self.cut_off_v;
+    }
+
+    /// What the motors can do now; `full_n` is the thrust of a motor's largest command.
+    #[inline]
+    pub(super) fn limit(&self, full_n: f64) -> Limit {
+        if self.cut_off {
+            return Limit { gain: 0.0, max_n: 0.0 };
+        }
+        let [a, b, c, d] = self.thrust_from_v_n;
+        let v = self.voltage_v;
+        let max_n = (a + v * (b + v * (c + v * d))).max(0.0);
+        match self.compensation {
+            Compensation::Firmware => Limit { gain: 1.0, max_n },
+            Compensation::None => Limit { gain: max_n / full_n, max_n },
+        }
+    }
+
+    fn open_circuit_v(&self) -> f64 {
+        let tenths = self.charge_frac * 10.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
+        let below = (tenths as usize).min(9);
+        let (low, high) = (self.open_circuit_v[below], self.open_circuit_v[below + 1]);
+        #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
+        let above = tenths - below as f64;
+        low + (high - low) * above
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::SimOptions;
+
+    fn cf21() -> (Battery, f64) {
+        let options = SimOptions::cf21();
+        (Battery::new(&options.battery).unwrap(), options.vehicle.mass_kg * 9.81)
+    }
+
+    #[test]
+    fn take_off_and_hover_sag_as_on_98_real_flights() {
+        // NanoBench, computed in ../shared/spec/simulation.md: drop 0.57 V (quartiles 0.51 to
+        // 0.67), then −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
+        let (mut battery, weight_n) = cf21();
+        let on_floor_v = battery.voltage_v();
+        battery.drain(weight_n, 0.002);
+        let start_v = battery.voltage_v();
+        let drop_v = on_floor_v - start_v;
+        assert!((drop_v - 0.57).abs() < 0.01, "drop {drop_v} V");
+        for _ in 0..17_500 {
+            battery.drain(weight_n, 0.002);
+        }
+        let slope_v_s = (battery.voltage_v() - start_v) / 35.0;
+        assert!((slope_v_s + 2.65e-3).abs() < 0.1e-3, "slope {slope_v_s} V/s");
+    }
+
+    #[test]
+    fn the_open_circuit_voltage_is_the_table() {
+        let (mut battery, _) = cf21();
+        for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)]
+        {
+            battery.charge_frac = charge_frac;
+            let found = battery.open_circuit_v();
+            assert!((found - want).abs() < 1e-12, "{found} V at {charge_frac}");
+        }
+    }
+
+    #[test]
+    fn firmware_holds_the_thrust_until_the_voltage_gives_out() {
+        let (mut battery, _) = cf21();
+        battery.voltage_v = 3.0;
+        let limit = battery.limit(0.12);
+        assert_eq!(limit.gain, 1.0);
+        // −0.01483 + 0.04724·3 − 0.01847·9 + 0.005961·27
+        assert!((limit.max_n - 0.12160).abs() < 1e-4, "{}", limit.max_n);
+        battery.compensation = Compensation::None;
+        assert!((battery.limit(0.12).gain - limit.max_n / 0.12).abs() < 1e-15, "scales");
+    }
+
+    #[test]
+    fn an_empty_battery_cuts_off_for_good() {
+        let (mut battery, weight_n) = cf21();
+        battery.charge_frac = 0.001;
+        battery.drain(weight_n, 1.0);
+        assert!(battery.is_cut_off(), "{} V", battery.voltage_v());
+        battery.drain(0.0, 0.0);
+        assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");
+    }
+
+    #[test]
+    fn no_capacity_is_no_battery() {
+        assert!(Battery::new(&BatteryOptions::default()).is_none());
+    }
+}

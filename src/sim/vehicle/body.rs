@@ -1,0 +1,344 @@
+//! The rigid body: where it is, and one step of its motion.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::model::{GRAVITY_M_S2, State};
+use super::options::VehicleOptions;
+use super::rotors::Load;
+
+/// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
+type Row = [f64; 13];
+
+/// Where a rigid body is and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Body origin, world frame.
+    pub position_m: Vector3<f64>,
+    /// World frame.
+    pub velocity_m_s: Vector3<f64>,
+    /// Attitude: turns body vectors into world vectors.
+    pub world_from_body: UnitQuaternion<f64>,
+    /// Angular velocity, body frame.
+    pub rate_rad_s: Vector3<f64>,
+}
+
+impl Body {
+    /// A level body at rest that looks along world x.
+    #[must_use]
+    pub fn at(position_m: Vector3<f64>) -> Self {
+        Self {
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            world_from_body: UnitQuaternion::identity(),
+            rate_rad_s: Vector3::zeros(),
+        }
+    }
+
+    /// The same place and yaw on the floor, level and at rest.
+    pub(super) fn on_floor(&self) -> Self {
+        let half_yaw = 0.5 * self.yaw_rad();
+        let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
+        Self {
+            world_from_body: UnitQuaternion::new_unchecked(level),
+            ..Self::at(Vector3::new(self.position_m.x, self.position_m.y, 0.0))
+        }
+    }
+
+    fn yaw_rad(&self) -> f64 {
+        let q = &self.world_from_body;
+        libm::atan2(2.0 * (q.w * q.k + q.i * q.j), 1.0 - 2.0 * (q.j * q.j + q.k * q.k))
+    }
+
+    /// The twelve states of the design model: yaw and roll within ±π, pitch within ±π/2.
+    pub(in crate::sim) fn state(&self) -> State {
+        let q = &self.world_from_body;
+        let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
+        let roll_rad =
+            libm::atan2(2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j));
+        let (p, v, w) = (&self.position_m, self.velocity_body_m_s(), &self.rate_rad_s);
+        let (yaw_rad, pitch_rad) = (self.yaw_rad(), libm::asin(sin_pitch));
+        State::from([p.x, p.y, p.z, yaw_rad, pitch_rad, roll_rad, v.x, v.y, v.z, w.x, w.y, w.z])
+    }
+
+    /// Velocity in the body frame.
+    #[must_use]
+    pub fn velocity_body_m_s(&self) -> Vector3<f64> {
+        self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
+    }
+
+    fn row(&self) -> Row {
+        let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
+        let q = &self.world_from_body;
+        [p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z]
+    }
+
+    fn from_row(s: &Row) -> Self {
+        let q = Quaternion::new(s[6], s[7], s[8], s[9]);
+        Self {
+            position_m: Vector3::new(s[0], s[1], s[2]),
+            velocity_m_s: Vector3::new(s[3], s[4], s[5]),
+            world_from_body: UnitQuaternion::new_normalize(q),
+            rate_rad_s: Vector3::new(s[10], s[11], s[12]),
+        }
+    }
+}
+
+/// What resists motion: mass, inertia, drag.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Inertia {
+    mass_kg: f64,
+    /// Force per speed through the air along body x, y, z.
+    drag_n_s_m: Vector3<f64>,
+    /// Inverses, for a division costs as much as ten products.
+    per_mass: f64,
+    per_moment: Vector3<f64>,
+    /// `(J_y − J_z) / J_x` and so on round.
+    coupling: Vector3<f64>,
+}
+
+impl Inertia {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        let j = Vector3::from(options.inertia_kg_m2);
+        Self {
+            mass_kg: options.mass_kg,
+            drag_n_s_m: options.body_drag_n_s_m.into(),
+            per_mass: 1.0 / options.mass_kg,
+            per_moment: j.map(|j| 1.0 / j),
+            coupling: Vector3::new((j.y - j.z) / j.x, (j.z - j.x) / j.y, (j.x - j.y) / j.z),
+        }
+    }
+
+    pub(super) fn weight_n(&self) -> f64 {
+        self.mass_kg * GRAVITY_M_S2
+    }
+
+    /// Acceleration that a force gives.
+    pub(super) fn per_mass(&self, force_n: Vector3<f64>) -> Vector3<f64> {
+        force_n * self.per_mass
+    }
+
+    /// Drag along the body axes at an airspeed in the body frame.
+    pub(super) fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
+        let across = load.drag_n_s_m;
+        -Vector3::new(
+            (self.drag_n_s_m.x + across) * airspeed_m_s.x,
+            (self.drag_n_s_m.y + across) * airspeed_m_s.y,
+            self.drag_n_s_m.z * airspeed_m_s.z,
+        )
+    }
+
+    /// One step of the classical Runge–Kutta method; `loads` at its start, middle and end.
+    pub(super) fn step(
+        &self,
+        body: &Body,
+        loads: &[Load; 3],
+        wind_m_s: &Vector3<f64>,
+        dt_s: f64,
+    ) -> Body {
+        let s = body.row();
+        let k1 = self.slope(&s, &loads[0], wind_m_s);
+        let k2 = self.slope(&ahead(&s, &k1, 0.5 * dt_s), &loads[1], wind_m_s);
+        let k3 = self.slope(&ahead(&s, &k2, 0.5 * dt_s), &loads[1], wind_m_s);
+        let k4 = self.slope(&ahead(&s, &k3, dt_s), &loads[2], wind_m_s);
+        let mut end = s;
+        let sixth_s = dt_s / 6.0;
+        for (i, value) in end.iter_mut().enumerate() {
+            *value += sixth_s * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        }
+        Body::from_row(&end)
+    }
+
+    #[inline]
+    fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
+        let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
+        let r = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        let air = [s[3] - wind_m_s.x, s[4] - wind_m_s.y, s[5] - wind_m_s.z];
+        let along = |b: usize| r[0][b] * air[0] + r[1][b] * air[1] + r[2][b] * air[2];
+        let force = self.drag_n(&Vector3::new(along(0), along(1), along(2)), load);
+        let force = [force.x, force.y, force.z + load.thrust_n];
+        let a = |i: usize| {
+            (r[i][0] * force[0] + r[i][1] * force[1] + r[i][2] * force[2]) * self.per_mass
+        };
+        let (p, q, o) = (s[10], s[11], s[12]);
+        let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
+        [
+            s[3],
+            s[4],
+            s[5],
+            a(0),
+            a(1),
+            a(2) - GRAVITY_M_S2,
+            -0.5 * (x * p + y * q + z * o),
+            0.5 * (w * p + y * o - z * q),
+            0.5 * (w * q + z * p - x * o),
+            0.5 * (w * o + x * q - y * p),
+            // The rotors' own spin turns with the body: the gyroscopic torque.
+            c.x * q * o + (torque.x - q * load.spin_n_m_s) * per_j.x,
+            c.y * p * o + (torque.y + p * load.spin_n_m_s) * per_j.y,
+            c.z * p * q + torque.z * per_j.z,
+        ]
+    }
+}
+
+#[inline]
+fn ahead(s: &Row, slope: &Row, dt_s: f64) -> Row {
+    let mut row = *s;
+    for (value, slope) in row.iter_mut().zip(slope) {
+        *value += slope * dt_s;
+    }
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::vehicle::model::{Vehicle, Wrench};
+    use crate::sim::vehicle::{attitude, rate};
+
+    /// The reference team's drone, whose drag is nought.
+    fn plain() -> VehicleOptions {
+        VehicleOptions::default()
+    }
+
+    fn fly(options: &VehicleOptions, mut body: Body, load: Load, dt_s: f64, n: usize) -> Body {
+        let inertia = Inertia::new(options);
+        for _ in 0..n {
+            body = inertia.step(&body, &[load; 3], &Vector3::zeros(), dt_s);
+        }
+        body
+    }
+
+    fn tumbling() -> Body {
+        Body {
+            velocity_m_s: Vector3::new(1.0, -2.0, 0.5),
+            world_from_body: UnitQuaternion::new(Vector3::new(0.2, -0.3, 0.4)),
+            rate_rad_s: Vector3::new(1.5, -1.0, 2.0),
+            ..Body::at(Vector3::new(0.1, -0.2, 50.0))
+        }
+    }
+
+    #[test]
+    fn free_fall_is_exact() {
+        let end = fly(&plain(), tumbling(), Load::default(), 0.002, 500);
+        let start = tumbling();
+        let want = start.position_m + start.velocity_m_s - Vector3::z() * (0.5 * 9.81);
+        assert!((end.position_m - want).norm() < 1e-9, "falls by g t²/2");
+        let want = start.velocity_m_s - Vector3::z() * 9.81;
+        assert!((end.velocity_m_s - want).norm() < 1e-9, "gains g t");
+    }
+
+    #[test]
+    fn torque_free_rotation_keeps_energy_and_momentum() {
+        let options = plain();
+        let j = Vector3::from(options.inertia_kg_m2);
+        let energy = |b: &Body| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
+        let momentum = |b: &Body| b.world_from_body * j.component_mul(&b.rate_rad_s);
+        let start = tumbling();
+        let end = fly(&options, start, Load::default(), 0.001, 1000);
+        assert!((end.rate_rad_s - start.rate_rad_s).norm() > 0.1, "it does tumble");
+        assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-9, "energy");
+        let drift = (momentum(&end) - momentum(&start)).norm() / momentum(&start).norm();
+        assert!(drift < 1e-9, "momentum drifts by {drift:e}");
+    }
+
+    #[test]
+    fn a_free_spinning_top_precesses_as_the_closed_form_says() {
+        // Two equal moments: w_z stays, (w_x, w_y) turn by (J_z − J_x) w_z / J_x.
+        let options =
+            VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
+        let end = fly(&options, tumbling(), Load::default(), 0.001, 1000);
+        let angle = (3.3 - 1.2) / 1.2 * 2.0;
+        let (sin, cos) = libm::sincos(angle);
+        let (x, y) = (1.5, -1.0);
+        let want = Vector3::new(cos * x - sin * y, sin * x + cos * y, 2.0);
+        assert!((end.rate_rad_s - want).norm() < 1e-9, "{} against {want}", end.rate_rad_s);
+    }
+
+    #[test]
+    fn quaternions_and_the_teams_euler_angles_agree() {
+        let load =
+            Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
+        let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
+        let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
+        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let mut state = body.state();
+        for _ in 0..n {
+            state = vehicle.step(&state, &wrench, dt_s);
+        }
+        let end = fly(&plain(), body, load, dt_s, n);
+        let found = end.state();
+        assert!((rate(&found) - rate(&body.state())).norm() > 0.1, "a second with turns");
+        let apart = attitude(&found).world_from_body() - attitude(&state).world_from_body();
+        assert!(apart.norm() < 1e-9, "attitudes {:e} apart", apart.norm());
+        for row in (0..3).chain(6..12) {
+            let apart = found[row] - state[row];
+            assert!(apart.abs() < 1e-9, "row {row}: {apart:e} apart");
+        }
+    }
+
+    #[test]
+    fn the_integrator_is_of_order_four() {
+        let options =
+            VehicleOptions { body_drag_n_s_m: [0.015, 0.015, 0.013], ..Default::default() };
+        let load = Load {
+            thrust_n: 0.4,
+            torque_n_m: Vector3::new(1e-5, -2e-5, 1e-5),
+            drag_n_s_m: 0.002,
+            spin_n_m_s: 1e-5,
+        };
+        let end = |n: usize| {
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            fly(&options, tumbling(), load, 0.4 / n as f64, n)
+        };
+        let exact = end(12_800);
+        let error = |n: usize| {
+            let (a, b) = (end(n).row(), exact.row());
+            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+        };
+        let order = libm::log2(error(100) / error(200));
+        assert!((order - 4.0).abs() < 0.1, "order {order}");
+    }
+
+    #[test]
+    fn a_falling_body_reaches_its_terminal_velocity() {
+        let options = VehicleOptions { body_drag_n_s_m: [0.0, 0.0, 0.1], ..Default::default() };
+        let end = fly(&options, Body::at(Vector3::zeros()), Load::default(), 0.01, 2000);
+        let want = -options.mass_kg * 9.81 / 0.1;
+        assert!((end.velocity_m_s.z / want - 1.0).abs() < 1e-9, "{}", end.velocity_m_s.z);
+    }
+
+    #[test]
+    fn wind_carries_a_weightless_body_with_it() {
+        let options = VehicleOptions { body_drag_n_s_m: [0.05; 3], ..Default::default() };
+        let inertia = Inertia::new(&options);
+        let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
+        let wind = Vector3::new(0.3, -0.2, 0.0);
+        let mut body = Body::at(Vector3::zeros());
+        for _ in 0..20_000 {
+            body = inertia.step(&body, &[hover; 3], &wind, 0.002);
+        }
+        assert!((body.velocity_m_s - wind).norm() < 1e-9, "{}", body.velocity_m_s);
+    }
+
+    #[test]
+    fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
+        let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
+        let body = Body { rate_rad_s: Vector3::x(), ..Body::at(Vector3::zeros()) };
+        let slope = Inertia::new(&plain()).slope(&body.row(), &load, &Vector3::zeros());
+        assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
+    }
+
+    #[test]
+    fn on_the_floor_it_keeps_its_place_and_yaw() {
+        let mut body = tumbling();
+        body.world_from_body = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.7);
+        let rest = body.on_floor().state();
+        assert!((rest[3] - 0.7).abs() < 1e-12, "yaw {}", rest[3]);
+        assert_eq!((rest[0], rest[1], rest[2]), (0.1, -0.2, 0.0));
+        assert!(rest.fixed_rows::<8>(4).norm() < 1e-15, "level and at rest");
+    }
+}

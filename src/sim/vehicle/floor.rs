@@ -1,0 +1,81 @@
+//! Ground effect: a rotor near the floor lifts more at the same speed.
+
+use super::options::{GroundEffect, VehicleOptions};
+
+/// Lowest height of the rotors, in radii, at which the models are used: below, they are no longer
+/// supported by measurements, and Cheeseman and Bennett's runs to infinity at a quarter.
+const MIN_HEIGHT_RADII: f64 = 0.5;
+
+/// Thrust near the floor over thrust far from it, at the same rotor speed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Floor {
+    model: GroundEffect,
+    radius_m: f64,
+    rotor_height_m: f64,
+    spacing_m: f64,
+}
+
+impl Floor {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        Self {
+            model: options.ground_effect,
+            radius_m: options.rotor_radius_m,
+            rotor_height_m: options.rotor_height_m,
+            spacing_m: 2.0 * options.arm_m,
+        }
+    }
+
+    /// The ratio for a level drone whose origin is `height_m` above the floor.
+    #[inline]
+    pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
+        let radius = self.radius_m;
+        let z = (height_m + self.rotor_height_m).max(MIN_HEIGHT_RADII * radius);
+        let own = radius / (4.0 * z);
+        match self.model {
+            GroundEffect::None => 1.0,
+            GroundEffect::CheesemanBennett => 1.0 / (1.0 - own * own),
+            GroundEffect::SanchezCuevas => {
+                let (square, d_sq) = (4.0 * z * z, self.spacing_m * self.spacing_m);
+                let image = |distance_sq: f64| {
+                    let sum = distance_sq + square;
+                    z / (sum * sum.sqrt())
+                };
+                let others = radius * radius * (image(d_sq) + 0.5 * image(2.0 * d_sq));
+                1.0 / (1.0 - own * own - others)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn floor(model: GroundEffect) -> Floor {
+        Floor { model, radius_m: 0.1, rotor_height_m: 0.02, spacing_m: 0.3 }
+    }
+
+    #[test]
+    fn one_rotor_at_its_radius_lifts_a_fifteenth_more() {
+        let ratio = floor(GroundEffect::CheesemanBennett).thrust_ratio(0.08);
+        assert!((ratio - 16.0 / 15.0).abs() < 1e-15, "{ratio}");
+        assert_eq!(floor(GroundEffect::None).thrust_ratio(0.0), 1.0);
+    }
+
+    #[test]
+    fn the_other_rotors_images_add_to_it() {
+        // By hand: z = 0.1, d = 0.3: 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2).
+        let sum = 0.0625 + 0.001 * (libm::pow(0.13, -1.5) + 0.5 * libm::pow(0.22, -1.5));
+        let ratio = floor(GroundEffect::SanchezCuevas).thrust_ratio(0.08);
+        assert!((ratio - 1.0 / (1.0 - sum)).abs() < 1e-14, "{ratio}");
+    }
+
+    #[test]
+    fn far_away_nothing_is_left_and_on_the_floor_it_stays_finite() {
+        for model in [GroundEffect::CheesemanBennett, GroundEffect::SanchezCuevas] {
+            let floor = floor(model);
+            assert!((floor.thrust_ratio(20.0) - 1.0).abs() < 1e-5, "{model:?}");
+            assert!((1.0..1.6).contains(&floor.thrust_ratio(-1.0)), "{model:?}");
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! The drone in flight: all its parts, moved on together.
+
+use nalgebra::Vector3;
+
+use super::battery::Battery;
+use super::body::{Body, Inertia};
+use super::floor::Floor;
+use super::gusts::Wind;
+use super::model::{GRAVITY_M_S2, State};
+use super::rotors::Rotors;
+use crate::sim::options::SimOptions;
+
+/// One drone in the air or on the floor (z = 0), moved by motor commands in steps of fixed length.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use noctograph::sim::{Plant, SimOptions};
+///
+/// let options = SimOptions::cf21();
+/// let mut plant = Plant::new(&options, 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
+/// let hover = options.vehicle.mass_kg * 9.81 / (4.0 * options.vehicle.k_f_n);
+/// for _ in 0..100 {
+///     plant.advance(&[hover; 4]);
+/// }
+/// assert!((plant.body().position_m.z - 0.5).abs() < 0.01);
+/// ```
+#[derive(Debug)]
+pub struct Plant {
+    body: Body,
+    rotors: Rotors,
+    battery: Option<Battery>,
+    wind: Wind,
+    inertia: Inertia,
+    floor: Floor,
+    dt_s: f64,
+    thrust_per_command_n: f64,
+    full_thrust_n: f64,
+    wind_m_s: Vector3<f64>,
+    short_steps: u32,
+}
+
+impl Plant {
+    /// A level drone at rest, that of index `drone` in a flight with the noise of `seed`. In the air
+    /// its rotors carry it already; on the floor they stand still.
+    ///
+    /// `dt_s` is the length of a step. It hardly matters up to 2 ms; the rotors' lag is exact at any.
+    #[must_use]
+    pub fn new(
+        options: &SimOptions,
+        dt_s: f64,
+        seed: u64,
+        drone: u64,
+        position_m: Vector3<f64>,
+    ) -> Self {
+        let vehicle = &options.vehicle;
+        let weight_n = vehicle.mass_kg * GRAVITY_M_S2;
+        let thrust_n = if position_m.z > 0.0 { 0.25 * weight_n } else { 0.0 };
+        Self {
+            body: Body::at(position_m),
+            rotors: Rotors::new(vehicle, thrust_n, dt_s),
+            battery: Battery::new(&options.battery),
+            wind: Wind::new(&options.air, dt_s, seed, drone),
+            inertia: Inertia::new(vehicle),
+            floor: Floor::new(vehicle),
+            dt_s,
+            thrust_per_command_n: vehicle.k_f_n,
+            full_thrust_n: vehicle.full_thrust_n(),
+            wind_m_s: options.air.wind_m_s.into(),
+            short_steps: 0,
+        }
+    }
+
+    /// One step under motor commands m1…m4, each from 0 to the largest.
+    pub fn advance(&mut self, commands: &[f64; 4]) {
+        let wanted_n = self.thrusts_n(commands);
+        let body = &self.body;
+        // What changes slowly is held through the step: the ground effect at its middle height.
+        let ground =
+            self.floor.thrust_ratio(body.position_m.z + 0.5 * self.dt_s * body.velocity_m_s.z);
+        let loads = self.rotors.advance(&wanted_n, ground);
+        self.wind_m_s = self.wind.advance();
+        if let Some(battery) = &mut self.battery {
+            battery.drain(self.rotors.thrust_n(), self.dt_s);
+        }
+        if body.position_m.z <= 0.0 && !self.lifts(loads[2].thrust_n) {
+            self.body = body.on_floor();
+            return;
+        }
+        let next = self.inertia.step(body, &loads, &self.wind_m_s, self.dt_s);
+        self.body = if next.position_m.z < 0.0 { next.on_floor() } else { next };
+    }
+
+    /// Where the drone is and how it moves.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// Voltage of the battery under load; `None` for a drone whose battery never sags.
+    #[must_use]
+    pub fn battery_v(&self) -> Option<f64> {
+        self.battery.as_ref().map(Battery::voltage_v)
+    }
+
+    /// What an accelerometer at the body origin reads, body frame: all forces but gravity, per mass.
+    #[must_use]
+    pub fn specific_force_m_s2(&self) -> Vector3<f64> {
+        let body = &self.body;
+        let load = self.rotors.load(self.floor.thrust_ratio(body.position_m.z));
+        if body.position_m.z <= 0.0 && !self.lifts(load.thrust_n) {
+            return Vector3::z() * GRAVITY_M_S2;
+        }
+        let airspeed = body.velocity_m_s - self.wind_m_s;
+        let airspeed = body.world_from_body.inverse_transform_vector(&airspeed);
+        let force_n = self.inertia.drag_n(&airspeed, &load) + Vector3::z() * load.thrust_n;
+        self.inertia.per_mass(force_n)
+    }
+
+    /// The twelve states of the design model.
+    pub(in crate::sim) fn state(&self) -> State {
+        self.body.state()
+    }
+
+    /// What whoever reads the flight should know of the battery.
+    pub(in crate::sim) fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.short_steps > 0 {
+            let short_s = f64::from(self.short_steps) * self.dt_s;
+            warnings.push(format!(
+                "the battery could not give the thrust asked for during {short_s:.2} s"
+            ));
+        }
+        if self.battery.as_ref().is_some_and(Battery::is_cut_off) {
+            warnings.push("the battery was empty and the motors stopped".into());
+        }
+        warnings
+    }
+
+    /// Thrust that each motor is driven to.
+    fn thrusts_n(&mut self, commands: &[f64; 4]) -> [f64; 4] {
+        let wanted_n = commands.map(|command| command * self.thrust_per_command_n);
+        let Some(battery) = &self.battery else { return wanted_n };
+        let limit = battery.limit(self.full_thrust_n);
+        let given_n = wanted_n.map(|wanted| (limit.gain * wanted).min(limit.max_n));
+        let short = wanted_n.iter().any(|&wanted| limit.gain * wanted > limit.max_n);
+        self.short_steps = self.short_steps.saturating_add(u32::from(short));
+        given_n
+    }
+
+    fn lifts(&self, thrust_n: f64) -> bool {
+        thrust_n > self.inertia.weight_n()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::vehicle::VehicleOptions;
+
+    fn plant(options: &SimOptions, height_m: f64) -> Plant {
+        Plant::new(options, 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
+    }
+
+    fn hover(options: &SimOptions) -> f64 {
+        options.vehicle.mass_kg * GRAVITY_M_S2 / (4.0 * options.vehicle.k_f_n)
+    }
+
+    fn advance(plant: &mut Plant, command: f64, n: usize) {
+        for _ in 0..n {
+            plant.advance(&[command; 4]);
+        }
+    }
+
+    #[test]
+    fn the_floor_holds_carries_and_lets_go() {
+        let options = SimOptions::default();
+        let mut drone = plant(&options, 0.0);
+        let start = *drone.body();
+        advance(&mut drone, 0.9 * hover(&options), 100);
+        assert_eq!(*drone.body(), start, "stays put");
+        assert_eq!(drone.specific_force_m_s2(), Vector3::z() * GRAVITY_M_S2, "carried");
+        advance(&mut drone, 1.2 * hover(&options), 100);
+        assert!(drone.body().position_m.z > 0.01, "takes off");
+        let mut falling = plant(&options, 0.1);
+        falling.body.velocity_m_s.x = 1.0;
+        advance(&mut falling, 0.0, 200);
+        let place = falling.body().position_m;
+        assert_eq!(*falling.body(), Body::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
+        assert!(place.x > 0.4, "flew on while it fell");
+        let mut sinking = plant(&options, 1e-3);
+        sinking.body.velocity_m_s.z = -1.0;
+        sinking.advance(&[1.1 * hover(&options); 4]);
+        assert_eq!(sinking.body().position_m.z, 0.0, "no thrust lets it through");
+    }
+
+    #[test]
+    fn an_accelerometer_feels_thrust_and_drag() {
+        let vehicle = VehicleOptions { body_drag_n_s_m: [0.0351, 0.0, 0.0], ..Default::default() };
+        let mut drone = plant(&SimOptions { vehicle, ..Default::default() }, 1.0);
+        drone.body.velocity_m_s = Vector3::new(2.0, 0.0, 0.0);
+        let want = Vector3::new(-2.0, 0.0, GRAVITY_M_S2);
+        assert!((drone.specific_force_m_s2() - want).norm() < 1e-12);
+    }
+
+    #[test]
+    fn near_the_floor_hover_thrust_lifts() {
+        let mut options = SimOptions::cf21();
+        options.vehicle.center_of_mass_m = [0.0, 0.0];
+        let mut drone = plant(&options, 0.02);
+        advance(&mut drone, hover(&options), 250);
+        assert!(drone.body().position_m.z > 0.025, "{}", drone.body().position_m.z);
+    }
+
+    #[test]
+    fn an_exhausted_battery_lets_the_drone_fall_and_says_so() {
+        let mut options = SimOptions::cf21();
+        options.battery.charge_frac = 0.02;
+        let mut drone = plant(&options, 1.0);
+        advance(&mut drone, hover(&options), 5000);
+        assert_eq!(drone.body().position_m.z, 0.0);
+        assert_eq!(drone.warnings(), ["the battery was empty and the motors stopped"]);
+    }
+
+    #[test]
+    fn thrust_beyond_the_battery_is_counted() {
+        let mut options = SimOptions::cf21();
+        options.battery.charge_frac = 0.3;
+        options.battery.resistance_ohm = 0.3;
+        options.battery.cut_off_v = 0.0;
+        let mut drone = plant(&options, 1.0);
+        advance(&mut drone, options.vehicle.motor_max, 100);
+        assert!(drone.warnings()[0].starts_with("the battery could not"), "{:?}", drone.warnings());
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bits() {
+        let mut options = SimOptions::cf21();
+        options.air.gusts = crate::sim::Gusts::OrnsteinUhlenbeck;
+        let end = |seed| {
+            let mut drone = Plant::new(&options, 0.002, seed, 0, Vector3::z());
+            advance(&mut drone, hover(&options), 500);
+            *drone.body()
+        };
+        assert_eq!(end(1), end(1));
+        assert_ne!(end(1), end(2));
+        // Recorded; the same in debug and release, on every machine.
+        let bits = end(1).position_m.map(f64::to_bits);
+        assert_eq!(
+            [bits.x, bits.y, bits.z],
+            [13_809_601_066_533_468_084, 13_805_937_660_245_503_189, 4_607_131_025_127_991_874,]
+        );
+    }
+}
