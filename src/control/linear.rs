@@ -42,6 +42,14 @@ pub fn observability_rank<const N: usize, const P: usize>(
     a: &SMatrix<f64, N, N>,
     c: &SMatrix<f64, P, N>,
 ) -> usize {
+    rank(observability_columns(a, c))
+}
+
+/// `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
+fn observability_columns<const N: usize, const P: usize>(
+    a: &SMatrix<f64, N, N>,
+    c: &SMatrix<f64, P, N>,
+) -> DMatrix<f64> {
     // Time is scaled so that the powers of A stay of one size.
     let a = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = DMatrix::zeros(N, N * P);
@@ -50,8 +58,13 @@ pub fn observability_rank<const N: usize, const P: usize>(
         columns.view_mut((0, power * P), (N, P)).copy_from(&block.transpose());
         block *= a;
     }
+    columns
+}
+
+fn rank(columns: DMatrix<f64>) -> usize {
+    let n = columns.nrows();
     let upper = columns.full_piv_lu().u();
-    let pivots = upper.view((0, 0), (N, N)).diagonal().abs();
+    let pivots = upper.view((0, 0), (n, n)).diagonal().abs();
     pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
 }
 
@@ -80,6 +93,24 @@ pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
     false
 }
 
+/// Which states of `ẋ = A x` no output `y = C x` tells apart from zero: every state that is not a
+/// combination of the rows of `[C; CA; CA²; …]`, by index.
+#[must_use]
+pub fn unobservable_states<const N: usize, const P: usize>(
+    a: &SMatrix<f64, N, N>,
+    c: &SMatrix<f64, P, N>,
+) -> Vec<usize> {
+    let columns = observability_columns(a, c);
+    let seen = rank(columns.clone());
+    let size = columns.norm().max(f64::MIN_POSITIVE);
+    let seen_as_well = |state: usize| {
+        let mut more = columns.clone().insert_column(N * P, 0.0);
+        more[(state, N * P)] = size;
+        rank(more)
+    };
+    (0..N).filter(|&state| seen_as_well(state) > seen).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{Matrix1x2, Matrix2, Vector1, Vector2};
@@ -103,6 +134,13 @@ mod tests {
         assert_eq!(observability_rank(&a, &Matrix1x2::new(1.0, 0.0)), 2);
         assert_eq!(observability_rank(&a, &Matrix1x2::new(0.0, 1.0)), 1);
         assert_eq!(observability_rank(&Matrix2::zeros(), &Matrix1x2::new(0.0, 1.0)), 1);
+    }
+
+    #[test]
+    fn the_state_that_no_output_shows_is_named() {
+        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
+        assert_eq!(unobservable_states(&a, &Matrix1x2::new(1.0, 0.0)), [] as [usize; 0]);
+        assert_eq!(unobservable_states(&a, &Matrix1x2::new(0.0, 1.0)), [0]);
     }
 
     #[test]

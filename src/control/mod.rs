@@ -21,6 +21,6 @@ mod linear;
 mod lqr;
 mod riccati;
 
-pub use linear::{is_hurwitz, linearise, observability_rank};
+pub use linear::{is_hurwitz, linearise, observability_rank, unobservable_states};
 pub use lqr::{lqr, observer_gain};
 pub use riccati::{care, dare};
