@@ -31,7 +31,8 @@ mod sensors;
 mod vehicle;
 
 pub use options::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+    ControllerKind, ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions,
+    VehicleOptions,
 };
 
 use self::recorder::Recorder;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::controller::Controller;
+use super::controller::{Command, Controller, Reference, controller};
 use super::mixer::Mixer;
 use super::observer::Observer;
 use super::options::SimOptions;
@@ -23,14 +23,17 @@ pub(super) const LOST: f64 = 1e4;
 pub(super) struct Rig {
     vehicle: Vehicle,
     mixer: Mixer,
-    controller: Controller,
+    controller: Box<dyn Controller>,
     observer: Observer,
     sensors: Sensors,
     tick_s: f64,
     steps_per_tick: u32,
     state: State,
     estimate: State,
-    motors: [f64; 4],
+    /// Held between two runs of the controller.
+    command: Command,
+    ticks: u32,
+    ticks_per_command: u32,
     /// On the body, about the centre of mass.
     wrench: Wrench,
     setpoint: usize,
@@ -47,7 +50,7 @@ impl Rig {
         // In the air the drone hovers before it starts; on the floor its motors are off.
         let wrench = if start_m.z > 0.0 { vehicle.hover() } else { Wrench::zeros() };
         Ok(Self {
-            controller: Controller::new(&options.controller, &vehicle)?,
+            controller: controller(options)?,
             observer: Observer::new(&options.observer, sensors.settled_m(start_m))?,
             mixer: Mixer::new(&options.vehicle),
             vehicle,
@@ -56,7 +59,9 @@ impl Rig {
             steps_per_tick: options.rates.steps_per_tick,
             state: vehicle::at(start_m, 0.0),
             estimate: State::zeros(),
-            motors: [0.0; 4],
+            command: Command::default(),
+            ticks: 0,
+            ticks_per_command: rate_hz / options.rates.attitude_hz(),
             wrench,
             setpoint: 0,
             saturated_ticks: 0,
@@ -78,12 +83,16 @@ impl Rig {
         self.observer.update(&reading, self.tick_s);
         self.estimate = self.observer.state();
 
-        let wanted = self.controller.wrench(&self.estimate, setpoint.position_m);
-        let off = setpoint.position_m.z <= 0.0;
-        let (motors, saturated) = if off { Default::default() } else { self.mixer.motors(&wanted) };
-        self.saturated_ticks += u32::from(saturated && setpoint.letter.is_some());
-        self.motors = motors.into();
-        self.wrench = self.vehicle.about_center_of_mass(&self.mixer.wrench(&motors));
+        if setpoint.position_m.z <= 0.0 {
+            self.controller.rest(&self.estimate);
+            self.command = Command::default();
+        } else if self.ticks.is_multiple_of(self.ticks_per_command) {
+            let reference = Reference::at(setpoint, time_s);
+            self.command = self.controller.command(&self.estimate, &reference);
+        }
+        self.ticks += 1;
+        self.saturated_ticks += u32::from(self.command.saturated && setpoint.letter.is_some());
+        self.wrench = self.vehicle.about_center_of_mass(&self.mixer.wrench(&self.command.motors));
     }
 
     /// Moves the drone to the next tick.
@@ -99,7 +108,7 @@ impl Rig {
             time_s,
             state: &self.state,
             estimate: &self.estimate,
-            motors: self.motors,
+            motors: self.command.motors.into(),
             setpoint: self.setpoint,
         }
     }
