@@ -147,20 +147,22 @@ pub struct ControllerOptions {
 }
 
 impl Default for ControllerOptions {
-    /// Weights: the team's choice, from Bryson's rule and then by hand; integrals a third as fast
-    /// as the slowest pole of the team's regulator. Geometric gains: the firmware's
-    /// `controller_lee.c` (commit 0640f1c, `g_self`), its torques per unit divided by the inertia
-    /// that stands beside them (Förster 2015), so that another drone turns as fast.
+    /// Weights: the team's choice, from Bryson's rule and then by hand; integrals that take a
+    /// standing error away in about two seconds. Geometric gains: those that are the team's
+    /// regulator for small angles (its gains over the inertia, and over that of the pitch times
+    /// gravity), with integrals slow beside them. The firmware's own (`controller_lee.c`, commit
+    /// 0640f1c: 9, 7, 5, over Förster's inertia 332, 78, 724) bear more motor lag, and round the
+    /// corners of letters two and a half times as much.
     fn default() -> Self {
         Self {
             kind: ControllerKind::Lqr,
             q_integral: [20.0, 20.0, 20.0],
-            k_position: 9.0,
-            k_velocity: 7.0,
-            k_position_integral: 5.0,
-            k_attitude: [331.9, 330.2, 341.7],
-            k_rate: [78.4, 78.1, 68.3],
-            k_attitude_integral: [724.1, 1080.7, 512.6],
+            k_position: 9.8,
+            k_velocity: 4.5,
+            k_position_integral: 2.0,
+            k_attitude: [366.0, 384.0, 30.7],
+            k_rate: [45.0, 44.7, 9.2],
+            k_attitude_integral: [300.0, 300.0, 30.0],
             q: [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
             r: [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0],
         }

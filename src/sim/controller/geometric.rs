@@ -111,11 +111,11 @@ impl Controller for Geometric {
     }
 }
 
-/// The attitude whose z axis lies along a force and whose x axis points along world x.
+/// The attitude without yaw whose z axis lies along a force.
 fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     let up = force.normalize();
-    let left = up.cross(&Vector3::x()).normalize();
-    Matrix3::from_columns(&[left.cross(&up), left, up])
+    let ahead = Vector3::y().cross(&up).normalize();
+    Matrix3::from_columns(&[ahead, up.cross(&ahead), up])
 }
 
 /// `½ (R_dᵀ R − Rᵀ R_d)^∨`: for a small turn, the turn from the wanted attitude in body axes, rad.

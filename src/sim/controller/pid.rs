@@ -7,8 +7,10 @@
 //!
 //! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
-//! (1346ece), `pid.c`. Filters of the derivatives are left out: where they are on by default
-//! (position, velocity) the derivative gain is 0.
+//! (1346ece), `pid.c`. Of the derivatives' filters only those of the body rate are kept: the
+//! derivative gain of position and velocity is 0.
+
+use std::f64::consts::{PI, SQRT_2};
 
 use nalgebra::{Vector3, Vector4};
 
@@ -37,6 +39,38 @@ const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
 
+/// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
+/// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
+/// needs it, or the derivative alone (1.6 times the change of the rate, every 2 ms) throws it over.
+const RATE_CUTOFF_HZ: f64 = 30.0;
+
+/// Butterworth low-pass filter of order 2 by the bilinear transform.
+#[derive(Clone, Debug)]
+struct LowPass {
+    /// Gain of the newest input; twice that of the one before, and once of the one before that.
+    b: f64,
+    /// Of the last two outputs, subtracted.
+    a: [f64; 2],
+    inputs: [f64; 2],
+    outputs: [f64; 2],
+}
+
+impl LowPass {
+    fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
+        let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
+        let scale = 1.0 + SQRT_2 * w + w * w;
+        let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
+        Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
+    }
+
+    fn update(&mut self, input: f64) -> f64 {
+        let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
+        let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
+        (self.inputs, self.outputs) = ([input, x1], [output, y1]);
+        output
+    }
+}
+
 /// One loop: proportional, integral and derivative gain, bound of the integral, bound of the output.
 /// The derivative is that of the measurement, so that a step of the setpoint gives no kick.
 #[derive(Clone, Debug)]
@@ -45,6 +79,7 @@ struct Pid {
     integral_max: f64,
     output_max: f64,
     dt_s: f64,
+    filter: Option<LowPass>,
     integral: f64,
     measured: f64,
 }
@@ -52,12 +87,14 @@ struct Pid {
 impl Pid {
     fn new(gains: [f64; 3], integral_max: f64, output_max: f64, rate_hz: u32) -> Self {
         let dt_s = 1.0 / f64::from(rate_hz);
-        Self { gains, integral_max, output_max, dt_s, integral: 0.0, measured: 0.0 }
+        let (filter, integral, measured) = (None, 0.0, 0.0);
+        Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         let [kp, ki, kd] = self.gains;
         let slope = (measured - self.measured) / self.dt_s;
+        let slope = self.filter.as_mut().map_or(slope, |filter| filter.update(slope));
         self.measured = measured;
         let integral = self.integral + error * self.dt_s;
         self.integral = integral.clamp(-self.integral_max, self.integral_max);
@@ -67,6 +104,9 @@ impl Pid {
 
     fn reset(&mut self, measured: f64) {
         (self.integral, self.measured) = (0.0, measured);
+        if let Some(filter) = &mut self.filter {
+            (filter.inputs, filter.outputs) = ([0.0; 2], [0.0; 2]);
+        }
     }
 }
 
@@ -94,6 +134,7 @@ impl PidCascade {
         let fast = |gains, integral, output_max| Pid::new(gains, integral, output_max, fast_hz);
         let speed_max = SPEED_MAX * OVERHEAD;
         let tilt_max = TILT_MAX * OVERHEAD;
+        let filter = Some(LowPass::new(RATE_CUTOFF_HZ, fast_hz));
         Self {
             position: [
                 slow([2.0, 0.0, 0.0], speed_max),
@@ -111,8 +152,8 @@ impl PidCascade {
                 fast([6.0, 1.0, 0.35], 360.0, f64::INFINITY),
             ],
             rate: [
-                fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX),
-                fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX),
+                Pid { filter: filter.clone(), ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
+                Pid { filter, ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
                 fast([120.0, 16.7, 0.0], 166.7, COMMAND_MAX),
             ],
             mixer: Mixer::new(&options.vehicle),
@@ -222,6 +263,19 @@ mod tests {
         let turned = at(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
         let (cascade, _) = asked(&turned, Vector3::new(0.0, 0.1, 0.0));
         assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "ahead of a drone that looks along y");
+    }
+
+    #[test]
+    fn the_filter_passes_what_is_slow_and_halves_the_power_at_its_cut_off() {
+        let amplitude = |frequency_hz: f64| {
+            let mut filter = LowPass::new(30.0, 500);
+            let w = 2.0 * PI * frequency_hz / 500.0;
+            let out = (0..1000).map(|i| filter.update(libm::sin(w * f64::from(i))));
+            out.skip(500).fold(0.0, f64::max)
+        };
+        assert!((amplitude(1.0) - 1.0).abs() < 1e-3, "{}", amplitude(1.0));
+        assert!((amplitude(30.0) - 0.5_f64.sqrt()).abs() < 1e-2, "{}", amplitude(30.0));
+        assert!(amplitude(200.0) < 0.01, "{}", amplitude(200.0));
     }
 
     #[test]
