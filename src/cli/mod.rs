@@ -12,6 +12,7 @@ use crate::error::Result;
 
 mod expose;
 mod fly;
+mod gains;
 mod inputs;
 mod outputs;
 mod plan;
@@ -45,6 +46,8 @@ enum Verb {
     Expose(expose::ExposeArgs),
     /// Read a photograph, and say whether its word is legible
     Score(score::ScoreArgs),
+    /// Print the gains of regulator and observer, their poles, and what they stand
+    Gains(gains::GainsArgs),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -71,6 +74,7 @@ pub fn main() -> ExitCode {
         Verb::Fly(args) => fly::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
+        Verb::Gains(args) => gains::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

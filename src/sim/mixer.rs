@@ -40,9 +40,14 @@ impl Mixer {
 
     /// Commands m1…m4 for a wrench, each cut to what a motor can do, and whether any was cut.
     pub(super) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
-        let wanted = self.motors_from_wrench * wrench;
+        let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
         (motors, motors != wanted)
+    }
+
+    /// Commands m1…m4 for a wrench as if motors had no limits.
+    pub(super) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
+        self.motors_from_wrench * wrench
     }
 
     /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each cut to what a

@@ -19,6 +19,7 @@
 //! sliding, bouncing and tipping on the floor.
 
 mod controller;
+pub mod design;
 mod mixer;
 mod noise;
 mod observer;

@@ -17,7 +17,7 @@ const MAX_SUM: f64 = 1.0;
 /// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt`, about the design as it moves on.
 ///
 /// `[K K_i]` is the regulator of the model to which the three integrals are added as states
-/// (Anderson, Moore, "Optimal Control", 1990, section 4.3). About held setpoints an integral would
+/// (Anderson, Moore, "Optimal Control", 1990, chapter 4). About held setpoints an integral would
 /// overshoot by as much as the drone trails, so that this controller follows the design.
 #[derive(Clone, Debug)]
 pub(super) struct IntegralLqr {

@@ -39,9 +39,7 @@ impl Lqr {
         let vehicle = Vehicle::new(&options.vehicle);
         let hover = vehicle.hover();
         let (a, b) = linearise(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
-        let q = SMatrix::from_diagonal(&SVector::from(options.controller.q));
-        let r = SMatrix::from_diagonal(&SVector::from(options.controller.r));
-        let k = lqr(&a, &b, &q, &r).map_err(without_gain)?;
+        let k = lqr_gain(options, &a, &b)?;
         let mixer = Mixer::new(&options.vehicle);
         Ok(Self { k, hover, mass_kg: options.vehicle.mass_kg, mixer, follows })
     }
@@ -66,6 +64,21 @@ impl Controller for Lqr {
     }
 
     fn rest(&mut self, _: &State) {}
+}
+
+/// `K`, 4×12, for the model `ẋ = A x + B u`.
+///
+/// # Errors
+///
+/// [`Error::Infeasible`] where the weights have no gain.
+pub(in crate::sim) fn lqr_gain(
+    options: &SimOptions,
+    a: &SMatrix<f64, 12, 12>,
+    b: &SMatrix<f64, 12, 4>,
+) -> Result<SMatrix<f64, 4, 12>> {
+    let q = SMatrix::from_diagonal(&SVector::from(options.controller.q));
+    let r = SMatrix::from_diagonal(&SVector::from(options.controller.r));
+    lqr(a, b, &q, &r).map_err(without_gain)
 }
 
 /// Names the weights that have no gain.

@@ -15,6 +15,8 @@ use nalgebra::Vector4;
 
 use self::geometric::Geometric;
 use self::integral::IntegralLqr;
+pub(super) use self::integral::{augmented, augmented_gain};
+pub(super) use self::lqr::lqr_gain;
 use self::lqr::{Follows, Lqr};
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
