@@ -9,14 +9,14 @@ use noctograph::plan::{Extent, PlanOptions, plan};
 use noctograph::sim::{ControllerKind, SimOptions, fly};
 
 fn flight(criterion: &mut Criterion) {
-    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+    let strokes = write("NOOR", &LetterOptions::default()).expect("it flies");
     let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };
-    let plan = plan(&strokes, &letters).unwrap();
+    let plan = plan(&strokes, &letters).expect("it flies");
     let mut group = criterion.benchmark_group("flight of 46 s");
     group.sample_size(20);
     let mut case = |name: &str, options: SimOptions| {
         group.bench_function(name, |bencher| {
-            bencher.iter(|| fly(black_box(&plan), &options, 1, &mut |_| {}).unwrap());
+            bencher.iter(|| fly(black_box(&plan), &options, 1, &mut |_| {}).expect("it flies"));
         });
     };
     for (name, kind) in [

@@ -28,7 +28,7 @@ fn riccati(criterion: &mut Criterion) {
     let weights = [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0];
     let r = SMatrix::from_diagonal(&SVector::<f64, 4>::from(weights));
     criterion.bench_function("lqr 12x4", |bencher| {
-        bencher.iter(|| lqr(black_box(&a), black_box(&b), &q, &r).unwrap());
+        bencher.iter(|| lqr(black_box(&a), black_box(&b), &q, &r).expect("solvable"));
     });
 
     let mut wide = a.fixed_resize::<15, 15>(0.0);
@@ -37,7 +37,7 @@ fn riccati(criterion: &mut Criterion) {
     let mut wide_q = q.fixed_resize::<15, 15>(0.0);
     wide_q.fixed_view_mut::<3, 3>(12, 12).copy_from(&(SMatrix::<f64, 3, 3>::identity() * 20.0));
     criterion.bench_function("lqr 15x4, with integrals", |bencher| {
-        bencher.iter(|| lqr(black_box(&wide), black_box(&wide_b), &wide_q, &r).unwrap());
+        bencher.iter(|| lqr(black_box(&wide), black_box(&wide_b), &wide_q, &r).expect("solvable"));
     });
 
     let (mut a, c) = (SMatrix::<f64, 8, 8>::zeros(), SMatrix::<f64, 3, 8>::identity());
@@ -50,7 +50,7 @@ fn riccati(criterion: &mut Criterion) {
     let trust = [111_111.0, 62_500.0, 250_000.0];
     let measured = SMatrix::from_diagonal(&SVector::<f64, 3>::from(trust).map(|t| 1.0 / t));
     criterion.bench_function("observer 8x3", |bencher| {
-        bencher.iter(|| observer_gain(black_box(&a), &c, &model, &measured).unwrap());
+        bencher.iter(|| observer_gain(black_box(&a), &c, &model, &measured).expect("solvable"));
     });
 }
 

@@ -114,7 +114,7 @@ pub enum ControllerKind {
     LqrIntegral,
     /// The firmware's default cascade of PID loops, on held position setpoints.
     Pid,
-    /// Geometric tracking on SE(3) (Lee, Leok, McClamroch 2010), about the design as it moves.
+    /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010), about the design as it moves.
     Geometric,
 }
 

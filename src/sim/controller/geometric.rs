@@ -1,6 +1,6 @@
 //! Geometric tracking on SE(3): no Euler angles, no small-angle model.
 //!
-//! Source: Lee, Leok, McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC
+//! Source: Lee, Leok, `McClamroch`, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC
 //! 2010, with the integral terms of Goodarzi, Lee, Leok, "Geometric nonlinear PID control of a
 //! quadrotor UAV on SE(3)", ECC 2013, as the firmware's `controller_lee.c` has them. The wanted
 //! body rate is taken as zero: a setpoint carries no jerk.
