@@ -6,6 +6,7 @@
 mod geometric;
 mod integral;
 mod lqr;
+pub(super) mod options;
 mod pid;
 mod reference;
 #[cfg(test)]
@@ -18,9 +19,10 @@ use self::integral::IntegralLqr;
 pub(super) use self::integral::{augmented, augmented_gain};
 pub(super) use self::lqr::lqr_gain;
 use self::lqr::{Follows, Lqr};
+use self::options::ControllerKind;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
-use super::options::{ControllerKind, SimOptions};
+use super::options::SimOptions;
 use super::vehicle::State;
 use crate::error::Result;
 
