@@ -13,6 +13,7 @@ use crate::error::Result;
 mod compare;
 mod expose;
 mod fly;
+mod gains;
 mod import;
 mod inputs;
 mod outputs;
@@ -51,6 +52,8 @@ enum Verb {
     Expose(expose::ExposeArgs),
     /// Read a photograph, and say whether its word is legible
     Score(score::ScoreArgs),
+    /// Print the gains of regulator and observer, their poles, and what they stand
+    Gains(gains::GainsArgs),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -79,6 +82,7 @@ pub fn main() -> ExitCode {
         Verb::Compare(args) => compare::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
+        Verb::Gains(args) => gains::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

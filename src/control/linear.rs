@@ -5,6 +5,8 @@ use nalgebra::{DMatrix, SMatrix, SVector};
 /// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
 /// (1.7e-9 of the derivative of a sine); a hundredth of it would lose as much to rounding.
 const STEP: f64 = 1e-4;
+/// The smaller of the two steps that are extrapolated: their error falls with its fourth power.
+const FINE_STEP: f64 = 1e-3;
 /// Pivot below which a direction counts as unseen, relative to the largest.
 const RANK_TOLERANCE: f64 = 1e-9;
 /// Squarings after which a power that neither vanishes nor grows counts as not stable: only a
@@ -18,18 +20,32 @@ pub fn linearise<const N: usize, const M: usize>(
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
 ) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
-    (jacobian(|x| f(x, u), x), jacobian(|u| f(x, u), u))
+    (jacobian(|x| f(x, u), x, STEP), jacobian(|u| f(x, u), u, STEP))
+}
+
+/// The same from two steps (Richardson's extrapolation), which leaves 1e-12: for figures that are
+/// held against references, not for what flies.
+pub fn linearise_finely<const N: usize, const M: usize>(
+    f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
+    x: &SVector<f64, N>,
+    u: &SVector<f64, M>,
+) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
+    let [one, two] = [FINE_STEP, 2.0 * FINE_STEP];
+    let a = jacobian(|x| f(x, u), x, one) * 4.0 - jacobian(|x| f(x, u), x, two);
+    let b = jacobian(|u| f(x, u), u, one) * 4.0 - jacobian(|u| f(x, u), u, two);
+    (a / 3.0, b / 3.0)
 }
 
 fn jacobian<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
     at: &SVector<f64, M>,
+    step: f64,
 ) -> SMatrix<f64, N, M> {
     let mut slope = SMatrix::<f64, N, M>::zeros();
     for i in 0..M {
         let (mut up, mut down) = (*at, *at);
-        up[i] += STEP * at[i].abs().max(1.0);
-        down[i] -= STEP * at[i].abs().max(1.0);
+        up[i] += step * at[i].abs().max(1.0);
+        down[i] -= step * at[i].abs().max(1.0);
         slope.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
     slope
@@ -42,6 +58,14 @@ pub fn observability_rank<const N: usize, const P: usize>(
     a: &SMatrix<f64, N, N>,
     c: &SMatrix<f64, P, N>,
 ) -> usize {
+    rank(observability_columns(a, c))
+}
+
+/// `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
+fn observability_columns<const N: usize, const P: usize>(
+    a: &SMatrix<f64, N, N>,
+    c: &SMatrix<f64, P, N>,
+) -> DMatrix<f64> {
     // Time is scaled so that the powers of A stay of one size.
     let a = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = DMatrix::zeros(N, N * P);
@@ -50,8 +74,13 @@ pub fn observability_rank<const N: usize, const P: usize>(
         columns.view_mut((0, power * P), (N, P)).copy_from(&block.transpose());
         block *= a;
     }
+    columns
+}
+
+fn rank(columns: DMatrix<f64>) -> usize {
+    let n = columns.nrows();
     let upper = columns.full_piv_lu().u();
-    let pivots = upper.view((0, 0), (N, N)).diagonal().abs();
+    let pivots = upper.view((0, 0), (n, n)).diagonal().abs();
     pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
 }
 
@@ -80,6 +109,24 @@ pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
     false
 }
 
+/// Which states of `ẋ = A x` no output `y = C x` tells apart from zero: every state that is not a
+/// combination of the rows of `[C; CA; CA²; …]`, by index.
+#[must_use]
+pub fn unobservable_states<const N: usize, const P: usize>(
+    a: &SMatrix<f64, N, N>,
+    c: &SMatrix<f64, P, N>,
+) -> Vec<usize> {
+    let columns = observability_columns(a, c);
+    let seen = rank(columns.clone());
+    let size = columns.norm().max(f64::MIN_POSITIVE);
+    let seen_as_well = |state: usize| {
+        let mut more = columns.clone().insert_column(N * P, 0.0);
+        more[(state, N * P)] = size;
+        rank(more)
+    };
+    (0..N).filter(|&state| seen_as_well(state) > seen).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{Matrix1x2, Matrix2, Vector1, Vector2};
@@ -95,6 +142,9 @@ mod tests {
         let want = Matrix2::new(0.0, 1.0, -9.81 * libm::cos(0.3), 0.0);
         assert!((a - want).norm() < 2e-8, "A = {a}");
         assert!((b - Vector2::new(0.0, 3.0)).norm() < 1e-10, "B = {b}");
+        let (a, b) = linearise_finely(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
+        assert!((a - want).norm() < 1e-11, "A = {a}");
+        assert!((b - Vector2::new(0.0, 3.0)).norm() < 1e-11, "B = {b}");
     }
 
     #[test]
@@ -103,6 +153,13 @@ mod tests {
         assert_eq!(observability_rank(&a, &Matrix1x2::new(1.0, 0.0)), 2);
         assert_eq!(observability_rank(&a, &Matrix1x2::new(0.0, 1.0)), 1);
         assert_eq!(observability_rank(&Matrix2::zeros(), &Matrix1x2::new(0.0, 1.0)), 1);
+    }
+
+    #[test]
+    fn the_state_that_no_output_shows_is_named() {
+        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
+        assert_eq!(unobservable_states(&a, &Matrix1x2::new(1.0, 0.0)), [] as [usize; 0]);
+        assert_eq!(unobservable_states(&a, &Matrix1x2::new(0.0, 1.0)), [0]);
     }
 
     #[test]

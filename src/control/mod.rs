@@ -2,12 +2,12 @@
 //!
 //! In: a model `ẋ = A x + B u`, `y = C x`, and weights. Out: the gain of a linear-quadratic
 //! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
-//! many of its states can be seen).
+//! many of its states can be seen, its poles, what gain, phase and lag a feedback stands).
 //!
 //! Method: algebraic Riccati equations by structure-preserving doubling; the continuous one comes
-//! to the discrete one through a Cayley transform. No eigenvalues are computed anywhere: nalgebra's
-//! QR iteration does not converge on some Hamiltonian matrices.
-//! Every matrix has a static size, so that no product picks another kernel on another CPU.
+//! to the discrete one through a Cayley transform. No gain is made from eigenvalues: nalgebra's QR
+//! iteration does not converge on some Hamiltonian matrices. Those of a closed loop are reported.
+//! Every matrix of a gain has a static size, so that no product picks another kernel on another CPU.
 //!
 //! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
 //! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80; Chu, Fan, Lin, Wang, "Structure-
@@ -19,8 +19,14 @@
 
 mod linear;
 mod lqr;
+mod margins;
+mod poles;
 mod riccati;
 
-pub use linear::{is_hurwitz, linearise, observability_rank};
+pub use linear::{
+    is_hurwitz, linearise, linearise_finely, observability_rank, unobservable_states,
+};
 pub use lqr::{lqr, observer_gain};
+pub use margins::{Margins, margins, with_input_lag};
+pub use poles::poles;
 pub use riccati::{care, dare};

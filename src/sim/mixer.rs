@@ -42,8 +42,26 @@ impl Mixer {
 
     /// Commands m1…m4 for a wrench, each cut to what a motor can do, and whether any was cut.
     pub(super) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
-        let wanted = self.motors_from_wrench * wrench;
+        let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
+        (motors, motors != wanted)
+    }
+
+    /// Commands m1…m4 for a wrench as if motors had no limits.
+    pub(super) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
+        self.motors_from_wrench * wrench
+    }
+
+    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each cut to what a
+    /// motor can do, and whether any was cut.
+    ///
+    /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust gives
+    /// way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy` and
+    /// `powerDistributionCap`).
+    pub(super) fn motors_from_commands(&self, commands: &Vector4<f64>) -> (Vector4<f64>, bool) {
+        let wanted = SIGNS.transpose() * commands;
+        let excess = (wanted.max() - self.motor_max).max(0.0);
+        let motors = wanted.map(|m| (m - excess).max(0.0));
         (motors, motors != wanted)
     }
 
@@ -82,6 +100,16 @@ mod tests {
         let wrench = Mixer::new(&VehicleOptions::default()).wrench(&Vector4::x());
         assert!(wrench[0] < 0.0 && wrench[1] < 0.0 && wrench[2] < 0.0, "{wrench}");
         assert_eq!(wrench[3], 1.95e-6);
+    }
+
+    #[test]
+    fn thrust_gives_way_to_attitude() {
+        let mixer = Mixer::new(&VehicleOptions::default());
+        let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
+        let want = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
+        assert_eq!(mixer.motors_from_commands(&commands), (want, true));
+        let (weak, cut) = mixer.motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0));
+        assert_eq!((weak, cut), (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
     }
 
     #[test]

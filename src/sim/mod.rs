@@ -2,12 +2,13 @@
 //!
 //! Product in: [`Plan`]. Product out: [`Flight`], which a real flight's log gives as well.
 //!
-//! Method: at every tick of the controller (500 Hz) the sensors are read, the observer takes them
-//! in, a linear-quadratic regulator answers the estimate with a wrench, and the mixer turns it into
-//! four motor commands; these move the drone ([`Plant`]): rotors, rigid body, battery, air and floor.
-//! The drone starts at rest at the first setpoint, and a setpoint at or below the floor switches
-//! the motors off. The setpoint is held as it was sent: a position with no velocity, which the
-//! drone trails by about half a second.
+//! Method: at every tick (500 Hz) the sensors are read, the observer takes them in, a controller
+//! answers the estimate with four motor commands, which it may hold for some ticks; these move the
+//! drone ([`Plant`]): rotors, rigid body, battery, air and floor. The drone starts at rest at the
+//! first setpoint, and a setpoint at or below the floor switches the motors off. The controller of
+//! the default, a linear-quadratic regulator, holds a setpoint as it was sent: a position with no
+//! velocity, which the drone trails by about half a second; [`ControllerKind`] names four others.
+//! [`design`] makes the gains without a flight.
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
@@ -18,6 +19,7 @@
 //! sliding, bouncing and tipping on the floor.
 
 mod controller;
+pub mod design;
 mod mixer;
 mod noise;
 mod observer;
@@ -30,7 +32,9 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions};
+pub use options::{
+    ControllerKind, ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions,
+};
 pub use vehicle::{
     AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,
 };

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use super::controller::options::{ControllerKind, ControllerOptions};
 pub(super) use super::vehicle::{AirOptions, BatteryOptions, VehicleOptions};
 use crate::error::{Error, Result, within};
 
@@ -30,8 +31,15 @@ pub struct SimOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RateOptions {
-    /// Ticks per second: observer, controller and motor commands all run at this rate.
+    /// Ticks per second of the main loop: sensors and observer run at every one. The firmware's
+    /// runs at 1000.
     pub control_hz: u32,
+    /// Motor commands per second: regulators, and the attitude and rate loops of the cascade. It
+    /// divides `control_hz`; more than that is as much. Motors hold their command in between.
+    pub attitude_hz: u32,
+    /// Runs per second of the cascade's position and velocity loops. It divides `attitude_hz`; more
+    /// than that is as much.
+    pub position_hz: u32,
     /// Samples per second of the flight that comes out; divides `control_hz`.
     pub log_hz: u32,
     /// Runge–Kutta steps per control tick. 1 (2 ms) is off by less than a micrometre.
@@ -39,30 +47,25 @@ pub struct RateOptions {
 }
 
 impl Default for RateOptions {
-    /// The firmware's 500 Hz, and a log at half of it.
+    /// The firmware's 500 Hz for the attitude and 100 Hz for the position (`stabilizer_types.h`,
+    /// `ATTITUDE_RATE`, `POSITION_RATE`), the whole loop at 500 Hz as the team's observer ran, and
+    /// a log at half of it.
     fn default() -> Self {
-        Self { control_hz: 500, log_hz: 250, steps_per_tick: 1 }
+        Self { control_hz: 500, attitude_hz: 500, position_hz: 100, log_hz: 250, steps_per_tick: 1 }
     }
 }
 
-/// Linear-quadratic regulator: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ControllerOptions {
-    /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²) and
-    /// body rate x y z (s²/rad²). More holds tighter and moves the motors more.
-    pub q: [f64; 12],
-    /// Weights of torque x y z (1/(N m)²) and thrust (1/N²). More spares the motors.
-    pub r: [f64; 4],
-}
+impl RateOptions {
+    /// Motor commands per second: `attitude_hz`, and no more than one a tick.
+    #[must_use]
+    pub fn attitude_hz(&self) -> u32 {
+        self.attitude_hz.min(self.control_hz)
+    }
 
-impl Default for ControllerOptions {
-    /// The team's choice, from Bryson's rule and then by hand.
-    fn default() -> Self {
-        Self {
-            q: [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
-            r: [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0],
-        }
+    /// Runs per second of the position loop: `position_hz`, and no more than motor commands.
+    #[must_use]
+    pub fn position_hz(&self) -> u32 {
+        self.position_hz.min(self.attitude_hz())
     }
 }
 
@@ -159,6 +162,10 @@ impl RateOptions {
         within("rates.control_hz", self.control_hz.into(), 50.0, 2000.0)?;
         within("rates.steps_per_tick", self.steps_per_tick.into(), 1.0, 100.0)?;
         within("rates.log_hz", self.log_hz.into(), 1.0, self.control_hz.into())?;
+        within("rates.attitude_hz", self.attitude_hz.into(), 50.0, 2000.0)?;
+        within("rates.position_hz", self.position_hz.into(), 10.0, 2000.0)?;
+        divides("attitude_hz", self.attitude_hz(), "control_hz", self.control_hz)?;
+        divides("position_hz", self.position_hz(), "attitude_hz", self.attitude_hz())?;
         if self.control_hz.is_multiple_of(self.log_hz) {
             return Ok(());
         }
@@ -171,11 +178,14 @@ impl RateOptions {
     }
 }
 
-impl ControllerOptions {
-    fn check(&self) -> Result<()> {
-        within_all("controller.q", &self.q, 0.0, 1e12)?;
-        within_all("controller.r", &self.r, 1e-6, 1e12)
+/// Checks that a slower loop runs at whole ticks of a faster one.
+fn divides(slow: &str, slow_hz: u32, fast: &str, fast_hz: u32) -> Result<()> {
+    if fast_hz.is_multiple_of(slow_hz) {
+        return Ok(());
     }
+    let wanted = format!("a divisor of rates.{fast} = {fast_hz}");
+    let hint = "the firmware runs its loops at 1000, 500 and 100 Hz";
+    Err(Error::input(format!("rates.{slow}"), slow_hz, wanted, hint))
 }
 
 impl SensorOptions {
@@ -215,8 +225,19 @@ mod tests {
         assert!(refused(|o| o.controller.q[3] = -1.0).starts_with("controller.q[3]"));
         assert!(refused(|o| o.observer.r[7] = 0.0).starts_with("observer.r[7]"));
         assert!(refused(|o| o.rates.log_hz = 300).starts_with("rates.log_hz"));
+        assert!(refused(|o| o.rates.attitude_hz = 300).starts_with("rates.attitude_hz"));
+        assert!(refused(|o| o.rates.position_hz = 99).starts_with("rates.position_hz"));
+        assert!(refused(|o| o.controller.k_rate[2] = -1.0).starts_with("controller.k_rate[2]"));
         assert!(refused(|o| o.rates.log_hz = 0).starts_with("rates.log_hz"));
         assert!(refused(|o| o.vehicle.mass_kg = 0.06).contains("weighs 0.589 N"));
+    }
+
+    #[test]
+    fn no_loop_runs_faster_than_the_one_that_calls_it() {
+        let rates = RateOptions { control_hz: 250, ..Default::default() };
+        assert_eq!((rates.attitude_hz(), rates.position_hz()), (250, 100));
+        let slow = SimOptions { rates, ..Default::default() };
+        assert!(slow.check().unwrap_err().to_string().starts_with("rates.position_hz"));
     }
 
     #[test]

@@ -24,7 +24,7 @@ fn weights(
     r: [f64; 4],
 ) -> ControllerOptions {
     let (p, t, v, w) = (position, tilt, velocity, turning);
-    ControllerOptions { q: [p, p, 75.0, 40.0, t, t, v, v, 1.0, w, w, 1.0], r }
+    ControllerOptions { q: [p, p, 75.0, 40.0, t, t, v, v, 1.0, w, w, 1.0], r, ..Default::default() }
 }
 
 impl SimOptions {

@@ -2,13 +2,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::controller::Controller;
-use super::mixer::Mixer;
+use super::controller::{Command, Controller, Reference, controller};
 use super::observer::Observer;
 use super::options::SimOptions;
 use super::recorder::Moment;
 use super::sensors::Sensors;
-use super::vehicle::{self, Plant, State, Vehicle};
+use super::vehicle::{self, Plant, State};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -22,15 +21,17 @@ pub(super) const LOST: f64 = 1e4;
 #[derive(Debug)]
 pub(super) struct Rig {
     plant: Plant,
-    mixer: Mixer,
-    controller: Controller,
+    controller: Box<dyn Controller>,
     observer: Observer,
     sensors: Sensors,
     tick_s: f64,
     steps_per_tick: u32,
     state: State,
     estimate: State,
-    motors: [f64; 4],
+    /// Held between two runs of the controller.
+    command: Command,
+    ticks: u32,
+    ticks_per_command: u32,
     setpoint: usize,
     saturated_ticks: u32,
 }
@@ -38,23 +39,23 @@ pub(super) struct Rig {
 impl Rig {
     pub(super) fn new(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Self> {
         let rate_hz = options.rates.control_hz;
-        let vehicle = Vehicle::new(&options.vehicle);
         let sensors = Sensors::new(&options.sensors, rate_hz, seed, 0);
         let mut start_m = plan.setpoints[0].position_m;
         start_m.z = start_m.z.max(0.0);
         let dt_s = 1.0 / f64::from(rate_hz * options.rates.steps_per_tick);
         let plant = Plant::new(options, dt_s, seed, 0, start_m);
         Ok(Self {
-            controller: Controller::new(&options.controller, &vehicle)?,
+            controller: controller(options)?,
             observer: Observer::new(&options.observer, sensors.settled_m(start_m))?,
-            mixer: Mixer::new(&options.vehicle),
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             steps_per_tick: options.rates.steps_per_tick,
             state: plant.state(),
             plant,
             estimate: State::zeros(),
-            motors: [0.0; 4],
+            command: Command::default(),
+            ticks: 0,
+            ticks_per_command: rate_hz / options.rates.attitude_hz(),
             setpoint: 0,
             saturated_ticks: 0,
         })
@@ -75,17 +76,21 @@ impl Rig {
         self.observer.update(&reading, self.tick_s);
         self.estimate = self.observer.state();
 
-        let wanted = self.controller.wrench(&self.estimate, setpoint.position_m);
-        let off = setpoint.position_m.z <= 0.0;
-        let (motors, saturated) = if off { Default::default() } else { self.mixer.motors(&wanted) };
-        self.saturated_ticks += u32::from(saturated && setpoint.letter.is_some());
-        self.motors = motors.into();
+        if setpoint.position_m.z <= 0.0 {
+            self.controller.rest(&self.estimate);
+            self.command = Command::default();
+        } else if self.ticks.is_multiple_of(self.ticks_per_command) {
+            let reference = Reference::at(setpoint, time_s);
+            self.command = self.controller.command(&self.estimate, &reference);
+        }
+        self.ticks += 1;
+        self.saturated_ticks += u32::from(self.command.saturated && setpoint.letter.is_some());
     }
 
     /// Moves the drone to the next tick.
     pub(super) fn advance(&mut self) {
         for _ in 0..self.steps_per_tick {
-            self.plant.advance(&self.motors);
+            self.plant.advance(&self.command.motors.into());
         }
         self.state = self.plant.state();
     }
@@ -95,7 +100,7 @@ impl Rig {
             time_s,
             state: &self.state,
             estimate: &self.estimate,
-            motors: self.motors,
+            motors: self.command.motors.into(),
             setpoint: self.setpoint,
         }
     }

@@ -181,3 +181,36 @@ fn files_that_are_missing_or_of_another_kind_are_named() {
     fails(&["score", "a.png", "NO"], &[("a.png", "no image")], &["a.png", "a PNG image"]);
     fails(&["fly", "a.csv"], &[("a.csv", "time_s\n0\n")], &["a.csv:1", "a column x_m"]);
 }
+
+#[test]
+fn gains_prints_both_matrices_for_people_and_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = noctograph(folder.path()).args(["gains", "--bryson"]).assert().success();
+    let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    for shown in ["0.004877", "-50.715", "8 of 9", "not shown: psi", "r = [", "stands: 0.1"] {
+        assert!(text.contains(shown), "{shown} in\n{text}");
+    }
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "within 80 columns:\n{text}");
+
+    let output = noctograph(folder.path()).args(["gains", "--json"]).output().unwrap();
+    assert!(output.stderr.is_empty(), "no warning at the usual lag");
+    let json = json(&output.stdout);
+    let shape = |name: &str| {
+        let rows = json[name].as_array().unwrap();
+        (rows.len(), rows[0].as_array().unwrap().len())
+    };
+    assert_eq!((shape("K"), shape("L")), ((4, 12), (8, 3)));
+    assert!((json["K"][1][0].as_f64().unwrap() - 0.004_876_789_371_788_077).abs() < 1e-13);
+    assert_eq!((&json["observability_rank"], &json["unobservable"][0]), (&8.into(), &"psi".into()));
+    assert!(json["regulator_poles"][0][0].as_f64().unwrap() < 0.0);
+}
+
+#[test]
+fn gains_warns_of_a_gain_that_only_motors_without_lag_obey() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = noctograph(folder.path());
+    let run = command.args(["gains", "--motor-lag", "0.12"]).assert().success();
+    run.stdout(predicate::str::contains("unstable"))
+        .stderr(predicate::str::contains("stable only without motor lag"));
+    noctograph(folder.path()).args(["gains", "--motor-lag", "2"]).assert().code(2);
+}

@@ -1,0 +1,37 @@
+//! Time of a whole flight: NOOR from rest at the first letter, 46 s, with each controller; and at
+//! the firmware's 1 kHz. Goal: 20 ms for 40 s.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use noctograph::letters::{LetterOptions, write};
+use noctograph::plan::{Extent, PlanOptions, plan};
+use noctograph::sim::{ControllerKind, SimOptions, fly};
+
+fn flight(criterion: &mut Criterion) {
+    let strokes = write("NOOR", &LetterOptions::default()).expect("it flies");
+    let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };
+    let plan = plan(&strokes, &letters).expect("it flies");
+    let mut group = criterion.benchmark_group("flight of 46 s");
+    group.sample_size(20);
+    let mut case = |name: &str, options: SimOptions| {
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| fly(black_box(&plan), &options, 1, &mut |_| {}).expect("it flies"));
+        });
+    };
+    for (name, kind) in [
+        ("lqr", ControllerKind::Lqr),
+        ("lqr-integral", ControllerKind::LqrIntegral),
+        ("pid", ControllerKind::Pid),
+        ("geometric", ControllerKind::Geometric),
+    ] {
+        let mut options = SimOptions::default();
+        options.controller.kind = kind;
+        case(name, options.clone());
+        options.rates.control_hz = 1000;
+        case(&format!("{name}, 1 kHz"), options);
+    }
+}
+
+criterion_group!(benches, flight);
+criterion_main!(benches);

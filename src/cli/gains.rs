@@ -1,0 +1,192 @@
+//! `noctograph gains`: what regulator and observer a drone gets, and what they stand.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use nalgebra::{Complex, DMatrix};
+use serde_json::{Value, json};
+
+use super::{Outcome, print, tell};
+use crate::control::Margins;
+use crate::error::Result;
+use crate::scene::Scene;
+use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
+
+#[derive(Debug, Args)]
+pub(super) struct GainsArgs {
+    /// Scene file (TOML) with vehicle, controller and observer; the default where it is left out
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Lag of the motors that the gain is held against, seconds
+    #[arg(long, value_name = "S", default_value_t = MOTOR_LAG_S)]
+    motor_lag: f64,
+    /// Print Bryson's weights from the motors' range as well
+    #[arg(long)]
+    bryson: bool,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &GainsArgs) -> Result<Outcome> {
+    let scene = args.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?;
+    let design = design(&scene.sim(), args.motor_lag)?;
+    for warning in &design.warnings {
+        tell(&format!("warning: {warning}"));
+    }
+    if args.json {
+        print(&format!("{}\n", to_json(&design)))?;
+    } else {
+        print(&tables(&design))?;
+        if args.bryson {
+            print(&bryson(&design, &scene.controller.r))?;
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// Everything for people, at most 80 columns wide.
+fn tables(design: &Design) -> String {
+    let Design { controllability_rank, observability_rank, .. } = design;
+    let names = &STATES[..design.k.ncols()];
+    let seen: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
+    let hidden = design.unobservable.join(", ");
+    let mut text = format!(
+        "model     at hover: the motors reach {controllability_rank} of 12 states, the position \
+         shows {observability_rank} of 9\n          not shown: {hidden}\n",
+    );
+    text += "\nK         u = u_hover - K (x - x_des), transposed\n";
+    text += &matrix(&design.k.transpose(), names, &INPUTS);
+    text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
+    text += &matrix(&design.l, &seen, &["y_x", "y_y", "y_z"]);
+    let lag_s = design.motor_lag_s;
+    text +=
+        &format!("\npoles     1/s\n{}", pole_lines("regulator", design.regulator_poles.as_ref()));
+    text += &pole_lines(&format!("  {lag_s} s lag"), design.lagging_poles.as_ref());
+    text += &pole_lines("observer", design.observer_poles.as_ref());
+    text += "\nmargins   gain, phase and where (rad/s), loop broken at each input\n";
+    text += &format!("{:10}{:33}with {lag_s} s of motor lag\n", "", "motors that obey at once");
+    for (i, input) in INPUTS.iter().enumerate() {
+        let of =
+            |margins: &Option<[Margins; 4]>| margins.map_or("unstable".into(), |m| margin(&m[i]));
+        let (now, late) = (of(&design.margins), of(&design.lagging_margins));
+        text += &format!("{input:10}{now:33}{late}\n");
+    }
+    let longest = design.longest_lag_s.map_or("over a second".into(), |s| format!("{s:.3} s"));
+    text + &format!("longest   motor lag that the gain stands: {longest}\n")
+}
+
+/// A row a state, a column an output or input; zeros as a dash.
+fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
+    let mut text = format!("{:10}", "");
+    columns.iter().for_each(|name| text += &format!("{name:>14}"));
+    text.push('\n');
+    let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
+    for (i, name) in rows.iter().enumerate() {
+        text += &format!("{name:10}");
+        for (j, tiny) in tiny.iter().enumerate() {
+            let entry = m[(i, j)];
+            let shown = if entry.abs() <= *tiny { "-".to_owned() } else { figure(entry) };
+            text += &format!("{shown:>14}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Six decimals, fewer for what is large.
+fn figure(value: f64) -> String {
+    if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.3}") }
+}
+
+/// Poles as far as lines go, a pair as one.
+fn pole_lines(name: &str, poles: Option<&Vec<Complex<f64>>>) -> String {
+    let Some(poles) = poles else {
+        return format!("{name:14}not found: the iteration did not converge\n");
+    };
+    let mut lines = vec![String::new()];
+    for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
+        let word = match pole.im {
+            0.0 => format!("{:.2}", pole.re),
+            im => format!("{:.2}±{im:.2}i", pole.re),
+        };
+        let line = lines.last_mut().expect("there is always one");
+        if line.chars().count() + word.chars().count() > 63 {
+            lines.push(word);
+        } else {
+            let gap = if line.is_empty() { "" } else { "  " };
+            *line += &format!("{gap}{word}");
+        }
+    }
+    let named = std::iter::once(name).chain(std::iter::repeat(""));
+    lines.iter().zip(named).map(|(line, name)| format!("{name:14}{line}\n")).collect()
+}
+
+fn margin(margins: &Margins) -> String {
+    let down = margins.gain_down.map_or("0".into(), |g| format!("{g:.2}"));
+    let up = margins.gain_up.map_or("any".into(), |g| format!("{g:.2}"));
+    let phase = margins.phase_rad.zip(margins.crossover_rad_s);
+    let phase =
+        phase.map_or("any".into(), |(phase, at)| format!("{:.0}° at {at:.1}", phase.to_degrees()));
+    format!("{:14}{phase}", format!("{down} to {up}"))
+}
+
+/// Bryson's weights beside those of the scene.
+fn bryson(design: &Design, r: &[f64; 4]) -> String {
+    let mut text =
+        "\nbryson    1 / (largest deviation from hover within the motors' range)^2\n".to_owned();
+    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.r is");
+    for (i, input) in INPUTS.iter().enumerate() {
+        let (deviation, weight) = (design.largest_inputs[i], design.bryson_r[i]);
+        let unit = if i == 3 { "N" } else { "N m" };
+        let ratio = r[i] / weight;
+        text += &format!(
+            "{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times it\n"
+        );
+    }
+    let [x, y, z, f] = design.bryson_r;
+    text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
+}
+
+/// Everything for programs; matrices are arrays of rows.
+fn to_json(design: &Design) -> Value {
+    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        m.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    let poles = |poles: &Option<Vec<Complex<f64>>>| {
+        poles.as_ref().map(|poles| poles.iter().map(|p| [p.re, p.im]).collect::<Vec<_>>())
+    };
+    let margins = |margins: &Option<[Margins; 4]>| {
+        margins.map(|margins| {
+            let of = |(input, m): (&str, Margins)| {
+                json!({
+                    "input": input,
+                    "gain_up": m.gain_up,
+                    "gain_down": m.gain_down,
+                    "phase_rad": m.phase_rad,
+                    "crossover_rad_s": m.crossover_rad_s,
+                })
+            };
+            INPUTS.into_iter().zip(margins).map(of).collect::<Vec<_>>()
+        })
+    };
+    json!({
+        "K": rows(&design.k),
+        "L": rows(&design.l),
+        "states": &STATES[..design.k.ncols()],
+        "inputs": INPUTS,
+        "controllability_rank": design.controllability_rank,
+        "observability_rank": design.observability_rank,
+        "unobservable": design.unobservable,
+        "regulator_poles": poles(&design.regulator_poles),
+        "observer_poles": poles(&design.observer_poles),
+        "margins": margins(&design.margins),
+        "motor_lag_s": design.motor_lag_s,
+        "lagging_poles": poles(&design.lagging_poles),
+        "lagging_margins": margins(&design.lagging_margins),
+        "longest_lag_s": design.longest_lag_s,
+        "largest_inputs": design.largest_inputs,
+        "bryson_r": design.bryson_r,
+        "warnings": design.warnings,
+    })
+}

@@ -1,0 +1,290 @@
+//! The firmware's default controller: a cascade of PID loops on held position setpoints.
+//!
+//! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second;
+//! attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
+//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its figures
+//! stand here as they stand there; pitch has our sign.
+//!
+//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
+//! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
+//! (1346ece), `pid.c`. Of the derivatives' filters only those of the body rate are kept: the
+//! derivative gain of position and velocity is 0.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use nalgebra::{Vector3, Vector4};
+
+use super::{Command, Controller, Reference};
+use crate::sim::mixer::Mixer;
+use crate::sim::options::SimOptions;
+use crate::sim::vehicle::{State, attitude, position, rate, velocity};
+
+/// Full command of a motor in the firmware.
+const FULL: f64 = 65_535.0;
+/// Command of the vertical velocity loop's unit (`thrustScale`).
+const THRUST_SCALE: f64 = 1000.0;
+/// Command with which the drone is thought to hover (`PID_VEL_THRUST_BASE`); the loops' integrals
+/// make up for the rest, which is why a heavy drone leaves the floor late.
+const THRUST_BASE: f64 = 36_000.0;
+/// Smallest command in the air (`PID_VEL_THRUST_MIN`).
+const THRUST_MIN: f64 = 20_000.0;
+/// Largest roll and pitch, degrees (`PID_VEL_ROLL_MAX`, `PID_VEL_PITCH_MAX`).
+const TILT_MAX: f64 = 20.0;
+/// Largest wanted speed per axis, m/s (`PID_POS_VEL_X_MAX` …).
+const SPEED_MAX: f64 = 1.0;
+/// What a loop may put out beyond these two (`velMaxOverhead`, `rpLimitOverhead`).
+const OVERHEAD: f64 = 1.1;
+/// Bound of an integral where the firmware names none (`DEFAULT_PID_INTEGRATION_LIMIT`).
+const INTEGRAL_MAX: f64 = 5000.0;
+/// Bound of a rate loop's output (`saturateSignedInt16`).
+const COMMAND_MAX: f64 = 32_767.0;
+
+/// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
+/// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
+/// needs it, or the derivative alone (1.6 times the change of the rate, every 2 ms) throws it over.
+const RATE_CUTOFF_HZ: f64 = 30.0;
+
+/// Butterworth low-pass filter of order 2 by the bilinear transform.
+#[derive(Clone, Debug)]
+struct LowPass {
+    /// Gain of the newest input; twice that of the one before, and once of the one before that.
+    b: f64,
+    /// Of the last two outputs, subtracted.
+    a: [f64; 2],
+    inputs: [f64; 2],
+    outputs: [f64; 2],
+}
+
+impl LowPass {
+    fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
+        let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
+        let scale = 1.0 + SQRT_2 * w + w * w;
+        let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
+        Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
+    }
+
+    fn update(&mut self, input: f64) -> f64 {
+        let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
+        let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
+        (self.inputs, self.outputs) = ([input, x1], [output, y1]);
+        output
+    }
+}
+
+/// One loop: proportional, integral and derivative gain, bound of the integral, bound of the output.
+/// The derivative is that of the measurement, so that a step of the setpoint gives no kick.
+#[derive(Clone, Debug)]
+struct Pid {
+    gains: [f64; 3],
+    integral_max: f64,
+    output_max: f64,
+    dt_s: f64,
+    filter: Option<LowPass>,
+    integral: f64,
+    measured: f64,
+}
+
+impl Pid {
+    fn new(gains: [f64; 3], integral_max: f64, output_max: f64, rate_hz: u32) -> Self {
+        let dt_s = 1.0 / f64::from(rate_hz);
+        let (filter, integral, measured) = (None, 0.0, 0.0);
+        Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
+    }
+
+    fn update(&mut self, error: f64, measured: f64) -> f64 {
+        let [kp, ki, kd] = self.gains;
+        let slope = (measured - self.measured) / self.dt_s;
+        let slope = self.filter.as_mut().map_or(slope, |filter| filter.update(slope));
+        self.measured = measured;
+        let integral = self.integral + error * self.dt_s;
+        self.integral = integral.clamp(-self.integral_max, self.integral_max);
+        let output = kp * error + ki * self.integral - kd * slope;
+        output.clamp(-self.output_max, self.output_max)
+    }
+
+    fn reset(&mut self, measured: f64) {
+        (self.integral, self.measured) = (0.0, measured);
+        if let Some(filter) = &mut self.filter {
+            (filter.inputs, filter.outputs) = ([0.0; 2], [0.0; 2]);
+        }
+    }
+}
+
+/// The cascade with the state of its twelve loops, each three in the order x y z or roll pitch yaw.
+#[derive(Clone, Debug)]
+pub(super) struct PidCascade {
+    position: [Pid; 3],
+    velocity: [Pid; 3],
+    attitude: [Pid; 3],
+    rate: [Pid; 3],
+    mixer: Mixer,
+    /// Motor command per unit of the firmware's.
+    scale: f64,
+    ticks_per_position: u32,
+    ticks: u32,
+    /// Wanted roll and pitch, degrees.
+    wanted: [f64; 2],
+    thrust: f64,
+}
+
+impl PidCascade {
+    pub(super) fn new(options: &SimOptions) -> Self {
+        let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
+        let slow = |gains, output_max| Pid::new(gains, INTEGRAL_MAX, output_max, slow_hz);
+        let fast = |gains, integral, output_max| Pid::new(gains, integral, output_max, fast_hz);
+        let speed_max = SPEED_MAX * OVERHEAD;
+        let tilt_max = TILT_MAX * OVERHEAD;
+        let filter = Some(LowPass::new(RATE_CUTOFF_HZ, fast_hz));
+        Self {
+            position: [
+                slow([2.0, 0.0, 0.0], speed_max),
+                slow([2.0, 0.0, 0.0], speed_max),
+                slow([2.0, 0.5, 0.0], speed_max),
+            ],
+            velocity: [
+                slow([25.0, 1.0, 0.0], tilt_max),
+                slow([25.0, 1.0, 0.0], tilt_max),
+                slow([25.0, 15.0, 0.0], FULL / 2.0 / THRUST_SCALE),
+            ],
+            attitude: [
+                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
+                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
+                fast([6.0, 1.0, 0.35], 360.0, f64::INFINITY),
+            ],
+            rate: [
+                Pid { filter: filter.clone(), ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
+                Pid { filter, ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
+                fast([120.0, 16.7, 0.0], 166.7, COMMAND_MAX),
+            ],
+            mixer: Mixer::new(&options.vehicle),
+            scale: options.vehicle.motor_max / FULL,
+            ticks_per_position: fast_hz / slow_hz,
+            ticks: 0,
+            wanted: [0.0; 2],
+            thrust: 0.0,
+        }
+    }
+
+    /// Position and velocity loops: wanted roll, pitch and thrust.
+    fn outer(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
+        let attitude = attitude(estimate);
+        let (sin, cos) = libm::sincos(attitude.yaw_rad);
+        let turned = |v: Vector3<f64>| [v.x * cos + v.y * sin, -v.x * sin + v.y * cos, v.z];
+        let there = turned(setpoint_m);
+        let here = turned(position(estimate));
+        let moving = turned(attitude.world_from_body() * velocity(estimate));
+        let mut out = [0.0; 3];
+        for i in 0..3 {
+            let wanted = self.position[i].update(there[i] - here[i], here[i]);
+            out[i] = self.velocity[i].update(wanted - moving[i], moving[i]);
+        }
+        let [ahead, left, up] = out;
+        self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
+        self.thrust = (up * THRUST_SCALE + THRUST_BASE).clamp(THRUST_MIN, FULL);
+    }
+
+    /// Attitude and rate loops: roll, pitch and yaw commands. The yaw is held at 0.
+    fn inner(&mut self, estimate: &State) -> [f64; 3] {
+        let now = angles(estimate);
+        let turning = rate(estimate).map(f64::to_degrees);
+        let wanted = [self.wanted[0], self.wanted[1], 0.0];
+        let mut out = [0.0; 3];
+        for i in 0..3 {
+            let error = wanted[i] - now[i];
+            // The shorter way round, which only the yaw can need.
+            let error = error - 360.0 * (error / 360.0).round();
+            let wanted_rate = self.attitude[i].update(error, now[i]);
+            out[i] = self.rate[i].update(wanted_rate - turning[i], turning[i]);
+        }
+        out
+    }
+}
+
+impl Controller for PidCascade {
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        if self.ticks.is_multiple_of(self.ticks_per_position) {
+            self.outer(estimate, reference.held_m);
+        }
+        self.ticks += 1;
+        let [roll, pitch, yaw] = self.inner(estimate);
+        let commands = Vector4::new(roll / 2.0, pitch / 2.0, yaw, self.thrust) * self.scale;
+        let (motors, saturated) = self.mixer.motors_from_commands(&commands);
+        Command { motors, saturated }
+    }
+
+    fn rest(&mut self, estimate: &State) {
+        let (here, now) = (position(estimate), angles(estimate));
+        for i in 0..3 {
+            self.position[i].reset(here[i]);
+            self.velocity[i].reset(0.0);
+            self.attitude[i].reset(now[i]);
+            self.rate[i].reset(0.0);
+        }
+        self.ticks = 0;
+    }
+}
+
+/// Roll, pitch and yaw in degrees.
+fn angles(state: &State) -> [f64; 3] {
+    let attitude = attitude(state);
+    [attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad].map(f64::to_degrees)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::vehicle::at;
+
+    fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
+        let mut cascade = PidCascade::new(&SimOptions::default());
+        cascade.rest(estimate);
+        let zero = Vector3::zeros();
+        let (position_m, velocity_m_s, acceleration_m_s2) = (held_m, zero, zero);
+        let reference = Reference { held_m, position_m, velocity_m_s, acceleration_m_s2 };
+        let motors = cascade.command(estimate, &reference).motors;
+        (cascade, motors)
+    }
+
+    #[test]
+    fn a_drone_in_place_is_given_the_firmwares_base_thrust() {
+        let place = Vector3::new(0.3, 0.1, 0.8);
+        assert_eq!(asked(&at(place, 0.0), place).1, Vector4::repeat(36_000.0));
+    }
+
+    #[test]
+    fn a_setpoint_ahead_tips_the_nose_down_and_one_to_the_left_rolls_left() {
+        // 0.1 m × 2 /s × (25 + 1 × 10 ms) °/(m/s).
+        let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.1, 0.0, 0.0));
+        assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "pitch {}", cascade.wanted[1]);
+        assert!(motors[1] > motors[0] && motors[2] > motors[3], "the rear lifts: {motors}");
+        let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.0, 0.1, 0.0));
+        assert!((cascade.wanted[0] + 5.002).abs() < 1e-12, "roll {}", cascade.wanted[0]);
+        assert!(motors[0] > motors[3] && motors[1] > motors[2], "the right lifts: {motors}");
+        let turned = at(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
+        let (cascade, _) = asked(&turned, Vector3::new(0.0, 0.1, 0.0));
+        assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "ahead of a drone that looks along y");
+    }
+
+    #[test]
+    fn the_filter_passes_what_is_slow_and_halves_the_power_at_its_cut_off() {
+        let amplitude = |frequency_hz: f64| {
+            let mut filter = LowPass::new(30.0, 500);
+            let w = 2.0 * PI * frequency_hz / 500.0;
+            let out = (0..1000).map(|i| filter.update(libm::sin(w * f64::from(i))));
+            out.skip(500).fold(0.0, f64::max)
+        };
+        assert!((amplitude(1.0) - 1.0).abs() < 1e-3, "{}", amplitude(1.0));
+        assert!((amplitude(30.0) - 0.5_f64.sqrt()).abs() < 1e-2, "{}", amplitude(30.0));
+        assert!(amplitude(200.0) < 0.01, "{}", amplitude(200.0));
+    }
+
+    #[test]
+    fn speed_tilt_and_integrals_are_bounded() {
+        let (cascade, _) = asked(&State::zeros(), Vector3::new(9.0, -9.0, 9.0));
+        assert_eq!(cascade.wanted, [20.0, 20.0]);
+        assert_eq!(cascade.thrust, 36_000.0 + 1000.0 * 1.1 * (25.0 + 0.15));
+        let mut pid = Pid::new([0.0, 1.0, 0.0], 2.0, 1.5, 100);
+        (0..1000).for_each(|_| assert!(pid.update(1.0, 0.0) <= 1.5, "bounded"));
+        assert_eq!(pid.integral, 2.0);
+    }
+}
