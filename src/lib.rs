@@ -42,6 +42,7 @@
 //! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
 //! | 2 | [`light`] | Flight → [`light::LightTrace`] |
+//! | 2 | [`logs`] | a real flight's log → Flight |
 //! | 3 | [`sim`] | Plan → Flight |
 //! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
@@ -77,6 +78,7 @@ pub mod flight;
 pub mod geometry;
 pub mod letters;
 pub mod light;
+pub mod logs;
 pub mod photo;
 pub mod plan;
 pub mod report;

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::letters::{self, Strokes};
+use crate::logs::{self, ImportOptions};
 use crate::scene::Scene;
 
 /// Where the scene comes from.
@@ -85,9 +86,9 @@ pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> 
     letters::write(&scene.word, &scene.letters)
 }
 
-/// A flight from a file, whoever flew it.
+/// A flight from a file, whoever flew it: a flight of ours, or a log.
 pub(super) fn read_flight(path: &Path) -> Result<Flight> {
-    Flight::read_csv(path)
+    logs::import(path, &ImportOptions::default())
 }
 
 fn size(text: &str) -> std::result::Result<(u32, u32), String> {

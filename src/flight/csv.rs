@@ -1,12 +1,17 @@
 //! Flights as CSV files: one row a sample, one column a number, SI units in the names.
+//!
+//! The columns of a quantity that a real log does not tell are left out together. `gap_before` is 1
+//! in the first row after a hole, and stands only in files with holes. Columns of other names are
+//! kept as [`Flight::extra`].
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 
 use nalgebra::Vector3;
 
 use super::table::{Table, write_table};
-use super::{Flight, FlightSample};
+use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 
@@ -41,6 +46,31 @@ pub const COLUMNS: [&str; 24] = [
     "letter",
 ];
 
+/// The column that is 1 in the first row after a hole.
+const GAP: &str = "gap_before";
+
+impl Quantity {
+    /// Its places in [`COLUMNS`].
+    fn columns(self) -> std::ops::Range<usize> {
+        match self {
+            Self::Position => 1..4,
+            Self::Attitude => 4..7,
+            Self::Velocity => 7..10,
+            Self::Rate => 10..13,
+            Self::Estimate => 13..16,
+            Self::Design => 16..19,
+            Self::Motors => 19..23,
+        }
+    }
+}
+
+/// Whether a column of a flight file has a meaning of its own, so that no extra column may take
+/// its name.
+#[must_use]
+pub fn is_standard_column(name: &str) -> bool {
+    COLUMNS.contains(&name) || name == GAP || name.starts_with("light.")
+}
+
 impl Flight {
     /// Writes the flight as CSV, on the grid of 1e-6.
     ///
@@ -48,16 +78,41 @@ impl Flight {
     ///
     /// What the writer says.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
-        let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
-        let header: Vec<String> = COLUMNS.map(str::to_owned).into_iter().chain(lights).collect();
+        let skipped: BTreeSet<usize> =
+            self.unlogged.iter().flat_map(|quantity| quantity.columns()).collect();
+        let kept: Vec<usize> = (0..COLUMNS.len()).filter(|i| !skipped.contains(i)).collect();
+        let after_gap = self.after_gap();
+        let gap = (!self.gaps.is_empty()).then_some(&after_gap);
+        let header: Vec<String> = kept
+            .iter()
+            .map(|&i| COLUMNS[i].to_owned())
+            .chain(self.lights.keys().map(|channel| format!("light.{channel}")))
+            .chain(gap.map(|_| GAP.to_owned()))
+            .chain(self.extra.keys().cloned())
+            .collect();
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
-            let lights = self.lights.values().map(move |levels| levels[row]);
-            numbers(sample).into_iter().chain(lights)
+            let numbers = numbers(sample);
+            let standard = kept.iter().map(move |&i| numbers[i]);
+            let further = self.lights.values().chain(gap).chain(self.extra.values());
+            standard.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
     }
 
+    /// 1 for each sample that ends a hole, 0 for the others.
+    fn after_gap(&self) -> Vec<f64> {
+        let mut gaps = self.gaps.iter().peekable();
+        let flag = |sample: &FlightSample| {
+            let ends = gaps.next_if(|gap| gap[1] <= sample.time_s).is_some();
+            f64::from(u8::from(ends))
+        };
+        self.samples.iter().map(flag).collect()
+    }
+
     /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
+    ///
+    /// A quantity may be missing with all its columns: the flight then says so in `unlogged` and
+    /// in a warning.
     ///
     /// # Errors
     ///
@@ -67,32 +122,58 @@ impl Flight {
     }
 
     fn from_table(table: &Table) -> Result<Self> {
-        table.time_s()?;
-        let columns = COLUMNS.map(|name| table.column(name));
-        let columns = columns.into_iter().collect::<Result<Vec<_>>>()?;
-        let samples = (0..table.n_rows()).map(|row| {
-            let mut cells = columns.iter().map(|column| column[row]);
-            let mut next = || cells.next().expect("COLUMNS is as long as a sample");
-            let vector = |n: &mut dyn FnMut() -> f64| Vector3::new(n(), n(), n());
-            FlightSample {
-                time_s: next(),
-                position_m: vector(&mut next),
-                attitude: Attitude { yaw_rad: next(), pitch_rad: next(), roll_rad: next() },
-                velocity_body_m_s: vector(&mut next),
-                rate_body_rad_s: vector(&mut next),
-                estimate_m: vector(&mut next),
-                design_m: vector(&mut next),
-                motors: [next(), next(), next(), next()],
-                letter: letter_from_number(next()),
+        let time_s = table.time_s()?;
+        let mut cells: [Option<&[f64]>; COLUMNS.len()] = [None; COLUMNS.len()];
+        let mut unlogged = BTreeSet::new();
+        for quantity in Quantity::ALL {
+            let names = &COLUMNS[quantity.columns()];
+            if names.iter().any(|name| table.has(name)) {
+                for (cell, name) in cells[quantity.columns()].iter_mut().zip(names) {
+                    *cell = Some(table.column(name)?);
+                }
+            } else {
+                unlogged.insert(quantity);
             }
-        });
-        let samples = samples.collect();
-        let lights = table.columns_after("light.");
-        let lights =
-            lights.map(|(channel, levels)| (channel.to_owned(), levels.to_vec())).collect();
-        let flight = Self { samples, lights, warnings: Vec::new() };
-        check_levels(&flight.lights)?;
-        Ok(flight)
+        }
+        cells[0] = Some(time_s);
+        cells[23] = table.has(COLUMNS[23]).then(|| table.column(COLUMNS[23])).transpose()?;
+        let samples: Vec<FlightSample> = (0..table.n_rows())
+            .map(|row| sample(cells.map(|c| c.map_or(0.0, |c| c[row]))))
+            .collect();
+        let owned = |(name, values): (&str, &[f64])| (name.to_owned(), values.to_vec());
+        let lights = table.columns_after("light.").map(owned).collect();
+        check_levels(&lights)?;
+        let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
+        let extra: BTreeMap<_, _> = extra.map(owned).collect();
+        if unlogged.len() == Quantity::ALL.len() && extra.is_empty() {
+            table.column(COLUMNS[1])?;
+        }
+        let gaps = if table.has(GAP) {
+            let flags = table.column(GAP)?.iter().skip(1);
+            let pairs = samples.windows(2).zip(flags).filter(|(_, flag)| **flag != 0.0);
+            pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
+        } else {
+            Vec::new()
+        };
+        let warn =
+            |quantity: &Quantity| format!("no {} in the file: zeros stand for it", quantity.name());
+        let warnings = unlogged.iter().map(warn).collect();
+        Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
+    }
+}
+
+/// A sample from its numbers in the order of [`COLUMNS`].
+fn sample(n: [f64; COLUMNS.len()]) -> FlightSample {
+    FlightSample {
+        time_s: n[0],
+        position_m: Vector3::new(n[1], n[2], n[3]),
+        attitude: Attitude { yaw_rad: n[4], pitch_rad: n[5], roll_rad: n[6] },
+        velocity_body_m_s: Vector3::new(n[7], n[8], n[9]),
+        rate_body_rad_s: Vector3::new(n[10], n[11], n[12]),
+        estimate_m: Vector3::new(n[13], n[14], n[15]),
+        design_m: Vector3::new(n[16], n[17], n[18]),
+        motors: [n[19], n[20], n[21], n[22]],
+        letter: letter_from_number(n[23]),
     }
 }
 
@@ -101,7 +182,7 @@ impl Flight {
 /// # Errors
 ///
 /// [`Error::Input`] naming the channel.
-pub(crate) fn check_levels(lights: &std::collections::BTreeMap<String, Vec<f64>>) -> Result<()> {
+pub(crate) fn check_levels(lights: &BTreeMap<String, Vec<f64>>) -> Result<()> {
     for (channel, levels) in lights {
         if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
             let place = format!("column light.{channel}");
@@ -177,7 +258,8 @@ mod tests {
         });
         let samples: Vec<FlightSample> = samples.collect();
         let levels = (0..50).map(|i| f64::from(i % 2)).collect();
-        Flight { samples, lights: [("headlights".to_owned(), levels)].into(), warnings: vec![] }
+        let lights = [("headlights".to_owned(), levels)].into();
+        Flight { samples, lights, ..Flight::default() }
     }
 
     #[test]
@@ -186,6 +268,33 @@ mod tests {
         flight.write_csv(&mut file).unwrap();
         let back = Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap();
         assert_eq!(back, flight);
+    }
+
+    #[test]
+    fn holes_and_further_columns_and_what_is_not_told_read_back() {
+        let mut flight = flight();
+        flight
+            .extra
+            .insert("pm.vbat".into(), (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect());
+        let times = |i: usize| [flight.samples[i].time_s, flight.samples[i + 1].time_s];
+        flight.gaps = vec![times(3), times(4), times(30)];
+        flight.unlogged = [Quantity::Motors, Quantity::Design].into();
+        for sample in &mut flight.samples {
+            (sample.motors, sample.design_m) = ([0.0; 4], Vector3::zeros());
+        }
+        let mut file = Vec::new();
+        flight.write_csv(&mut file).unwrap();
+        let back = Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap();
+        assert_eq!(back.warnings.len(), 2, "what is missing is said: {:?}", back.warnings);
+        assert_eq!(Flight { warnings: vec![], ..back }, flight);
+    }
+
+    #[test]
+    fn half_a_position_is_refused() {
+        for broken in ["time_s,x_m,z_m\n0,1,2\n", "time_s\n0\n"] {
+            let table = Table::parse(broken.as_bytes(), "f.csv").unwrap();
+            assert!(Flight::from_table(&table).is_err(), "{broken}");
+        }
     }
 
     #[test]

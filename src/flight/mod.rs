@@ -2,16 +2,19 @@
 //!
 //! A simulated flight and a real flight's log meet here; below nobody can tell them apart.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
 use crate::geometry::Attitude;
 
+mod airborne;
 pub mod comparison;
 pub mod csv;
 pub mod table;
 pub mod tracking;
+
+pub use airborne::{FLYING_MOTOR_COMMAND, airborne};
 
 /// A flight of one drone, sampled over time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,14 +24,68 @@ pub struct Flight {
     /// Light commands in force at each sample, as received over the radio: one column per
     /// channel, 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
+    /// Further columns of a real log, under the names and in the units of the log, held between
+    /// their own samples; each as long as `samples`.
+    pub extra: BTreeMap<String, Vec<f64>>,
+    /// Holes in a real log: times of the last sample before and of the first sample after, in
+    /// rising order. Nothing is known in between: no line is drawn and no lamp shines across one.
+    pub gaps: Vec<[f64; 2]>,
+    /// What the log does not tell: the samples hold zeros there.
+    pub unlogged: BTreeSet<Quantity>,
     /// What whoever reads the flight should know.
     pub warnings: Vec<String>,
+}
+
+/// Something that a sample tells, and a log may not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quantity {
+    /// [`FlightSample::position_m`].
+    Position,
+    /// [`FlightSample::attitude`].
+    Attitude,
+    /// [`FlightSample::velocity_body_m_s`].
+    Velocity,
+    /// [`FlightSample::rate_body_rad_s`].
+    Rate,
+    /// [`FlightSample::estimate_m`].
+    Estimate,
+    /// [`FlightSample::design_m`].
+    Design,
+    /// [`FlightSample::motors`].
+    Motors,
+}
+
+impl Quantity {
+    /// All of them, in the order of the file's columns.
+    pub const ALL: [Self; 7] = [
+        Self::Position,
+        Self::Attitude,
+        Self::Velocity,
+        Self::Rate,
+        Self::Estimate,
+        Self::Design,
+        Self::Motors,
+    ];
+
+    /// Its name in messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Position => "position",
+            Self::Attitude => "attitude",
+            Self::Velocity => "velocity",
+            Self::Rate => "body rate",
+            Self::Estimate => "estimated position",
+            Self::Design => "design position",
+            Self::Motors => "motor commands",
+        }
+    }
 }
 
 /// One instant of a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightSample {
-    /// Since the first setpoint.
+    /// Since the first setpoint; in a real log, since its first sample.
     pub time_s: f64,
     /// Body origin in the world.
     pub position_m: Vector3<f64>,
@@ -40,7 +97,8 @@ pub struct FlightSample {
     pub rate_body_rad_s: Vector3<f64>,
     /// Position that the estimator believed in.
     pub estimate_m: Vector3<f64>,
-    /// Where the design wanted the drone at this instant (continuous, not held).
+    /// Where the design wanted the drone at this instant (continuous, not held; in a real log the
+    /// setpoint in force, held).
     pub design_m: Vector3<f64>,
     /// Motor commands m1…m4, 0…65535.
     pub motors: [f64; 4],
@@ -53,7 +111,7 @@ pub struct FlightSample {
 /// `None` where no sample writes a letter.
 #[must_use]
 pub fn rmse_m(flight: &Flight) -> Option<Vector3<f64>> {
-    error_over_letters(flight, |e| e.component_mul(&e)).map(|mean_sq| mean_sq.map(f64::sqrt))
+    rmse_over_m(writing(flight))
 }
 
 /// Mean of `position − design` per world axis, over the samples that write letters.
@@ -61,18 +119,44 @@ pub fn rmse_m(flight: &Flight) -> Option<Vector3<f64>> {
 /// `None` where no sample writes a letter.
 #[must_use]
 pub fn mean_error_m(flight: &Flight) -> Option<Vector3<f64>> {
-    error_over_letters(flight, |e| e)
+    mean_error_over_m(writing(flight))
 }
 
-fn error_over_letters(
-    flight: &Flight,
+fn writing(flight: &Flight) -> impl Iterator<Item = &FlightSample> {
+    flight.samples.iter().filter(|sample| sample.letter.is_some())
+}
+
+/// Root mean square of `position − design` per world axis, over samples of one's choice: for a
+/// real log those of [`airborne`].
+///
+/// `None` where there is no sample.
+#[must_use]
+pub fn rmse_over_m<'a>(
+    samples: impl IntoIterator<Item = &'a FlightSample>,
+) -> Option<Vector3<f64>> {
+    mean_of(samples, |e| e.component_mul(&e)).map(|mean_sq| mean_sq.map(f64::sqrt))
+}
+
+/// Mean of `position − design` per world axis, over samples of one's choice.
+///
+/// `None` where there is no sample.
+#[must_use]
+pub fn mean_error_over_m<'a>(
+    samples: impl IntoIterator<Item = &'a FlightSample>,
+) -> Option<Vector3<f64>> {
+    mean_of(samples, |e| e)
+}
+
+fn mean_of<'a>(
+    samples: impl IntoIterator<Item = &'a FlightSample>,
     term: impl Fn(Vector3<f64>) -> Vector3<f64>,
 ) -> Option<Vector3<f64>> {
-    let writing = || flight.samples.iter().filter(|sample| sample.letter.is_some());
-    let n = writing().count();
-    let sum: Vector3<f64> = writing().map(|s| term(s.position_m - s.design_m)).sum();
-    #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
-    (n > 0).then(|| sum / n as f64)
+    let (mut n, mut sum) = (0.0, Vector3::zeros());
+    for sample in samples {
+        n += 1.0;
+        sum += term(sample.position_m - sample.design_m);
+    }
+    (n > 0.0).then(|| sum / n)
 }
 
 #[cfg(test)]

@@ -102,6 +102,12 @@ impl Table {
         Ok(&self.columns[index])
     }
 
+    /// Whether there is a column of this name.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.header.iter().any(|title| title == name)
+    }
+
     /// All columns whose name begins with `prefix`, without it.
     pub fn columns_after<'a>(
         &'a self,

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result, within};
-use crate::flight::Flight;
+use crate::flight::{Flight, Quantity};
 
 mod switching;
 
@@ -164,10 +164,14 @@ impl LightOptions {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, or a flight that has a light column for none of
-/// the emitters.
+/// [`Error::Input`] for an option out of range, a flight that has no position, or one that has a
+/// light column for none of the emitters.
 pub fn light(flight: &Flight, options: &LightOptions) -> Result<LightTrace> {
     options.check()?;
+    if flight.unlogged.contains(&Quantity::Position) {
+        let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
+        return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
+    }
     let driven = |emitter: &&Emitter| flight.lights.contains_key(&emitter.channel);
     if !options.emitters.is_empty() && !options.emitters.iter().any(|e| driven(&e)) {
         let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();

@@ -15,7 +15,7 @@ struct Change {
 /// The samples of an emitter over a flight; none where it is never lit.
 ///
 /// While dark, a lamp leaves no samples: each lit run begins and ends with a step from and to
-/// level 0.
+/// level 0. It is dark across the holes of a real log, where nobody knows where it was.
 pub(super) fn shine(
     flight: &Flight,
     emitter: &Emitter,
@@ -24,8 +24,17 @@ pub(super) fn shine(
     let mut changes = changes(flight, emitter, options).into_iter().peekable();
     let (mut level, mut samples) = (0.0, Vec::new());
     let mut before: Option<LightSample> = None;
+    let mut gaps = flight.gaps.iter().peekable();
     for sample in &flight.samples {
         let here = lamp(sample, emitter);
+        if gaps.next_if(|gap| gap[1] <= here.time_s).is_some() {
+            if level > 0.0 {
+                samples.extend(before);
+                samples.push(here);
+            }
+            // A change inside the hole takes effect where the lamp is seen again.
+            before = None;
+        }
         while let Some(change) = changes.next_if(|change| change.time_s <= here.time_s) {
             let at = before.map_or(here, |before| between(before, here, change.time_s));
             samples.push(LightSample { level, ..at });
@@ -112,7 +121,7 @@ mod tests {
         Flight {
             samples: (0..=200).map(sample).collect(),
             lights: [("headlights".to_owned(), levels)].into(),
-            warnings: Vec::new(),
+            ..Flight::default()
         }
     }
 
@@ -134,6 +143,25 @@ mod tests {
         let options = LightOptions { radio_delay_s: 0.0, tick_s: 0.0, ..Default::default() };
         let trace = light(&flight(0.0), &options).unwrap();
         assert_eq!(trace.lamps[0].samples[0].time_s, 0.5);
+    }
+
+    #[test]
+    fn no_light_crosses_a_hole_of_the_log() {
+        let mut flight = flight(0.0);
+        let lit = |flight: &Flight| -> f64 {
+            let samples = &light(flight, &LightOptions::default()).unwrap().lamps[0].samples;
+            let mean = |p: &[LightSample]| 0.5 * (p[0].level + p[1].level);
+            samples.windows(2).map(|p| mean(p) * (p[1].time_s - p[0].time_s)).sum()
+        };
+        let hole = |s: &FlightSample| s.time_s > 0.7 + 1e-9 && s.time_s < 0.9 - 1e-9;
+        let whole_s = lit(&flight);
+        let levels = flight.lights.get_mut("headlights").unwrap();
+        let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
+        *levels = kept.map(|(_, level)| *level).collect();
+        flight.samples.retain(|s| !hole(s));
+        assert!((lit(&flight) - whole_s).abs() < 1e-9, "bridged where no gap is told");
+        flight.gaps = vec![[0.7, 0.9]];
+        assert!((lit(&flight) - (whole_s - 0.2)).abs() < 1e-9, "{} of {whole_s} s", lit(&flight));
     }
 
     #[test]

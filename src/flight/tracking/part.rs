@@ -1,27 +1,20 @@
 //! The part of a flight that a figure speaks of.
 
-use std::ops::RangeInclusive;
-
 use crate::error::{Error, Result};
-use crate::flight::{Flight, FlightSample};
+use crate::flight::{Flight, FlightSample, Quantity, airborne};
 
 /// Part of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Part {
     /// Samples that write letters.
     Letters,
-    /// From the first to the last sample at which every motor command is above 20,000 (of 65,535):
-    /// what the figures of the reference flight cover. A flight without motor commands is in the
-    /// air while its design is above the floor.
+    /// From take-off to landing, as [`airborne`] finds them: what the figures of the reference
+    /// flight cover.
     #[default]
     Airborne,
     /// Every sample, the floor included.
     All,
 }
-
-/// Motor command above which a motor carries. A Crazyflie hovers at about 44,000; too low counts
-/// the spinning up on the floor, too high leaves out a fast descent.
-const CARRYING_COMMAND: f64 = 20_000.0;
 
 impl Part {
     /// Its name on the command line and in JSON.
@@ -46,14 +39,18 @@ impl Part {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where there are none.
+    /// [`Error::Input`] where there are none, or no position in them.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
+        if flight.unlogged.contains(&Quantity::Position) {
+            let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
+            return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
+        }
         let all = flight.samples.iter().copied();
         let samples: Vec<FlightSample> = match self {
             Self::All => all.collect(),
             Self::Letters => all.filter(|sample| sample.letter.is_some()).collect(),
             Self::Airborne => {
-                let air = airborne(&flight.samples);
+                let air = airborne(flight);
                 air.map_or(Vec::new(), |air| flight.samples[air].to_vec())
             }
         };
@@ -69,13 +66,4 @@ impl Part {
         }
         Ok(samples)
     }
-}
-
-fn airborne(samples: &[FlightSample]) -> Option<RangeInclusive<usize>> {
-    let told = samples.iter().any(|sample| sample.motors != [0.0; 4]);
-    let carried = |sample: &FlightSample| match told {
-        true => sample.motors.iter().all(|command| *command > CARRYING_COMMAND),
-        false => sample.design_m.z > 0.0,
-    };
-    Some(samples.iter().position(carried)?..=samples.iter().rposition(carried)?)
 }

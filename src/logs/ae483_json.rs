@@ -1,0 +1,278 @@
+//! JSON logs of the AE483 course, in its three dialects.
+//!
+//! - 2021: `{"var": {"time": [ms], "data": []}, "start_time": …}`
+//! - 2022: `{"var": {"time": [ms], "data": []}}`
+//! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
+//!
+//! All are read by one rule: an object with `time` and `data` is a variable, one with `time` and
+//! other lists is a block of variables, other objects are folders whose name goes before the names
+//! in them (`drone` excepted). Numbers, texts and lists that belong to none of these are passed
+//! over. Python writes `NaN` and `Infinity`, which JSON does not know; they count as "no value".
+
+use serde_json::{Map, Value};
+
+use super::recording::{Block, Clock, Column, Recording};
+use crate::error::{Error, Result};
+
+/// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
+const WRAP_S: f64 = 16_777.216;
+
+/// Largest JSON text, in bytes: the reference flight takes 2 MB a minute.
+const MAX_BYTES: usize = 128 << 20;
+
+/// Most variables; the firmware logs 128 at a time.
+const MAX_VARIABLES: usize = 1024;
+
+/// Reads a JSON log.
+///
+/// # Errors
+///
+/// [`Error::Input`] with line and column of broken JSON, or with the key of a value that is no
+/// list of numbers. A text that merely ends too early is closed where it ends, with a warning.
+pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
+    if bytes.len() > MAX_BYTES {
+        let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
+        let wanted = format!("at most {most} MiB");
+        return Err(Error::input(file, format!("{found} MiB of JSON"), wanted, HINT));
+    }
+    let mut text = bytes.to_vec();
+    replace_nan(&mut text);
+    let mut warnings = Vec::new();
+    let value: Value = match serde_json::from_slice(&text) {
+        Ok(value) => value,
+        Err(source) if source.is_eof() => {
+            let place = format!("{}:{}", source.line(), source.column());
+            warnings
+                .push(format!("the file ends too early, at {place}; what stands before is read"));
+            close(&mut text);
+            serde_json::from_slice(&text).map_err(|source| broken(file, &source))?
+        }
+        Err(source) => return Err(broken(file, &source)),
+    };
+    let Value::Object(top) = value else {
+        let wanted = "an object of variables, each with time and data";
+        return Err(Error::input(file, "JSON of another shape", wanted, HINT));
+    };
+    let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
+    let mut reader = Reader { file, blocks: Vec::new(), warnings };
+    reader.folder(&top, "")?;
+    let Reader { mut blocks, warnings, .. } = reader;
+    for block in &mut blocks {
+        if stamps_are_ms(&block.time_s, in_seconds) {
+            for time_s in &mut block.time_s {
+                *time_s /= 1000.0;
+            }
+        }
+    }
+    let file = file.to_owned();
+    Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
+}
+
+const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
+                    [...], \"data\": [...]}, ...}";
+
+fn broken(file: &str, source: &serde_json::Error) -> Error {
+    let place = format!("{file}:{}:{}", source.line(), source.column());
+    Error::input(place, source, "JSON", HINT)
+}
+
+/// Whether stamps count milliseconds. Log periods are 10 ms to 2.55 s, so that steps above 5 are
+/// ms and steps below 0.5 are s; in between the dialect decides.
+fn stamps_are_ms(stamps: &[f64], in_seconds: bool) -> bool {
+    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    match super::recording::median(steps.collect()) {
+        Some(step) if step > 5.0 => true,
+        Some(step) if step < 0.5 => false,
+        _ => !in_seconds,
+    }
+}
+
+/// Puts `""` and spaces in place of Python's NaN and infinities, so that every other character
+/// keeps its place.
+fn replace_nan(text: &mut [u8]) {
+    let (mut i, mut in_string) = (0, false);
+    while i < text.len() {
+        match text[i] {
+            b'\\' if in_string => i += 1,
+            b'"' => in_string = !in_string,
+            b'N' | b'I' | b'-' if !in_string => {
+                let odd = [&b"NaN"[..], b"Infinity", b"-Infinity", b"-NaN"];
+                if let Some(odd) = odd.into_iter().find(|odd| text[i..].starts_with(odd)) {
+                    text[i..i + odd.len()].fill(b' ');
+                    text[i..i + 2].fill(b'"');
+                    i += odd.len() - 1;
+                }
+            }
+            _ => {}
+        }
+        i += 1;
+    }
+}
+
+/// Cuts a text that ends too early after its last whole member, and closes what is open.
+fn close(text: &mut Vec<u8>) {
+    let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
+    let (mut in_string, mut escaped) = (false, false);
+    for (i, &byte) in text.iter().enumerate() {
+        if in_string {
+            in_string = escaped || byte != b'"';
+            escaped = byte == b'\\' && !escaped;
+            continue;
+        }
+        match byte {
+            b'"' => in_string = true,
+            b'{' => open.push(b'}'),
+            b'[' => open.push(b']'),
+            b'}' | b']' => {
+                open.pop();
+                cut = (i + 1, open.clone());
+            }
+            b',' => cut = (i, open.clone()),
+            _ => {}
+        }
+    }
+    let (end, closing) = cut;
+    text.truncate(end);
+    text.extend(closing.iter().rev());
+}
+
+struct Reader<'a> {
+    file: &'a str,
+    blocks: Vec<Block>,
+    warnings: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn folder(&mut self, members: &Map<String, Value>, prefix: &str) -> Result<()> {
+        for (key, value) in members {
+            if self.blocks.iter().map(|block| block.columns.len()).sum::<usize>() > MAX_VARIABLES
+                || self.blocks.len() > MAX_VARIABLES
+            {
+                let wanted = format!("at most {MAX_VARIABLES}");
+                return Err(Error::input(self.file, "too many variables", wanted, HINT));
+            }
+            let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+            let Value::Object(inner) = value else { continue };
+            match (inner.get("time"), inner.get("data")) {
+                (Some(time), Some(data)) => self.variable(&name, time, data)?,
+                (Some(time), None) if time.is_array() => self.block(&name, time, inner)?,
+                _ if key == "drone" && prefix.is_empty() => self.folder(inner, "")?,
+                _ => self.folder(inner, &name)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// One variable; it joins the block before it where their stamps are the same.
+    fn variable(&mut self, name: &str, time: &Value, data: &Value) -> Result<()> {
+        let mut time_s = self.numbers(&format!("{name}.time"), time)?;
+        let mut values = self.numbers(&format!("{name}.data"), data)?;
+        let n = self.common_length(name, time_s.len(), values.len());
+        time_s.truncate(n);
+        values.truncate(n);
+        let column = Column { name: name.to_owned(), values };
+        match self.blocks.last_mut() {
+            Some(block) if block.time_s == time_s && block.clock == Clock::Drone => {
+                block.columns.push(column);
+            }
+            _ => self.blocks.push(Block {
+                name: name.to_owned(),
+                time_s,
+                columns: vec![column],
+                ..Block::default()
+            }),
+        }
+        Ok(())
+    }
+
+    fn block(&mut self, name: &str, time: &Value, members: &Map<String, Value>) -> Result<()> {
+        let mut time_s = self.numbers(&format!("{name}.time"), time)?;
+        let mut columns = Vec::new();
+        for (key, value) in members.iter().filter(|(key, value)| *key != "time" && value.is_array())
+        {
+            let name = format!("{name}.{key}");
+            columns.push(Column { values: self.numbers(&name, value)?, name });
+        }
+        for column in &columns {
+            let n = self.common_length(&column.name, time_s.len(), column.values.len());
+            time_s.truncate(n);
+        }
+        for column in &mut columns {
+            column.values.truncate(time_s.len());
+        }
+        let mocap = name == "mocap" || name.starts_with("mocap.");
+        let clock = if mocap { Clock::Mocap } else { Clock::Drone };
+        self.blocks.push(Block { name: name.to_owned(), clock, time_s, columns });
+        Ok(())
+    }
+
+    fn common_length(&mut self, name: &str, n_time: usize, n_data: usize) -> usize {
+        if n_time != n_data {
+            let text = format!("{name}: {n_time} stamps for {n_data} values; the shorter counts");
+            self.warnings.push(text);
+        }
+        n_time.min(n_data)
+    }
+
+    fn numbers(&self, name: &str, value: &Value) -> Result<Vec<f64>> {
+        let refuse = |place: String, value: &Value| {
+            let found: String = value.to_string().chars().take(40).collect();
+            Error::input(place, found, "a list of numbers", HINT)
+        };
+        let Value::Array(items) = value else {
+            return Err(refuse(format!("{}: {name}", self.file), value));
+        };
+        let number = |(i, item): (usize, &Value)| match item {
+            Value::Number(number) => Ok(number.as_f64().unwrap_or(f64::NAN)),
+            Value::Bool(on) => Ok(f64::from(u8::from(*on))),
+            Value::Null => Ok(f64::NAN),
+            Value::String(text) if text.is_empty() => Ok(f64::NAN),
+            _ => Err(refuse(format!("{}: {name}[{i}]", self.file), item)),
+        };
+        items.iter().enumerate().map(number).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_three_dialects_give_seconds_and_names() {
+        let dialects = [
+            r#"{"start_time": 3.5, "a.b": {"time": [10, 20], "data": [1, 2]}, "end_time": 9}"#,
+            r#"{"a.b": {"time": [10, 20], "data": [1, 2]}}"#,
+            r#"{"drone": {"a.b": {"time": [0.010, 0.020], "data": [1, 2]}}, "mocap": {}}"#,
+        ];
+        for dialect in dialects {
+            let log = read(dialect.as_bytes(), "log.json").unwrap();
+            assert_eq!(log.names().collect::<Vec<_>>(), ["a.b"], "{dialect}");
+            assert_eq!(log.blocks[0].time_s, [0.01, 0.02], "{dialect}");
+        }
+    }
+
+    #[test]
+    fn python_nan_is_an_empty_cell_of_the_motion_capture() {
+        let text = r#"{"drone": {}, "mocap": {"time": [1.0, 1.1, 1.2, 1.3, 1.4], "x": [1, NaN, -Infinity, null, 5]}}"#;
+        let log = read(text.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.blocks[0].clock, Clock::Mocap);
+        assert_eq!(log.channel("mocap.x").unwrap().values, [1.0, 5.0]);
+    }
+
+    #[test]
+    fn a_log_that_ends_too_early_is_read_up_to_there() {
+        let text = r#"{"a": {"time": [10, 20, 30], "data": [1, 2, 3]}, "b": {"time": [10, 20, 30], "data": [4, 5.5"#;
+        let log = read(text.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.channel("a").unwrap().values, [1.0, 2.0, 3.0]);
+        assert_eq!(log.channel("b").unwrap().values, [4.0], "the last number may be cut");
+        assert_eq!(log.warnings.len(), 2, "end, and lengths: {:?}", log.warnings);
+    }
+
+    #[test]
+    fn broken_json_is_named_by_line_and_column_and_a_wrong_value_by_its_key() {
+        let error = read(b"{\"a\": {\"time\": [1],\n \"data\": [x]}}", "log.json").unwrap_err();
+        assert!(error.to_string().contains("log.json:2:11"), "{error}");
+        let error = read(br#"{"a": {"time": [1, "q"], "data": [1, 2]}}"#, "log.json").unwrap_err();
+        assert!(error.to_string().contains("a.time[1]"), "{error}");
+    }
+}

@@ -1,0 +1,42 @@
+//! CSV files of cfclient: one file a log block, `Timestamp` in ms, then the block's variables.
+//!
+//! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
+//! `logdata/<connected>/<block>-<started>.csv`.
+
+use super::recording::{Block, Column, Recording};
+use super::sheet::Sheet;
+use crate::error::Result;
+
+/// The first column's name.
+const STAMP: &str = "Timestamp";
+
+/// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
+const WRAP_S: f64 = 16_777.216;
+
+/// Whether a header is cfclient's: its stamp, and variables as `group.name`.
+pub(super) fn is_header(header: &[String]) -> bool {
+    header.first().is_some_and(|name| name == STAMP)
+        && header[1..].iter().any(|name| name.contains('.'))
+}
+
+/// Reads the files of one recording, each with its name and bytes.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Input`] with line and column of a cell that is no number.
+pub(super) fn read(files: &[(String, Vec<u8>)], file: &str) -> Result<Recording> {
+    let mut recording =
+        Recording { file: file.to_owned(), wrap_s: Some(WRAP_S), ..Recording::default() };
+    for (name, text) in files {
+        let Sheet { header, columns, warnings } = Sheet::read(text, name, &[])?;
+        recording.warnings.extend(warnings.into_iter().map(|text| format!("{name}: {text}")));
+        let mut columns = columns.into_iter();
+        let time_s = columns.next().unwrap_or_default().into_iter().map(|ms| ms / 1000.0).collect();
+        let named = header.into_iter().skip(1).zip(columns);
+        let columns = named.map(|(name, values)| Column { name, values }).collect();
+        let name = std::path::Path::new(name).file_stem().unwrap_or_default();
+        let name = name.to_string_lossy().into_owned();
+        recording.blocks.push(Block { name, time_s, columns, ..Block::default() });
+    }
+    Ok(recording)
+}

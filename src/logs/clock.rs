@@ -1,0 +1,226 @@
+//! Time stamps: wraps are undone, stamps that fall are dropped, a slow clock is found out.
+
+use super::recording::{Block, Clock, Pace, Recording, median};
+
+/// What the firmware's microsecond counter counts per true second before August 2026:
+/// `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
+pub const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
+
+/// A clock that falls by more than this, and did not wrap, was started again.
+const RESTART_S: f64 = 1.0;
+
+/// Stamps beyond 30,000 years are broken.
+const LATEST_S: f64 = 1e12;
+
+/// Puts every block in rising order of time and all blocks on one axis of true seconds.
+///
+/// `clock_ratio` is how many seconds the drone's clock counts per true second.
+pub(super) fn settle(recording: &mut Recording, clock_ratio: f64) {
+    let Recording { blocks, wrap_s, warnings, .. } = recording;
+    for block in &mut *blocks {
+        let wrap_s = wrap_s.filter(|_| block.clock == Clock::Drone);
+        settle_block(block, wrap_s, warnings);
+    }
+    blocks.retain(|block| !block.time_s.is_empty());
+    if let Some(wrap_s) = *wrap_s {
+        join_wraps(blocks, wrap_s);
+    }
+    if recording.pace == Pace::Microseconds && clock_ratio == 1.0 {
+        warn_of_slow_clock(recording);
+    }
+    for block in recording.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
+        for time_s in &mut block.time_s {
+            *time_s /= clock_ratio;
+        }
+    }
+}
+
+fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
+    let n = block.time_s.len();
+    let finite = (0..n).filter(|&i| block.time_s[i].abs() < LATEST_S).collect();
+    let mut kept = without_spikes(&block.time_s, finite);
+    if let Some(wrap_s) = wrap_s {
+        let wraps = undo_wraps(&mut block.time_s, &kept, wrap_s);
+        if wraps > 0 {
+            let name = &block.name;
+            warnings.push(format!(
+                "block {name}: the clock wrapped {wraps} time(s) after {wrap_s} s; undone"
+            ));
+        }
+    }
+    let mut outside = 0;
+    let stretches = stretches(&block.time_s, &kept);
+    if stretches.len() > 1 {
+        let longest = stretches.iter().max_by_key(|stretch| stretch.len()).cloned();
+        let stretch = longest.unwrap_or_default();
+        warnings.push(format!(
+            "block {}: the clock starts again {} time(s); only the longest stretch, samples {} to \
+             {} of {n}, is kept",
+            block.name,
+            stretches.len() - 1,
+            kept[stretch.start] + 1,
+            kept[stretch.end - 1] + 1,
+        ));
+        outside = kept.len() - stretch.len();
+        kept = kept[stretch].to_vec();
+    }
+    let mut last_s = f64::NEG_INFINITY;
+    kept.retain(|&i| {
+        let rises = block.time_s[i] > last_s;
+        last_s = last_s.max(block.time_s[i]);
+        rises
+    });
+    let dropped = n - outside - kept.len();
+    if dropped > 0 {
+        let start = kept.first().map_or(0, |first| *first);
+        let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0);
+        warnings.push(format!(
+            "block {}: {dropped} of {n} samples dropped, whose time stamp does not rise (first: \
+             sample {})",
+            block.name,
+            first + 1,
+        ));
+    }
+    if kept.len() < n {
+        block.time_s = kept.iter().map(|&i| block.time_s[i]).collect();
+        for column in &mut block.columns {
+            column.values = kept.iter().map(|&i| column.values[i]).collect();
+        }
+    }
+}
+
+/// Leaves out single stamps that jump ahead of the one after them.
+fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
+    for (place, &i) in indices.iter().enumerate() {
+        let next_s = indices.get(place + 1).map(|&next| time_s[next]);
+        let spike = kept
+            .last()
+            .zip(next_s)
+            .is_some_and(|(&before, next_s)| next_s < time_s[i] && time_s[before] < next_s);
+        if !spike {
+            kept.push(i);
+        }
+    }
+    kept
+}
+
+/// Adds `wrap_s` wherever time falls by more than half of it; how often that was.
+fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
+    let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
+    for &i in kept {
+        let raw_s = time_s[i];
+        if raw_s < last_s - 0.5 * wrap_s {
+            wraps += 1;
+        }
+        last_s = raw_s;
+        time_s[i] = raw_s + f64::from(wraps) * wrap_s;
+    }
+    wraps
+}
+
+/// The stretches of `kept` without a restart of the clock.
+fn stretches(time_s: &[f64], kept: &[usize]) -> Vec<std::ops::Range<usize>> {
+    let restart = |k: &usize| time_s[kept[*k]] < time_s[kept[k - 1]] - RESTART_S;
+    let mut edges = vec![0];
+    edges.extend((1..kept.len()).filter(restart));
+    edges.push(kept.len());
+    edges.windows(2).map(|pair| pair[0]..pair[1]).collect()
+}
+
+/// A block whose first sample came just after a wrap belongs after the blocks that saw the wrap.
+fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
+    let drone = |block: &&mut Block| block.clock == Clock::Drone;
+    let starts = blocks.iter_mut().filter(drone).map(|block| block.time_s[0]);
+    let latest_s = starts.fold(f64::NEG_INFINITY, f64::max);
+    for block in blocks.iter_mut().filter(drone) {
+        if block.time_s[0] < latest_s - 0.5 * wrap_s {
+            for time_s in &mut block.time_s {
+                *time_s += wrap_s;
+            }
+        }
+    }
+}
+
+/// Says so where blocks that should come every so many whole milliseconds come 1.2 % too fast.
+fn warn_of_slow_clock(recording: &mut Recording) {
+    const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
+    let period_s = |block: &Block| {
+        let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle_s = median(steps.clone())?;
+        let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
+        #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
+        let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
+        (steps.len() >= 50).then_some(mean_s)
+    };
+    let slow = |period_s: f64| {
+        let ratios = PERIODS_S.iter().map(|nominal_s| period_s / nominal_s);
+        ratios.into_iter().find(|ratio| (ratio - SLOW_CLOCK_RATIO).abs() < 0.004)
+    };
+    let found = recording.blocks.iter().find_map(|block| Some((block, slow(period_s(block)?)?)));
+    if let Some((block, ratio)) = found {
+        let text = format!(
+            "block {}: the clock runs at {ratio:.4} of true time, the 84/85 of firmware before \
+             August 2026; import with a clock ratio of 84/85 to have true seconds",
+            block.name,
+        );
+        recording.warnings.push(text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::logs::recording::Column;
+
+    fn settled(stamps: &[f64], wrap_s: Option<f64>) -> (Vec<f64>, Vec<f64>, usize) {
+        let values = (0_u32..).map(f64::from).take(stamps.len()).collect();
+        let columns = vec![Column { name: "a".into(), values }];
+        let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
+        let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
+        settle(&mut recording, 1.0);
+        let block = recording.blocks.pop().unwrap();
+        (block.time_s, block.columns[0].values.clone(), recording.warnings.len())
+    }
+
+    #[test]
+    fn good_stamps_stay_as_they_are() {
+        assert_eq!(settled(&[1.0, 2.0, 3.0], None), (vec![1.0, 2.0, 3.0], vec![0.0, 1.0, 2.0], 0));
+    }
+
+    #[test]
+    fn a_wrap_goes_on_and_duplicates_and_spikes_are_dropped() {
+        let (time_s, _, warnings) = settled(&[98.0, 99.0, 0.5, 1.5], Some(100.0));
+        assert_eq!((time_s, warnings), (vec![98.0, 99.0, 100.5, 101.5], 1));
+        let (time_s, values, _) = settled(&[1.0, 1.0, 1.2, 900.0, 1.4, 1.3, 1.6], None);
+        assert_eq!((time_s, values), (vec![1.0, 1.2, 1.3, 1.6], vec![0.0, 2.0, 5.0, 6.0]));
+    }
+
+    #[test]
+    fn after_a_restart_the_longest_stretch_is_kept() {
+        let (time_s, _, warnings) = settled(&[50.0, 51.0, 1.0, 2.0, 3.0], None);
+        assert_eq!((time_s, warnings), (vec![1.0, 2.0, 3.0], 1));
+    }
+
+    #[test]
+    fn a_block_that_starts_after_the_wrap_joins_the_others() {
+        let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
+        let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
+        let mut recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
+        settle(&mut recording, 1.0);
+        assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
+    }
+
+    #[test]
+    fn the_slow_clock_of_the_microsecond_counter_is_found_out() {
+        let log = |period_s: f64| {
+            let time_s = (0..200).map(|i| f64::from(i) * period_s).collect();
+            let blocks = vec![Block { time_s, ..Block::default() }];
+            let mut log = Recording { blocks, pace: Pace::Microseconds, ..Recording::default() };
+            settle(&mut log, 1.0);
+            log.warnings.join("\n")
+        };
+        assert!(log(0.01 * SLOW_CLOCK_RATIO).contains("84/85"), "{}", log(0.00988));
+        assert_eq!(log(0.01), "");
+    }
+}

@@ -1,0 +1,262 @@
+//! The clock of the motion capture, found by laying its path over the drone's own.
+//!
+//! The computer's stamps and the drone's have no zero in common. The drone logs what it was told
+//! by the motion capture (`ae483log.p_x_mocap` …) or what it made of it (its estimators); the
+//! shift that explains most of those is taken.
+
+use super::PositionSource;
+use super::recording::{Block, Channel, Clock, Recording};
+use super::sources::told;
+
+/// Stamps at which the two paths are compared.
+const N_STAMPS: u32 = 200;
+
+/// Step of the first search; half of a camera frame would not show at flying speeds.
+const COARSE_S: f64 = 0.05;
+
+/// Most steps of the first search: longer logs are searched in longer steps.
+const MAX_STEPS: f64 = 8000.0;
+
+/// Share of the path's spread that may stay unexplained.
+const WORST_MISFIT: f64 = 0.2;
+
+/// Frames of the motion capture that are further apart than this are not joined.
+const MAX_GAP_S: f64 = 0.25;
+
+/// Puts the blocks of the motion capture on the drone's clock, or takes them out with a warning.
+pub(super) fn align(recording: &mut Recording) {
+    if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
+        return;
+    }
+    let mocap = three(recording, ["mocap.x", "mocap.y", "mocap.z"]);
+    let echo = ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"];
+    let estimate = || {
+        let firmware = told(recording, PositionSource::Firmware).position_m;
+        firmware.or_else(|| told(recording, PositionSource::Custom).position_m)
+    };
+    let path = three(recording, echo).or_else(estimate);
+    let found = mocap.zip(path).and_then(|(mocap, path)| Search::new(mocap, path).shift());
+    let drop_all = |blocks: &mut Vec<Block>| blocks.retain(|block| block.clock == Clock::Drone);
+    match found {
+        Some(shift) => {
+            for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+                for time_s in &mut block.time_s {
+                    *time_s = shift.drone_s(*time_s);
+                }
+            }
+            recording.warnings.extend(shift.warnings());
+        }
+        None => {
+            drop_all(&mut recording.blocks);
+            recording.warnings.push(
+                "the motion capture's clock could not be laid over the drone's (no common path): \
+                 its columns are left out"
+                    .into(),
+            );
+        }
+    }
+}
+
+fn three(recording: &Recording, names: [&str; 3]) -> Option<[Channel; 3]> {
+    let [a, b, c] = names.map(|name| recording.channel(name));
+    let channels = [a?, b?, c?];
+    let moves = |channel: &Channel| channel.values.iter().any(|v| *v != channel.values[0]);
+    channels.iter().any(moves).then_some(channels)
+}
+
+/// How the clocks lie to one another.
+#[derive(Debug)]
+struct Shift {
+    /// `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
+    pivot_drone_s: f64,
+    pivot_mocap_s: f64,
+    ratio: f64,
+    /// Mean of drone's path − motion capture's path, per axis.
+    frame_offset_m: [f64; 3],
+}
+
+impl Shift {
+    fn drone_s(&self, mocap_s: f64) -> f64 {
+        self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if (self.ratio - 1.0).abs() > 0.003 {
+            warnings.push(format!(
+                "the drone's clock counts {:.4} s per second of the motion capture's (84/85 = \
+                 0.9882 in firmware before August 2026)",
+                self.ratio
+            ));
+        }
+        let [x, y, z] = self.frame_offset_m;
+        if [x, y, z].iter().any(|offset| offset.abs() > 0.05) {
+            warnings.push(format!(
+                "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
+                 average: their frames may differ, and so may setpoints and positions"
+            ));
+        }
+        warnings
+    }
+}
+
+struct Search {
+    mocap: [Channel; 3],
+    path: [Channel; 3],
+}
+
+/// What one shift leaves unexplained.
+struct Fit {
+    misfit: f64,
+    offset_m: [f64; 3],
+}
+
+impl Search {
+    fn new(mocap: [Channel; 3], path: [Channel; 3]) -> Self {
+        Self { mocap, path }
+    }
+
+    fn shift(&self) -> Option<Shift> {
+        let (mocap_start_s, mocap_end_s) = span(&self.mocap);
+        let (start_s, end_s) = span(&self.path);
+        let stamps = stamps(start_s, end_s);
+        let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
+        let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
+        let coarse_s =
+            self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
+        let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
+        let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
+        let middle_s = 0.5 * (start_s + end_s);
+        // The shift of each half tells whether one clock is slower.
+        let half = |from_s: f64, to_s: f64| {
+            let stamps = self::stamps(from_s, to_s);
+            let apart_s = 0.02 * (end_s - start_s) + COARSE_S;
+            let shift_s = self.best(&stamps, fine_s, apart_s, apart_s / 100.0)?;
+            let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
+            good.then_some(shift_s)
+        };
+        let halves = half(start_s, middle_s).zip(half(middle_s, end_s));
+        let slope = halves.map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * (end_s - start_s)));
+        let pivot_mocap_s = middle_s - fine_s;
+        let mut shift = Shift {
+            pivot_drone_s: middle_s,
+            pivot_mocap_s,
+            ratio: 1.0,
+            frame_offset_m: fit.offset_m,
+        };
+        // Below 0.3 % it is the noise of the fit.
+        if slope.abs() > 0.003 {
+            shift.ratio = 1.0 / (1.0 - slope);
+            let mut mocap = self.mocap.clone();
+            for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
+                *time_s = shift.drone_s(*time_s) - fine_s;
+            }
+            let paced = Self::new(mocap, self.path.clone());
+            let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
+            let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
+            let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
+            shift.pivot_drone_s += paced_s - fine_s;
+            shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
+        }
+        Some(shift)
+    }
+
+    /// The best shift within `reach_s` of `around_s`, on a grid of `step_s`.
+    fn best(&self, stamps: &[f64], around_s: f64, reach_s: f64, step_s: f64) -> Option<f64> {
+        if !(reach_s.is_finite() && around_s.is_finite() && step_s > 0.0) {
+            return None;
+        }
+        let (mut best, mut offset_s) = (None, -reach_s);
+        while offset_s <= reach_s {
+            let shift_s = around_s + offset_s;
+            if let Some(fit) = self.fit(stamps, shift_s)
+                && best.is_none_or(|(misfit, _)| fit.misfit < misfit)
+            {
+                best = Some((fit.misfit, shift_s));
+            }
+            offset_s += step_s;
+        }
+        best.map(|(_, shift_s)| shift_s)
+    }
+
+    /// How well the motion capture, `shift_s` later, explains the drone's path up to a constant;
+    /// `None` where less than half of the path is seen or nothing moves.
+    fn fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
+        let (mut left, mut spread, mut offset_m) = (0.0, 0.0, [0.0; 3]);
+        for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(&mut offset_m) {
+            let pairs: Vec<(f64, f64)> = stamps
+                .iter()
+                .filter_map(|t| {
+                    let seen = mocap.linear(t - shift_s, MAX_GAP_S)?;
+                    let told = path.linear(*t, 1.0_f64.max(3.0 * path.period_s))?;
+                    Some((told, seen))
+                })
+                .collect();
+            if pairs.len() * 2 < stamps.len() {
+                return None;
+            }
+            let (_, told_sq) = mean_and_spread(pairs.iter().map(|(told, _)| *told));
+            let (mean, left_sq) = mean_and_spread(pairs.iter().map(|(told, seen)| told - seen));
+            (spread, left, *offset) = (spread + told_sq, left + left_sq, mean);
+        }
+        // Two centimetres of movement are needed to tell a path.
+        (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m })
+    }
+}
+
+fn span(channels: &[Channel; 3]) -> (f64, f64) {
+    let start_s = channels.iter().map(Channel::start_s).fold(f64::NEG_INFINITY, f64::max);
+    (start_s, channels.iter().map(Channel::end_s).fold(f64::INFINITY, f64::min))
+}
+
+fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
+    let part = |i: u32| f64::from(i) / f64::from(N_STAMPS - 1);
+    (0..N_STAMPS).map(|i| start_s + (end_s - start_s) * part(i)).collect()
+}
+
+/// Mean and mean square distance from it.
+fn mean_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let n = values.clone().fold(0.0, |n, _| n + 1.0);
+    let mean = values.clone().sum::<f64>() / n;
+    (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path(n: u32, period_s: f64, clock: impl Fn(f64) -> f64, offset_m: f64) -> [Channel; 3] {
+        let axis = |rate: f64| {
+            let times = (0..n).map(|i| f64::from(i) * period_s);
+            let value = |t: f64| libm::sin(rate * t) + 0.3 * libm::sin(0.03 * t * t) + offset_m;
+            Channel::new(times.clone().map(&clock).collect(), times.map(value).collect())
+        };
+        [axis(0.5), axis(0.31), axis(0.77)]
+    }
+
+    #[test]
+    fn the_shift_of_the_clocks_is_found_to_milliseconds() {
+        let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
+        let mocap = path(3000, 0.01, |t| t + 4097.3, 0.2);
+        let shift = Search::new(mocap, drone).shift().unwrap();
+        assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
+        assert!((shift.frame_offset_m[0] + 0.2).abs() < 0.01, "and the frames' offset: {shift:?}");
+    }
+
+    #[test]
+    fn a_slow_clock_is_found() {
+        let ratio = 84.0 / 85.0;
+        let drone = path(3000, 0.02, |t| t * ratio + 50.0, 0.0);
+        let mocap = path(6000, 0.01, |t| t + 9000.0, 0.0);
+        let shift = Search::new(mocap, drone).shift().unwrap();
+        assert!((shift.ratio - ratio).abs() < 1e-3, "{shift:?}");
+        assert!((shift.drone_s(9010.0) - (10.0 * ratio + 50.0)).abs() < 0.02, "{shift:?}");
+    }
+
+    #[test]
+    fn other_paths_have_no_shift() {
+        let drone = path(1000, 0.02, |t| t, 0.0);
+        let still = path(2, 30.0, |t| t, 0.0).map(|channel| channel.map(|_| 1.0));
+        assert!(Search::new(still, drone).shift().is_none());
+    }
+}

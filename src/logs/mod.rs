@@ -1,0 +1,249 @@
+//! Logs: the record of a real flight becomes a Flight.
+//!
+//! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
+//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV.
+//! Product out: [`Flight`]. The format is told from the content, not from the file's name.
+//!
+//! Method: one reader a format makes a recording (blocks of named columns, each with its own time
+//! axis); stamps are mended, the motion capture's clock is laid over the drone's; named variables
+//! become quantities in SI units, our frames and our signs (`sources` holds the border: degrees,
+//! millimetres and the firmware's inverted pitch end there); everything is brought to one time
+//! axis.
+//!
+//! - **Truth** of position and attitude: motion capture, then the custom observer, then the
+//!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] asks for another. A source
+//!   that is constantly zero is passed over. `estimate_m` is the custom observer, else the
+//!   firmware's.
+//! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
+//!   are known, linear between their samples. Across a longer gap no sample is made:
+//!   [`Flight::gaps`] tells the hole. Other measured quantities are held over gaps of their own
+//!   (with a warning); setpoints, motor commands and unknown columns are always held.
+//! - **In-flight part**: nothing is cut away; [`crate::flight::airborne`] finds it.
+//! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
+//! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
+//!   have columns `light.<channel>`.
+//! - A flight file of ours ([`Flight::read_csv`]) is taken as it is.
+//!
+//! Not done: turning a motion capture's frame into the drone's (a warning tells their distance),
+//! positions from ranges, more than one drone in a file.
+
+use std::path::Path;
+
+use crate::error::{Error, Result, within};
+use crate::flight::Flight;
+
+mod ae483_json;
+mod cfclient_csv;
+mod clock;
+mod mapper;
+mod mocap;
+mod plain_csv;
+mod range_csv;
+mod recording;
+mod sheet;
+mod sources;
+#[cfg(test)]
+mod tests;
+mod usd;
+
+pub use clock::SLOW_CLOCK_RATIO;
+use recording::Recording;
+
+/// Largest log that is read, in bytes: a day of 1 kHz logging stays below.
+const MAX_BYTES: u64 = 512 << 20;
+
+/// How our own flight files begin; they are read as they are.
+const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
+
+/// How a log becomes a flight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// Samples per second of the flight. The Crazyflie's own loops for position run at 100 Hz; less
+    /// blurs the wobble of strokes.
+    pub sample_rate_hz: f64,
+    /// Position and attitude are not joined over longer gaps (nor over two and a half periods,
+    /// where a log is slower). The line misses the way by `a T² / 8`: 3 mm at 0.25 s and the
+    /// 0.4 m/s² of the reference flight's wobble, a lamp's width. Too little leaves a radio log
+    /// full of holes (that flight: a third of it at 0.1 s).
+    pub max_gap_s: f64,
+    /// Which position is taken for the truth.
+    pub position: PositionSource,
+    /// How many seconds the drone's clock counts per true second: 1, or [`SLOW_CLOCK_RATIO`] for
+    /// µSD logs of firmware before August 2026 (a warning says when it looks so).
+    pub clock_ratio: f64,
+    /// What is done with a µSD log whose CRC does not match.
+    pub damaged: Damaged,
+}
+
+/// Which position is taken for the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PositionSource {
+    /// The first of the following in this order that is logged and not constantly zero.
+    #[default]
+    Best,
+    /// Motion capture: its own block, its echo in the drone's log, `locSrv`.
+    Mocap,
+    /// The observer of the AE483 course: `ae483log.o_x` or `ae483log.p_x`.
+    Custom,
+    /// The firmware's estimator: `stateEstimate`, `stateEstimateZ`, `kalman`.
+    Firmware,
+    /// Raw fixes of the Lighthouse: `lighthouse` or `ae483log.lh_x`.
+    Lighthouse,
+}
+
+/// What is done with a log that is damaged, not merely cut off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Damaged {
+    /// An error says where.
+    #[default]
+    Refuse,
+    /// What stands before the damage, or does not match its CRC, is taken, with a warning.
+    Recover,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self {
+            sample_rate_hz: 100.0,
+            max_gap_s: 0.25,
+            position: PositionSource::Best,
+            clock_ratio: 1.0,
+            damaged: Damaged::Refuse,
+        }
+    }
+}
+
+impl ImportOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the option that is out of range.
+    pub fn check(&self) -> Result<()> {
+        within("import.sample_rate_hz", self.sample_rate_hz, 1.0, 1000.0)?;
+        within("import.max_gap_s", self.max_gap_s, 0.001, 3600.0)?;
+        within("import.clock_ratio", self.clock_ratio, 0.5, 2.0)
+    }
+}
+
+/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
+/// with what was found where its format or its columns are not known, and for options out of
+/// range.
+pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    options.check()?;
+    let name = path.display().to_string();
+    if path.is_dir() {
+        return flight(cfclient_csv::read(&folder(path)?, &name)?, options);
+    }
+    let bytes = contents(path)?;
+    if sheet::header(&bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
+        return Flight::read_csv(path);
+    }
+    parse(&bytes, &name, options)
+}
+
+/// Imports a log from its bytes; `file` is its name in messages.
+fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let recording = match Format::of(bytes, file)? {
+        Format::Usd => usd::read(bytes, file, options.damaged),
+        Format::Json => ae483_json::read(bytes, file),
+        Format::Cfclient => cfclient_csv::read(&[(file.to_owned(), bytes.to_vec())], file),
+        Format::Ranges => range_csv::read(bytes, file),
+        Format::Plain => plain_csv::read(bytes, file),
+    };
+    flight(recording?, options)
+}
+
+fn flight(mut recording: Recording, options: &ImportOptions) -> Result<Flight> {
+    recording.name_apart();
+    clock::settle(&mut recording, options.clock_ratio);
+    mocap::align(&mut recording);
+    recording.warn_of_empty_cells();
+    mapper::flight(recording, options)
+}
+
+/// A format of logs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Usd,
+    Json,
+    Cfclient,
+    Ranges,
+    Plain,
+}
+
+impl Format {
+    /// Tells a format from its content.
+    fn of(bytes: &[u8], file: &str) -> Result<Self> {
+        if bytes.first() == Some(&usd::MAGIC) {
+            return Ok(Self::Usd);
+        }
+        let text = bytes.trim_ascii_start();
+        match text.first() {
+            None => return Err(unknown(file, "an empty file")),
+            Some(b'{') => return Ok(Self::Json),
+            Some(_) => {}
+        }
+        let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
+        let first = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+        if first.contains(&0) || !separated(first) || std::str::from_utf8(first).is_err() {
+            let start: String = String::from_utf8_lossy(&text[..text.len().min(24)]).into();
+            return Err(unknown(file, format!("a file that begins with {start:?}")));
+        }
+        Ok(match sheet::header(text) {
+            Some(header) if cfclient_csv::is_header(&header) => Self::Cfclient,
+            Some(header) if header.iter().any(|name| name.starts_with(range_csv::RANGE)) => {
+                Self::Ranges
+            }
+            _ => Self::Plain,
+        })
+    }
+}
+
+fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
+    Error::input(
+        file,
+        found,
+        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
+         range CSV",
+        "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
+    )
+}
+
+/// All CSV files in a folder that are cfclient's, in order of their names.
+fn folder(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    let entries = std::fs::read_dir(path).map_err(|source| Error::read(path, source))?;
+    let entries = entries.collect::<std::io::Result<Vec<_>>>();
+    let entries = entries.map_err(|source| Error::read(path, source))?;
+    let mut paths: Vec<_> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")));
+    paths.sort();
+    let mut files = Vec::new();
+    for path in paths {
+        let bytes = contents(&path)?;
+        if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
+            files.push((path.display().to_string(), bytes));
+        }
+    }
+    if files.is_empty() {
+        let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
+        return Err(unknown(&path.display().to_string(), found));
+    }
+    Ok(files)
+}
+
+fn contents(path: &Path) -> Result<Vec<u8>> {
+    let size = std::fs::metadata(path).map_err(|source| Error::read(path, source))?.len();
+    if size > MAX_BYTES {
+        let place = path.display().to_string();
+        let wanted = format!("at most {} MiB", MAX_BYTES >> 20);
+        let found = format!("{} MiB", size >> 20);
+        return Err(Error::input(place, found, wanted, "cut the log to one flight"));
+    }
+    std::fs::read(path).map_err(|source| Error::read(path, source))
+}

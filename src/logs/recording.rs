@@ -1,0 +1,210 @@
+//! Recording: what every reader makes of a file, before anything is known of its meaning.
+
+use std::collections::BTreeSet;
+
+/// Everything a log file holds: blocks of columns, each block with its own time axis, values in
+/// the units of the log.
+#[derive(Debug, Default)]
+pub(super) struct Recording {
+    /// Name of the file in messages.
+    pub(super) file: String,
+    pub(super) blocks: Vec<Block>,
+    /// The drone's stamps start again at zero after this long; `None` where they never do.
+    pub(super) wrap_s: Option<f64>,
+    pub(super) pace: Pace,
+    pub(super) warnings: Vec<String>,
+}
+
+/// Which counter of the firmware stamped the samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Pace {
+    /// The ticks of the operating system (radio logs), or unknown: true time.
+    #[default]
+    Ticks,
+    /// `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware before August 2026.
+    Microseconds,
+}
+
+/// Columns that were logged together.
+#[derive(Debug, Default)]
+pub(super) struct Block {
+    pub(super) name: String,
+    pub(super) clock: Clock,
+    /// Stamps; as logged until [`super::clock::settle`], then rising.
+    pub(super) time_s: Vec<f64>,
+    pub(super) columns: Vec<Column>,
+}
+
+/// Who stamped a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Clock {
+    #[default]
+    Drone,
+    /// The computer of the motion capture, whose zero has nothing to do with the drone's.
+    Mocap,
+}
+
+/// One logged variable. Cells that the log leaves empty, or where it says "not a number", stay so
+/// here; a [`Channel`] leaves them out.
+#[derive(Debug)]
+pub(super) struct Column {
+    pub(super) name: String,
+    pub(super) values: Vec<f64>,
+}
+
+/// A variable over time: finite values at strictly rising times.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Channel {
+    pub(super) time_s: Vec<f64>,
+    pub(super) values: Vec<f64>,
+    /// Median time between two samples; zero for a single one.
+    pub(super) period_s: f64,
+}
+
+impl Recording {
+    /// The first column of this name.
+    fn find(&self, name: &str) -> Option<(&Block, &Column)> {
+        self.blocks.iter().find_map(|block| {
+            let column = block.columns.iter().find(|column| column.name == name)?;
+            Some((block, column))
+        })
+    }
+
+    /// A variable over time; `None` where it was not logged or never had a value.
+    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
+        let (block, column) = self.find(name)?;
+        let pairs = block.time_s.iter().zip(&column.values);
+        let (time_s, values): (Vec<f64>, Vec<f64>) =
+            pairs.filter(|(_, value)| is_number(**value)).map(|(t, v)| (*t, *v)).unzip();
+        (!values.is_empty()).then(|| Channel::new(time_s, values))
+    }
+
+    /// The names of all columns, in the order of the file.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
+    }
+
+    /// Gives each column a name of its own: a second `x` becomes `block:x`, a third `block:x:2`.
+    pub(super) fn name_apart(&mut self) {
+        let mut taken = BTreeSet::new();
+        for block in &mut self.blocks {
+            for column in &mut block.columns {
+                let mut name = column.name.clone();
+                let mut count = 1;
+                while !taken.insert(name.clone()) {
+                    let number = if count > 1 { format!(":{count}") } else { String::new() };
+                    name = format!("{}:{}{number}", block.name, column.name);
+                    count += 1;
+                }
+                column.name = name;
+            }
+        }
+    }
+
+    /// Says how many cells hold no number.
+    pub(super) fn warn_of_empty_cells(&mut self) {
+        for block in &self.blocks {
+            let mut empty: Vec<String> = Vec::new();
+            for column in &block.columns {
+                let n = column.values.iter().filter(|value| !is_number(**value)).count();
+                if n > 0 {
+                    empty.push(format!("{} ({n} of {})", column.name, column.values.len()));
+                }
+            }
+            if !empty.is_empty() {
+                let list = shortened(&empty);
+                self.warnings.push(format!("cells without a number are left out: {list}"));
+            }
+        }
+    }
+}
+
+/// Whether a cell holds a number that can be reckoned with; nothing that a drone logs is larger.
+fn is_number(value: f64) -> bool {
+    value.abs() < 1e18
+}
+
+/// A list for a message: the first twelve names, then a count.
+pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
+    let first: Vec<&str> = names.iter().take(12).map(AsRef::as_ref).collect();
+    let more = names.len().saturating_sub(12);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{rest}", first.join(", "))
+}
+
+impl Channel {
+    /// A channel of at least one sample, its stamps strictly rising.
+    pub(super) fn new(time_s: Vec<f64>, values: Vec<f64>) -> Self {
+        let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
+    }
+
+    pub(super) fn start_s(&self) -> f64 {
+        self.time_s[0]
+    }
+
+    pub(super) fn end_s(&self) -> f64 {
+        self.time_s[self.time_s.len() - 1]
+    }
+
+    /// The same channel with every value turned.
+    pub(super) fn map(mut self, turn: impl Fn(f64) -> f64) -> Self {
+        for value in &mut self.values {
+            *value = turn(*value);
+        }
+        self
+    }
+
+    /// Index of the sample in force at `time_s`, the last one at or before it; `None` before the
+    /// first.
+    fn last_at(&self, time_s: f64) -> Option<usize> {
+        self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
+    }
+
+    /// On the line between the samples around `time_s`; `None` outside the channel, and between
+    /// samples further apart than `max_gap_s`.
+    pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
+        let last = self.last_at(time_s)?;
+        let (t0, v0) = (self.time_s[last], self.values[last]);
+        if t0 == time_s {
+            return Some(v0);
+        }
+        let (t1, v1) = (*self.time_s.get(last + 1)?, self.values[last + 1]);
+        (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
+    }
+
+    /// The value in force at `time_s`, held since it was logged; before the first sample, that.
+    pub(super) fn held(&self, time_s: f64) -> f64 {
+        self.values[self.last_at(time_s).unwrap_or(0)]
+    }
+}
+
+/// The middle value; `None` of nothing.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_channel_is_linear_within_and_silent_across_gaps() {
+        let channel = Channel::new(vec![0.0, 1.0, 5.0], vec![0.0, 2.0, 4.0]);
+        let at = |t| channel.linear(t, 1.0);
+        assert_eq!([at(0.25), at(1.0), at(3.0), at(5.0)], [Some(0.5), Some(2.0), None, Some(4.0)]);
+        assert_eq!([at(-0.1), at(5.1)], [None, None], "nothing outside");
+        assert_eq!([channel.held(-1.0), channel.held(4.9), channel.held(9.0)], [0.0, 2.0, 4.0]);
+    }
+
+    #[test]
+    fn columns_of_one_name_are_told_apart() {
+        let column = || Column { name: "x".into(), values: vec![] };
+        let block = || Block { name: "b".into(), columns: vec![column()], ..Block::default() };
+        let blocks = vec![block(), block(), block()];
+        let mut recording = Recording { blocks, ..Recording::default() };
+        recording.name_apart();
+        assert_eq!(recording.names().collect::<Vec<_>>(), ["x", "b:x", "b:x:2"]);
+    }
+}

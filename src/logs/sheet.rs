@@ -1,0 +1,229 @@
+//! Sheets: CSV files of loggers, read more patiently than [`crate::flight::table`] reads ours.
+//!
+//! Commas, semicolons or tabs; a header line, which may stand behind `#`; cells that are empty or
+//! say "not a number"; dates; a last line that was cut off.
+
+use crate::error::{Error, Result};
+
+/// Most rows of a sheet: a 1 kHz log of more than an hour.
+const MAX_ROWS: usize = 4_000_000;
+
+/// Most columns of a sheet.
+const MAX_COLUMNS: usize = 1024;
+
+/// Columns of equal length with their names. A cell without a number is not finite.
+#[derive(Debug)]
+pub(super) struct Sheet {
+    pub(super) header: Vec<String>,
+    pub(super) columns: Vec<Vec<f64>>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// The names in the first line; `None` where all of them are numbers, or there is no line.
+pub(super) fn header(text: &[u8]) -> Option<Vec<String>> {
+    let line = first_line(text)?;
+    let names = split(line, separator(line));
+    (!names.iter().all(|name| number(name).is_some())).then_some(names)
+}
+
+/// The first line that is not empty, without byte order mark and `#`.
+fn first_line(text: &[u8]) -> Option<&str> {
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let mut lines = text.split(|byte| *byte == b'\n');
+    let line = lines.find(|line| !line.trim_ascii().is_empty())?;
+    let line = std::str::from_utf8(line).ok()?.trim();
+    Some(line.strip_prefix('#').unwrap_or(line).trim())
+}
+
+fn separator(line: &str) -> u8 {
+    let count = |sign: u8| line.bytes().filter(|byte| *byte == sign).count();
+    [b',', b';', b'\t'].into_iter().max_by_key(|sign| (count(*sign), *sign == b',')).unwrap_or(b',')
+}
+
+fn split(line: &str, separator: u8) -> Vec<String> {
+    let cells = line.split(char::from(separator));
+    cells.map(|cell| cell.trim().trim_matches('"').trim().to_owned()).collect()
+}
+
+impl Sheet {
+    /// Reads a sheet; `names` names the columns where the file has no header.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with line and column of a cell that is no number, of a row of another
+    /// length, of bytes that are no UTF-8; and where the sheet is too large.
+    pub(super) fn read(text: &[u8], file: &str, names: &[&str]) -> Result<Self> {
+        let first = first_line(text).unwrap_or_default();
+        let separator = separator(first);
+        let found = header(text);
+        let headed = found.is_some();
+        let header = found.unwrap_or_else(|| {
+            let further = |i: usize| {
+                names.get(i).map_or_else(|| format!("column{}", i + 1), |name| (*name).to_owned())
+            };
+            (0..split(first, separator).len()).map(further).collect()
+        });
+        if header.len() > MAX_COLUMNS {
+            let found = format!("{} columns", header.len());
+            return Err(Error::input(file, found, format!("at most {MAX_COLUMNS}"), HINT));
+        }
+        let mut sheet =
+            Self { columns: vec![Vec::new(); header.len()], header, warnings: Vec::new() };
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(separator)
+            .trim(csv::Trim::All)
+            .from_reader(text);
+        let last_line = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at as u64 + 1);
+        let (mut record, mut header_due) = (csv::StringRecord::new(), headed);
+        loop {
+            let more = reader.read_record(&mut record).map_err(|source| {
+                let line = source.position().map_or(1, csv::Position::line);
+                Error::input(format!("{file}:{line}"), &source, "a line of numbers", HINT)
+            })?;
+            if !more {
+                return Ok(sheet);
+            }
+            if std::mem::take(&mut header_due) {
+                continue;
+            }
+            let comment = record.get(0).is_some_and(|cell| cell.starts_with('#'));
+            if comment || record.iter().all(str::is_empty) {
+                continue;
+            }
+            let line = record.position().map_or(1, csv::Position::line);
+            let unended = record.position().is_some_and(|at| at.byte() >= last_line);
+            match sheet.row(&record) {
+                Ok(row) => sheet.push(file, row)?,
+                Err(_) if unended => {
+                    let text = format!("line {line} is cut off; it is left out");
+                    sheet.warnings.push(text);
+                }
+                Err((column, found)) => {
+                    let place = format!("{file}:{line}: {column}");
+                    return Err(Error::input(place, found, "a number in every column", HINT));
+                }
+            }
+        }
+    }
+
+    /// The numbers of a row, or where it is broken and what stands there.
+    fn row(&self, record: &csv::StringRecord) -> std::result::Result<Vec<f64>, (String, String)> {
+        // A separator at the end of each line makes an empty cell too many.
+        let extra = record.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
+        if record.len() < self.header.len() || extra {
+            let found = format!("{} of {} cells", record.len(), self.header.len());
+            return Err(("row".into(), found));
+        }
+        let cells = self.header.iter().zip(record);
+        cells
+            .map(|(name, cell)| {
+                number(cell)
+                    .or_else(|| seconds_from_date(cell))
+                    .ok_or_else(|| (format!("column {name}"), format!("{cell:?}")))
+            })
+            .collect()
+    }
+
+    fn push(&mut self, file: &str, row: Vec<f64>) -> Result<()> {
+        if self.columns.first().is_some_and(|column| column.len() == MAX_ROWS) {
+            let found = format!("more than {MAX_ROWS} rows");
+            return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
+        }
+        for (column, value) in self.columns.iter_mut().zip(row) {
+            column.push(value);
+        }
+        Ok(())
+    }
+}
+
+const HINT: &str = "mend or cut the file; each line needs one number a column";
+
+/// The number in a cell; not finite where the cell is empty or says so.
+fn number(cell: &str) -> Option<f64> {
+    match cell {
+        "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
+        "True" | "true" => Some(1.0),
+        "False" | "false" => Some(0.0),
+        _ => cell.parse().ok(),
+    }
+}
+
+/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T`, `/` or `.` in place of space and
+/// dashes; the time zone is passed over. A time of day alone counts from midnight.
+pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
+    let (date, time) = match cell.split_once(['T', ' ']) {
+        Some((date, time)) => (Some(date), time),
+        None => (None, cell),
+    };
+    let time = time.trim().trim_end_matches('Z');
+    let time = time.split(['+', ' ']).next()?;
+    let mut clock = time.split(':').map(|part| part.parse::<f64>().ok());
+    let (hour, minute, second) =
+        (clock.next()??, clock.next()??, clock.next().unwrap_or(Some(0.0))?);
+    let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
+    let fits = (0.0..=24.0).contains(&hour) && (0.0..60.0).contains(&minute);
+    if !whole || !fits || !(0.0..61.0).contains(&second) {
+        return None;
+    }
+    let days = date.map_or(Some(0), days_from_date)?;
+    #[expect(clippy::cast_precision_loss, reason = "a few ten thousand days")]
+    let days = days as f64;
+    Some(days * 86_400.0 + hour * 3600.0 + minute * 60.0 + second)
+}
+
+/// Days since 1970-01-01 of a date that names its year first, or its month first with slashes.
+fn days_from_date(date: &str) -> Option<i64> {
+    let parts: Vec<i64> =
+        date.split(['-', '/', '.']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
+    let [a, b, c] = parts[..] else { return None };
+    let (year, month, day) = if a > 31 { (a, b, c) } else { (c, a, b) };
+    let fits =
+        (1970..10_000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    if !fits {
+        return None;
+    }
+    // The year begins in March, so that its leap day comes last.
+    let year = if month <= 2 { year - 1 } else { year };
+    let month = (month + 9) % 12;
+    let day_of_year = (153 * month + 2) / 5 + day - 1;
+    Some(365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_count_seconds() {
+        assert_eq!(seconds_from_date("1970-01-02 00:00:01.5"), Some(86_401.5));
+        // date -u -d '2022-12-14 15:04:05' +%s
+        for date in ["2022-12-14T15:04:05Z", "12/14/2022 15:04:05", "2022/12/14 15:04:05+00:00"] {
+            assert_eq!(seconds_from_date(date), Some(1_671_030_245.0), "{date}");
+        }
+        for date in ["", "x", "2022-13-01 00:00:00", "1:2:3:4 5", "25:00:00"] {
+            assert_eq!(seconds_from_date(date), None, "{date:?}");
+        }
+    }
+
+    #[test]
+    fn header_separator_and_comments_are_found() {
+        let sheet = Sheet::read(b"# t;X;Y\n0;1;nan\n# more\n1;;3\n", "f.csv", &[]).unwrap();
+        assert_eq!(sheet.header, ["t", "X", "Y"]);
+        assert_eq!(sheet.columns[0], [0.0, 1.0]);
+        assert!(sheet.columns[2][0].is_nan() && sheet.columns[1][1].is_nan(), "{sheet:?}");
+        let sheet = Sheet::read(b"0,1,2\n1,2,3,\n", "f.csv", &["t", "x"]).unwrap();
+        assert_eq!(sheet.header, ["t", "x", "column3"]);
+    }
+
+    #[test]
+    fn a_broken_cell_has_its_line_and_a_cut_line_is_left_out() {
+        let error = Sheet::read(b"t,x\n0,1\n1,a\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
+        assert!(error.contains("f.csv:3: column x") && error.contains("\"a\""), "{error}");
+        let error = Sheet::read(b"t,x\n0,1\n1\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
+        assert!(error.contains("f.csv:3"), "{error}");
+        let sheet = Sheet::read(b"t,x\n0,1\n1,2\n2", "f.csv", &[]).unwrap();
+        assert_eq!((sheet.columns[0].len(), sheet.warnings.len()), (2, 1));
+    }
+}

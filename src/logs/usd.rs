@@ -1,0 +1,283 @@
+//! Binary logs of the µSD-card deck, versions 1 and 2.
+//!
+//! `0xBC`, u16 version, u16 number of event types; per type u16 id, name, u16 number of variables
+//! and each as `name(type)`, texts ending in a zero byte; then records of u16 id, stamp (version 1:
+//! u32 ms, version 2: u64 µs) and the variables, packed; at the end the CRC32 of everything before.
+//! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
+//!
+//! A drone that is switched off while it logs leaves no CRC and half a record: such a file is read
+//! up to there, with a warning. A file that is whole and still does not match its CRC is refused,
+//! unless [`Damaged::Recover`] is asked for.
+
+use std::collections::BTreeMap;
+
+use super::Damaged;
+use super::recording::{Block, Column, Pace, Recording};
+use crate::error::{Error, Result};
+
+/// The first byte of the file.
+pub(super) const MAGIC: u8 = 0xBC;
+
+/// Most variables of a log in all; the firmware allows far fewer.
+const MAX_VARIABLES: usize = 1024;
+
+/// The stamps of version 1 have 32 bits of milliseconds.
+const WRAP_V1_S: f64 = 4_294_967.296;
+
+const HINT: &str = "copy the file from the card again; if it stays damaged, ask for what can be \
+                    recovered";
+
+/// Reads a µSD log.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the byte where the header or a record is broken, or where the CRC is.
+pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recording> {
+    let mut cursor = Cursor { bytes, at: 1, file };
+    let version = cursor.u16("the version")?;
+    if !(1..=2).contains(&version) {
+        let place = format!("{file}: byte 1");
+        return Err(Error::input(place, format!("version {version}"), "version 1 or 2", HINT));
+    }
+    let mut events = cursor.header()?;
+    let body = &bytes[cursor.at..];
+    let whole = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
+        before.len() >= cursor.at && crc32fast::hash(before) == u32::from_le_bytes(*crc)
+    });
+    let end = if whole { body.len() - 4 } else { body.len() };
+    let stop = records(&body[..end], version, &mut events);
+    let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
+    let mut warnings = Vec::new();
+    let byte = cursor.at + stop.at;
+    if let Some(text) = verdict(&stop, whole, &body[..end]) {
+        let recovered = format!("{text}; {n} records before it are read");
+        let cut_off =
+            matches!(stop.reason, Reason::End | Reason::Short) && !whole && !stop.crc_like;
+        if !cut_off && damaged == Damaged::Refuse {
+            let wanted = "records of known events, then the CRC32 of all bytes before it";
+            return Err(Error::input(format!("{file}: byte {byte}"), text, wanted, HINT));
+        }
+        warnings.push(format!("byte {byte}: {recovered}"));
+    }
+    Ok(Recording {
+        file: file.to_owned(),
+        blocks: events.into_values().map(|event| event.block).collect(),
+        wrap_s: (version == 1).then_some(WRAP_V1_S),
+        pace: Pace::Microseconds,
+        warnings,
+    })
+}
+
+/// What is wrong with a log whose records end at `stop`; `None` where nothing is.
+fn verdict(stop: &Stop, whole: bool, body: &[u8]) -> Option<String> {
+    match stop.reason {
+        Reason::End if whole => None,
+        Reason::End => Some("the log ends without a CRC, cut off between two records".into()),
+        Reason::Short if stop.crc_like => {
+            Some("the CRC does not match: bytes were changed after they were written".into())
+        }
+        Reason::Short => Some("the log is cut off within a record".into()),
+        Reason::Unknown(id) => {
+            Some(format!("event {id}, which the header does not name, of {} bytes", body.len()))
+        }
+    }
+}
+
+/// One type of event and what was logged of it.
+struct Event {
+    types: Vec<u8>,
+    n_bytes: usize,
+    block: Block,
+}
+
+/// Where and why the records end.
+struct Stop {
+    at: usize,
+    reason: Reason,
+    /// Four bytes are left that begin no record: the place of a CRC.
+    crc_like: bool,
+}
+
+enum Reason {
+    End,
+    Short,
+    Unknown(u16),
+}
+
+/// Reads records as long as there are any.
+fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop {
+    let n_head = if version == 1 { 6 } else { 10 };
+    let mut at = 0;
+    loop {
+        let rest = &body[at..];
+        let stop = |reason, crc_like| Stop { at, reason, crc_like };
+        if rest.is_empty() {
+            return stop(Reason::End, false);
+        }
+        let Some((id, _)) = rest.split_first_chunk::<2>() else {
+            return stop(Reason::Short, false);
+        };
+        let id = u16::from_le_bytes(*id);
+        let Some(event) = events.get_mut(&id) else {
+            let reason = if rest.len() == 4 { Reason::Short } else { Reason::Unknown(id) };
+            return stop(reason, rest.len() == 4);
+        };
+        if rest.len() < n_head + event.n_bytes {
+            return stop(Reason::Short, false);
+        }
+        event.block.time_s.push(stamp_s(&rest[2..n_head]));
+        let mut values = &rest[n_head..];
+        for (kind, column) in event.types.iter().zip(&mut event.block.columns) {
+            let (value, after) = values.split_at(size(*kind).unwrap_or(0));
+            column.values.push(number(*kind, value));
+            values = after;
+        }
+        at += n_head + event.n_bytes;
+    }
+}
+
+/// Four bytes of ms or eight bytes of µs.
+fn stamp_s(bytes: &[u8]) -> f64 {
+    let mut wide = [0; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    #[expect(clippy::cast_precision_loss, reason = "2^53 µs are 285 years")]
+    let count = u64::from_le_bytes(wide) as f64;
+    if bytes.len() == 4 { count / 1e3 } else { count / 1e6 }
+}
+
+/// Bytes of a type, by its letter in Python's `struct`.
+fn size(kind: u8) -> Option<usize> {
+    match kind {
+        b'b' | b'B' | b'c' | b'?' => Some(1),
+        b'h' | b'H' | b'e' => Some(2),
+        b'i' | b'I' | b'l' | b'L' | b'f' => Some(4),
+        b'q' | b'Q' | b'd' => Some(8),
+        _ => None,
+    }
+}
+
+/// A value of a type; `bytes` are as many as [`size`] says.
+fn number(kind: u8, bytes: &[u8]) -> f64 {
+    let mut wide = [0; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    let bits = u64::from_le_bytes(wide);
+    #[expect(clippy::cast_possible_truncation, reason = "the low bytes are the value")]
+    let (low8, low16, low32) = (bits as u8, bits as u16, bits as u32);
+    #[expect(clippy::cast_precision_loss, reason = "counters beyond 2^53 lose their last digits")]
+    match kind {
+        b'b' => f64::from(low8.cast_signed()),
+        b'h' => f64::from(low16.cast_signed()),
+        b'i' | b'l' => f64::from(low32.cast_signed()),
+        b'q' => bits.cast_signed() as f64,
+        b'f' => f64::from(f32::from_bits(low32)),
+        b'd' => f64::from_bits(bits),
+        b'e' => half(low16),
+        _ => bits as f64,
+    }
+}
+
+/// A number of IEEE 754 in 16 bits.
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
+    let (exponent, fraction) = (bits >> 10 & 31, f64::from(bits & 1023) / 1024.0);
+    let size = match exponent {
+        0 => fraction * libm::exp2(-14.0),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1.0 + fraction) * libm::exp2(f64::from(exponent) - 15.0),
+    };
+    sign * size
+}
+
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    file: &'a str,
+}
+
+impl Cursor<'_> {
+    fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
+        let n_events = self.u16("the number of event types")?;
+        let (mut events, mut n_all) = (BTreeMap::new(), 0);
+        for _ in 0..n_events {
+            let start = self.at;
+            let id = self.u16("an event's number")?;
+            let name = self.text("an event's name")?;
+            let n_variables = self.u16("the number of an event's variables")?;
+            n_all += usize::from(n_variables);
+            if n_all > MAX_VARIABLES {
+                let wanted = format!("at most {MAX_VARIABLES} variables");
+                return Err(self.error(start, format!("event {name} with {n_variables}"), wanted));
+            }
+            let mut event = Event {
+                types: Vec::new(),
+                n_bytes: 0,
+                block: Block { name: name.clone(), ..Block::default() },
+            };
+            for _ in 0..n_variables {
+                let start = self.at;
+                let text = self.text("a variable's name")?;
+                let split = text.strip_suffix(')').and_then(|text| text.rsplit_once('('));
+                let kind =
+                    split.and_then(|(_, kind)| kind.bytes().next().filter(|_| kind.len() == 1));
+                let (Some((variable, _)), Some(n_bytes)) = (split, kind.and_then(size)) else {
+                    let wanted = "name(type) with a type of b B h H i I q Q e f d";
+                    return Err(self.error(start, format!("{text:?}"), wanted));
+                };
+                // Variables of the log table have a group; those of other events have none.
+                let full = if variable.contains('.') {
+                    variable.into()
+                } else {
+                    format!("{name}.{variable}")
+                };
+                event.types.extend(kind);
+                event.n_bytes += n_bytes;
+                event.block.columns.push(Column { name: full, values: Vec::new() });
+            }
+            if events.insert(id, event).is_some() {
+                return Err(self.error(start, format!("event {id} twice"), "one event per number"));
+            }
+        }
+        Ok(events)
+    }
+
+    fn u16(&mut self, what: &str) -> Result<u16> {
+        let Some((found, _)) = self.bytes[self.at..].split_first_chunk::<2>() else {
+            return Err(self.error(self.at, "the end of the file", what));
+        };
+        self.at += 2;
+        Ok(u16::from_le_bytes(*found))
+    }
+
+    fn text(&mut self, what: &str) -> Result<String> {
+        let rest = &self.bytes[self.at..];
+        let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
+            return Err(self.error(self.at, "no zero byte", format!("{what}, which ends in one")));
+        };
+        let Ok(text) = std::str::from_utf8(&rest[..length]) else {
+            return Err(self.error(self.at, "bytes that are no text", what));
+        };
+        self.at += length + 1;
+        Ok(text.to_owned())
+    }
+
+    fn error(&self, at: usize, found: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
+        Error::input(format!("{}: byte {at}", self.file), found, wanted, HINT)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_of_sixteen_bits() {
+        // numpy.float16: 1.5, −2.0, 65504, 5.96e-8
+        let cases =
+            [(0x3e00, 1.5), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_477_539_063e-8)];
+        for (bits, wanted) in cases {
+            assert_eq!(half(bits), wanted);
+        }
+        assert!(half(0x7e00).is_nan(), "not a number stays none");
+    }
+}
