@@ -147,7 +147,9 @@ fn table(
     tracking: &[Option<Tracking>; 2],
     files: &[PathBuf],
 ) -> String {
-    let (part, offset_s) = (show::in_part(comparison.part), comparison.offset_s);
+    let part = show::in_part(comparison.part);
+    // Whole milliseconds, and no minus before nothing.
+    let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
     let [from_s, to_s] = comparison.span_s;
     let mut text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
     text += &format!(
