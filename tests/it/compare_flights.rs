@@ -127,22 +127,18 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     noctograph(folder.path()).args(["fly", "a.csv", "--setpoints", "a.csv"]).assert().code(2);
 }
 
-/// The team's log of NOOR, where it stands: never part of the product.
-fn noor() -> Option<PathBuf> {
+/// An independent simulation of the plain model (SciPy; no noise, one constant torque) comes as
+/// close as 0.0249, 0.0325 and 0.0133 m, with holes of the log bridged by straight lines.
+#[test]
+fn the_teams_flight_is_flown_again_as_it_was() {
+    // The team's log of NOOR, where it stands: never part of the product.
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
     let log = shared.join("data/ae483/noor_flight.json");
     if !log.exists() {
         println!("skipped: no {} (set NOCTOGRAPH_SHARED)", log.display());
+        return;
     }
-    log.exists().then_some(log)
-}
-
-/// An independent simulation of the plain model (SciPy; no noise, one constant torque) comes as
-/// close as 0.0249, 0.0325 and 0.0133 m, with holes of the log bridged by straight lines.
-#[test]
-fn the_teams_flight_is_flown_again_as_it_was() {
-    let Some(log) = noor() else { return };
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&log, &bridged).unwrap();
     let replay = noctograph::plan::replay(&real).unwrap();
