@@ -13,13 +13,14 @@ use crate::error::Result;
 use crate::flight::Flight;
 use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, compare};
 use crate::flight::tracking::{Part, Tracking, track};
+use crate::geometry::Attitude;
 use crate::report::{Trace, error_over_time, front_view, top_view};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
-    /// Flight to judge, such as a simulated one
+    /// Flight or log to judge, such as a simulated flight
     a: PathBuf,
-    /// Flight to hold it against, such as a real one
+    /// Flight or log to hold it against, such as a real flight's
     b: PathBuf,
     /// Part of both flights that is compared
     #[arg(long, value_name = "PART", default_value = "airborne")]
@@ -114,7 +115,8 @@ fn to_json(
         let tracking = tracking.as_ref().map(show::tracking_json);
         serde_json::json!({ "file": path, "tracking": tracking })
     };
-    let (rmse, mean, turned) = (comparison.rmse_m, comparison.mean_m, comparison.attitude_rmse);
+    let (rmse, mean) = (comparison.rmse_m, comparison.mean_m);
+    let turned = comparison.attitude_rmse.map(|a| [a.yaw_rad, a.pitch_rad, a.roll_rad]);
     serde_json::json!({
         "part": comparison.part.name(),
         "offset_s": comparison.offset_s,
@@ -123,7 +125,7 @@ fn to_json(
         "rmse_m": [rmse.x, rmse.y, rmse.z],
         "mean_m": [mean.x, mean.y, mean.z],
         "max_m": comparison.max_m,
-        "attitude_rmse_rad": [turned.yaw_rad, turned.pitch_rad, turned.roll_rad],
+        "attitude_rmse_rad": turned,
         "a": side(&args.a, a),
         "b": side(&args.b, b),
         "files": files,
@@ -137,7 +139,9 @@ fn table(
     tracking: &[Option<Tracking>; 2],
     files: &[PathBuf],
 ) -> String {
-    let (part, offset_s) = (show::in_part(comparison.part), comparison.offset_s);
+    let part = show::in_part(comparison.part);
+    // Whole milliseconds, and no minus before nothing.
+    let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
     let [from_s, to_s] = comparison.span_s;
     let mut text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
     text += &format!(
@@ -150,12 +154,11 @@ fn table(
     text += &rows(tracking, "against its design", |t| Some(row("", t.rmse_m)));
     text += &rows(tracking, "after its lag", |t| Some(row("", t.rmse_after_lag_m)));
     text += &rows(tracking, "observer", |t| Some(row("", t.observer_rmse_m?)));
-    let turned = comparison.attitude_rmse;
-    text += "\nRMSE, rad                    yaw   pitch    roll\n";
-    text += &format!(
-        "{:24}{:8.4}{:8.4}{:8.4}\n",
-        "A against B", turned.yaw_rad, turned.pitch_rad, turned.roll_rad
-    );
+    if let Some(turned) = comparison.attitude_rmse {
+        let Attitude { yaw_rad, pitch_rad, roll_rad } = turned;
+        text += "\nRMSE, rad                    yaw   pitch    roll\n";
+        text += &format!("{:24}{yaw_rad:8.4}{pitch_rad:8.4}{roll_rad:8.4}\n", "A against B");
+    }
 
     text += "\noff the path, m             mean     rms     p95      max   lag, s\n";
     text += &rows(tracking, "", |t| {

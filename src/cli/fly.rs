@@ -19,8 +19,8 @@ pub(super) struct FlyArgs {
     /// Plan to fly, as `noctograph plan` writes it
     #[arg(required_unless_present = "setpoints", conflicts_with = "setpoints")]
     plan: Option<PathBuf>,
-    /// Fly the setpoints of this flight instead, as they were sent
-    #[arg(long, value_name = "FLIGHT")]
+    /// Fly the setpoints of this flight or log instead, as they were sent
+    #[arg(long, value_name = "LOG")]
     setpoints: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneFlags,

@@ -88,7 +88,7 @@ pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> 
     letters::write(&scene.word, &scene.letters)
 }
 
-/// A flight from a file, whoever flew it.
+/// A flight from a file, whoever flew it: a flight of ours, or a log.
 pub(super) fn read_flight(path: &Path) -> Result<Flight> {
     let flight = logs::import(path, &ImportOptions::default())?;
     tell_warnings(&flight, path);

@@ -71,7 +71,14 @@ pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
 pub(super) fn tracking_json(tracking: &Tracking) -> serde_json::Value {
     let xyz = |v: Vector3<f64>| [v.x, v.y, v.z];
     let angles = |a: Attitude| [a.yaw_rad, a.pitch_rad, a.roll_rad];
-    let Tracking { contour, drift, attitude, .. } = tracking;
+    let attitude = tracking.attitude.map(|spread| {
+        serde_json::json!({
+            "mean_rad": angles(spread.mean),
+            "sigma_rad": angles(spread.sigma),
+            "max_rad": angles(spread.max),
+        })
+    });
+    let Tracking { contour, drift, .. } = tracking;
     serde_json::json!({
         "part": tracking.part.name(),
         "samples": tracking.n_samples,
@@ -94,11 +101,7 @@ pub(super) fn tracking_json(tracking: &Tracking) -> serde_json::Value {
             "max_y_m": drift.max_y_m,
             "in_corridor_frac": drift.in_corridor_frac,
         },
-        "attitude": {
-            "mean_rad": angles(attitude.mean),
-            "sigma_rad": angles(attitude.sigma),
-            "max_rad": angles(attitude.max),
-        },
+        "attitude": attitude,
     })
 }
 

@@ -13,7 +13,7 @@
 use nalgebra::Vector3;
 
 use super::tracking::{Part, angles_rad, attitude, mean, rms};
-use super::{Flight, FlightSample};
+use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result, within};
 use crate::geometry::Attitude;
 
@@ -67,8 +67,8 @@ pub struct Comparison {
     pub mean_m: Vector3<f64>,
     /// Greatest distance in position.
     pub max_m: f64,
-    /// Root mean square of the attitude.
-    pub attitude_rmse: Attitude,
+    /// Root mean square of the attitude; `None` where a flight does not tell it.
+    pub attitude_rmse: Option<Attitude>,
 }
 
 /// Compares two flights.
@@ -103,6 +103,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
         apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
     });
+    let told = [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Attitude));
     Ok(Comparison {
         part: options.part,
         offset_s,
@@ -111,7 +112,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         rmse_m: rms(apart()),
         mean_m: mean(apart()),
         max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
-        attitude_rmse: attitude(rms(turned)),
+        attitude_rmse: told.then(|| attitude(rms(turned))),
     })
 }
 

@@ -15,7 +15,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{Flight, FlightSample};
+use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 
@@ -68,8 +68,8 @@ pub struct Tracking {
     pub observer_rmse_m: Option<Vector3<f64>>,
     /// How far the flight leaves the word's plane.
     pub drift: Drift,
-    /// How the drone is tilted and turned.
-    pub attitude: AttitudeSpread,
+    /// How the drone is tilted and turned; `None` where the flight does not tell.
+    pub attitude: Option<AttitudeSpread>,
 }
 
 /// Distance from the flown position to the path of the design, in the x-z plane.
@@ -128,6 +128,7 @@ impl Tracking {
 /// [`Error::Input`] where the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let samples = part.samples(flight)?;
+    let told = |quantity| !flight.unlogged.contains(&quantity);
     let design = DesignPath::of(flight).ok_or_else(|| {
         let hint = "import a log that holds setpoints, or compare the flight with another one";
         Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
@@ -145,9 +146,9 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         lag_s,
         rmse_after_lag_m: rms(late),
         contour: contour(&samples, &design, lag_s),
-        observer_rmse_m: observer_rmse_m(&samples),
+        observer_rmse_m: told(Quantity::Estimate).then(|| observer_rmse_m(&samples)),
         drift: drift(&samples),
-        attitude: attitude_spread(&samples),
+        attitude: told(Quantity::Attitude).then(|| attitude_spread(&samples)),
     })
 }
 
@@ -173,9 +174,8 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     }
 }
 
-fn observer_rmse_m(samples: &[FlightSample]) -> Option<Vector3<f64>> {
-    let told = samples.iter().any(|sample| sample.estimate_m != Vector3::zeros());
-    told.then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m)))
+fn observer_rmse_m(samples: &[FlightSample]) -> Vector3<f64> {
+    rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))
 }
 
 fn drift(samples: &[FlightSample]) -> Drift {

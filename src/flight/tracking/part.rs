@@ -1,14 +1,14 @@
 //! The part of a flight that a figure speaks of.
 
 use crate::error::{Error, Result};
-use crate::flight::{Flight, FlightSample, airborne};
+use crate::flight::{Flight, FlightSample, Quantity, airborne};
 
 /// Part of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Part {
     /// Samples that write letters.
     Letters,
-    /// Between take-off and landing, as [`airborne`] finds them: what the figures of the reference
+    /// From take-off to landing, as [`airborne`] finds them: what the figures of the reference
     /// flight cover.
     #[default]
     Airborne,
@@ -39,8 +39,12 @@ impl Part {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where there are none.
+    /// [`Error::Input`] where there are none, or no position in them.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
+        if flight.unlogged.contains(&Quantity::Position) {
+            let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
+            return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
+        }
         let all = flight.samples.iter().copied();
         let samples: Vec<FlightSample> = match self {
             Self::All => all.collect(),

@@ -103,11 +103,14 @@ fn drift_observer_and_attitude_are_told() {
     let drift = Drift { min_y_m: -0.1, max_y_m: 0.3, in_corridor_frac: 0.5 };
     assert_eq!(tracking.drift, drift);
     near((tracking.observer_rmse_m.unwrap() - Vector3::x() * 0.004).norm(), 0.0, 1e-12, "observer");
-    let AttitudeSpread { mean, sigma, max } = tracking.attitude;
+    let AttitudeSpread { mean, sigma, max } = tracking.attitude.unwrap();
     near(mean.pitch_rad, -0.1, 1e-12, "mean");
     near(sigma.pitch_rad, 0.2, 1e-12, "sigma");
     assert_eq!((max.pitch_rad, max.yaw_rad), (0.3, 0.0));
     assert_eq!(tracking.lag_s, 0.0, "a design that stands still has no lag");
+    flown.unlogged = [Quantity::Attitude, Quantity::Estimate].into();
+    let tracking = track(&flown, Part::All).unwrap();
+    assert_eq!((tracking.attitude, tracking.observer_rmse_m), (None, None), "what is not logged");
 }
 
 #[test]
@@ -123,8 +126,7 @@ fn a_part_is_what_it_says() {
     assert_eq!(n(&flown, Part::Letters), 6);
     assert_eq!(n(&flown, Part::Airborne), 7, "a motor that stops for a moment ends no flight");
     assert_eq!(Part::of(&flown), Part::Letters);
-    flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([0.0; 4], None));
-    assert_eq!(n(&flown, Part::Airborne), 11, "without motors the design decides");
+    flown.samples.iter_mut().for_each(|s| s.letter = None);
     assert_eq!(Part::of(&flown), Part::Airborne);
 }
 
@@ -137,4 +139,6 @@ fn a_flight_without_samples_letters_air_or_design_is_refused() {
     flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([9.0; 4], None));
     assert!(refused(&flown, Part::Letters).contains("writes a letter"));
     assert!(refused(&flown, Part::Airborne).contains("in the air"));
+    flown.unlogged = [Quantity::Position].into();
+    assert!(refused(&flown, Part::All).contains("no position"));
 }
