@@ -19,9 +19,10 @@
 //! sliding, bouncing and tipping on the floor.
 
 mod controller;
+mod coverage;
+mod estimator;
 mod mixer;
 mod noise;
-mod observer;
 mod options;
 mod recorder;
 #[cfg(test)]
@@ -30,8 +31,11 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{
-    ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions, VehicleOptions,
+pub use coverage::{Coverage, Place, coverage};
+pub use estimator::{EstimatorKind, ObserverOptions};
+pub use options::{ControllerOptions, RateOptions, SimOptions, VehicleOptions};
+pub use sensors::{
+    Generation, HeightSensor, Positioning, SensorOptions, Station, read_lighthouse_config,
 };
 
 use self::recorder::Recorder;

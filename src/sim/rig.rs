@@ -2,9 +2,11 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use nalgebra::Vector3;
+
 use super::controller::Controller;
+use super::estimator::{Estimator, estimator};
 use super::mixer::Mixer;
-use super::observer::Observer;
 use super::options::SimOptions;
 use super::recorder::Moment;
 use super::sensors::Sensors;
@@ -24,7 +26,7 @@ pub(super) struct Rig {
     vehicle: Vehicle,
     mixer: Mixer,
     controller: Controller,
-    observer: Observer,
+    estimator: Box<dyn Estimator>,
     sensors: Sensors,
     tick_s: f64,
     steps_per_tick: u32,
@@ -48,7 +50,7 @@ impl Rig {
         let wrench = if start_m.z > 0.0 { vehicle.hover() } else { Wrench::zeros() };
         Ok(Self {
             controller: Controller::new(&options.controller, &vehicle)?,
-            observer: Observer::new(&options.observer, sensors.settled_m(start_m))?,
+            estimator: estimator(options, sensors.settled_m(start_m))?,
             mixer: Mixer::new(&options.vehicle),
             vehicle,
             sensors,
@@ -74,9 +76,9 @@ impl Rig {
         let setpoint = &plan.setpoints[self.setpoint];
 
         let force = self.vehicle.specific_force_z_m_s2(&self.state, &self.wrench);
-        let reading = self.sensors.read(&self.state, force);
-        self.observer.update(&reading, self.tick_s);
-        self.estimate = self.observer.state();
+        let readings = self.sensors.read(&self.state, Vector3::z() * force);
+        self.estimator.update(&readings, self.tick_s);
+        self.estimate = self.estimator.state();
 
         let wanted = self.controller.wrench(&self.estimate, setpoint.position_m);
         let off = setpoint.position_m.z <= 0.0;
@@ -126,14 +128,13 @@ impl Rig {
     pub(super) fn warnings(&self) -> Vec<String> {
         let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
-        if self.saturated_ticks > 0 { vec![text] } else { Vec::new() }
+        let saturated = (self.saturated_ticks > 0).then_some(text);
+        saturated.into_iter().chain(self.sensors.warnings()).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
     use crate::plan::Setpoint;
 
