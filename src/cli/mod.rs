@@ -10,6 +10,8 @@ use clap::{Parser, Subcommand};
 
 use crate::error::Result;
 
+mod coverage;
+mod coverage_map;
 mod expose;
 mod fly;
 mod inputs;
@@ -45,6 +47,8 @@ enum Verb {
     Expose(expose::ExposeArgs),
     /// Read a photograph, and say whether its word is legible
     Score(score::ScoreArgs),
+    /// Show where Lighthouse base stations see the drone, and how well they place it
+    Coverage(coverage::CoverageArgs),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -71,6 +75,7 @@ pub fn main() -> ExitCode {
         Verb::Fly(args) => fly::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
+        Verb::Coverage(args) => coverage::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

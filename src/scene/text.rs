@@ -60,6 +60,11 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("sensors", "accelerometer_bias_walk_m_s3_sqrt_hz", "walk of its bias, (m/s3)/sqrt(Hz)"),
     ("sensors", "stations", "Lighthouse: base stations, generation v1 or v2; m and rad"),
     ("sensors", "sweep_noise_rad", "white noise of a sweep angle, v1 and v2, sigma, rad"),
+    (
+        "sensors",
+        "sweep_noise_shared_frac",
+        "share of its variance that all deck sensors have alike",
+    ),
     ("sensors", "sweep_loss_frac", "share of sweeps that are lost"),
     ("sensors", "station_position_error_m", "a station stands off per axis, sigma, m"),
     ("sensors", "station_rotation_error_rad", "a station is turned per axis, sigma, rad"),

@@ -184,9 +184,8 @@ mod tests {
     #[test]
     fn what_makes_no_grid_is_refused() {
         let options = SensorOptions::default();
-        let refused = |bounds_m, step_m| {
-            coverage(&options, bounds_m, 0.0, step_m).unwrap_err().to_string()
-        };
+        let refused =
+            |bounds_m, step_m| coverage(&options, bounds_m, 0.0, step_m).unwrap_err().to_string();
         assert!(refused([0.0, 0.0, 0.0, 1.0], 0.1).starts_with("bounds"));
         assert!(refused([0.0, 0.0, 100.0, 100.0], 0.01).starts_with("step"));
         assert!(refused([0.0, 0.0, 1.0, 1.0], 0.0).starts_with("step"));

@@ -33,9 +33,8 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     let (ahead, behind) = (motion(time_s + h), motion(time_s - h));
     let r = a.world_from_body();
     let velocity = r.tr_mul(&((ahead.0 - behind.0) / (2.0 * h)));
-    let turning = r.transpose()
-        * (ahead.1.world_from_body() - behind.1.world_from_body())
-        / (2.0 * h);
+    let turning =
+        r.transpose() * (ahead.1.world_from_body() - behind.1.world_from_body()) / (2.0 * h);
     let rate = Vector3::new(turning[(2, 1)], turning[(0, 2)], turning[(1, 0)]);
     let mut state = State::zeros();
     state.fixed_rows_mut::<3>(0).copy_from(&p);
@@ -89,6 +88,7 @@ fn white(positioning: Positioning) -> SensorOptions {
         station_position_error_m: 0.0,
         station_rotation_error_rad: 0.0,
         sweep_distortion_rad: 0.0,
+        sweep_noise_shared_frac: 0.0,
         uwb_bias_m: 0.0,
         uwb_outlier_frac: 0.0,
         barometer_drift_m_sqrt_s: 0.0,
@@ -223,7 +223,9 @@ fn lighthouse_errs_in_flight_as_it_does_in_truth() {
         }
         println!(
             "{positioning:?} {kind:?}: mean {:.1} mm, slow {:.1}, fast {:.1}",
-            mean_m * 1e3, slow_m * 1e3, fast_m * 1e3
+            mean_m * 1e3,
+            slow_m * 1e3,
+            fast_m * 1e3
         );
         assert!((0.010..0.020).contains(&mean_m), "{positioning:?} {kind:?}: mean {mean_m} m");
         assert!(slow_m > fast_m, "{positioning:?} {kind:?}: slow {slow_m}, fast {fast_m}");
@@ -232,32 +234,39 @@ fn lighthouse_errs_in_flight_as_it_does_in_truth() {
 
 #[test]
 fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
-    // positioning_dataset: root mean square step from fix to fix 0.36 mm by crossing beams, 0.59 mm
-    // by the filter (log at some 50 Hz).
-    let mut sensors = SensorOptions { positioning: Positioning::CrossingBeams, ..Default::default() };
-    let mut state = State::zeros();
-    state[2] = 0.6;
+    // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams;
+    // 0.59 mm by the filter in one log, in others with a spread of 0.7, 0.7 and 2.1 mm. The filter
+    // trembles as two stations that disagree pull it to and fro.
     let force = Vector3::z() * GRAVITY_M_S2;
-    let mut readers = Sensors::new(&sensors, RATE_HZ, 1, 0);
-    let fixes: Vec<_> =
-        (0..20_000).filter_map(|_| readers.read(&state, force).position_m).collect();
-    let steps: Vec<_> = fixes.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let beams_m = rms(&steps);
-
-    sensors.positioning = Positioning::Sweeps;
-    let mut readers = Sensors::new(&sensors, RATE_HZ, 1, 0);
     let start_m = Vector3::new(0.0, 0.0, 0.6);
-    let mut ekf = Ekf::new(&ObserverOptions::default(), &sensors, start_m);
-    let mut places = Vec::new();
-    for tick in 0..20_000 {
-        ekf.update(&readers.read(&state, force), TICK_S);
-        if tick > 2000 && tick % 10 == 0 {
-            places.push(ekf.position_m);
+    let mut state = State::zeros();
+    state.fixed_rows_mut::<3>(0).copy_from(&start_m);
+    let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
+    for seed in 0..9 {
+        let of = |positioning| SensorOptions { positioning, ..Default::default() };
+        let mut readers = Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, 0);
+        let fixes = (0..5000).filter_map(|_| readers.read(&state, force).position_m);
+        beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
+
+        let sensors = of(Positioning::Sweeps);
+        let mut readers = Sensors::new(&sensors, RATE_HZ, seed, 0);
+        let mut ekf = Ekf::new(&ObserverOptions::default(), &sensors, start_m);
+        let mut places = Vec::new();
+        for tick in 0..5000 {
+            ekf.update(&readers.read(&state, force), TICK_S);
+            if tick >= 1000 && tick % 10 == 0 {
+                places.push(ekf.position_m);
+            }
         }
+        filter_m.push(rms_step(&places));
     }
-    let steps: Vec<_> = places.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let filter_m = rms(&steps);
-    println!("at rest: beams {:.3} mm, filter {:.3} mm", beams_m * 1e3, filter_m * 1e3);
-    assert!((0.0002..0.0006).contains(&beams_m), "beams {beams_m} m");
-    assert!((0.0002..0.0008).contains(&filter_m), "filter {filter_m} m");
+    beams_m.sort_by(f64::total_cmp);
+    filter_m.sort_by(f64::total_cmp);
+    println!("at rest: beams {beams_m:.5?} m, filter {filter_m:.5?} m");
+    assert!(beams_m.iter().all(|m| (0.0002..0.0006).contains(m)), "beams {beams_m:?} m");
+    assert!((0.0002..0.002).contains(&filter_m[4]), "filter {filter_m:?} m");
+}
+
+fn rms_step(places: &[Vector3<f64>]) -> f64 {
+    rms(&places.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>())
 }

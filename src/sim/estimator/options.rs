@@ -46,7 +46,8 @@ pub struct ObserverOptions {
     /// Kalman: σ of a barometric height. The ranger's follows its distance, as in the firmware.
     pub ekf_barometer_sigma_m: f64,
     /// Kalman: a measurement further off than so many standard deviations of its innovation is
-    /// thrown away (χ² with one degree of freedom). Too low, and the filter goes blind after a jolt.
+    /// thrown away (χ² with one degree of freedom). Too low, and where two stations disagree, as
+    /// real ones do by several times the σ above, one of them is no longer listened to.
     pub ekf_gate_sigmas: f64,
 }
 
@@ -54,7 +55,8 @@ impl Default for ObserverOptions {
     /// Luenberger: 1/σ² of the spread the team found in their flight logs. Kalman: the firmware
     /// (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`, `tdoaEngine.h`): 0.5 m/s² and
     /// 0.1 rad/s a tick of 1 ms, which are densities of 0.022 and 0.0045; sweeps 1 mrad, positions
-    /// 1 cm, ranges 15 cm, air pressure 2 m. The gate is ours.
+    /// 1 cm, ranges 15 cm, air pressure 2 m. The gate is ours: at 5 the error in flight is a fifth
+    /// larger.
     fn default() -> Self {
         Self {
             kind: EstimatorKind::Luenberger,
@@ -66,7 +68,7 @@ impl Default for ObserverOptions {
             ekf_position_sigma_m: 0.01,
             ekf_range_sigma_m: 0.15,
             ekf_barometer_sigma_m: 2.0,
-            ekf_gate_sigmas: 5.0,
+            ekf_gate_sigmas: 10.0,
         }
     }
 }

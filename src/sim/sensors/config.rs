@@ -201,14 +201,14 @@ version: '1'
     #[test]
     fn broken_files_are_named_by_line() {
         let cases = [
-            (BLOCK.replace("lighthouse_system", "loco"), ":33: type", "loco_configuration"),
-            (BLOCK.replace("'1'", "'2'"), ":34: version", "found 2"),
-            (BLOCK.replace("systemType: 2", "systemType: 3"), ":32: systemType", "found 3"),
-            (BLOCK.replace("- -1.9584829807281494", "- east"), ":15", "east"),
+            (BLOCK.replace("lighthouse_system", "loco"), ":34: type", "loco_configuration"),
+            (BLOCK.replace("'1'", "'2'"), ":35: version", "found 2"),
+            (BLOCK.replace("systemType: 2", "systemType: 3"), ":33: systemType", "found 3"),
+            (BLOCK.replace("- -1.9584829807281494", "- east"), ":16", "invalid floating point"),
             (BLOCK.replace("    - 3.152726888656616\n", ""), "lh.yaml:", "3"),
             (BLOCK.replace("- 0.5422989726066589", "- .nan"), ": geos.0.origin", "NaN"),
-            (BLOCK.replace("[0.8, 0.0, 0.6]", "[0.9, 0.0, 0.6]"), ":31: geos.1.rotation", "0.9"),
-            (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":31: geos.1", "a rotation"),
+            (BLOCK.replace("[0.8, 0.0, 0.6]", "[0.9, 0.0, 0.6]"), ":32: geos.1.rotation", "0.9"),
+            (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
             (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "no base station"),
             (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
             (String::new(), "lh.yaml:1", ""),

@@ -16,7 +16,7 @@ const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 /// Standard deviation of the ranger at a distance: 2.5 mm up to 2.5 m, rising to 0.2 m at 4 m:
 /// `0.0025 (1 + exp(c (d − 2.5)))` with `c = ln(80)/1.5` (`zranger2.c`).
 pub(in crate::sim) fn time_of_flight_sigma_m(distance_m: f64) -> f64 {
-    0.0025 * (1.0 + libm::exp(2.921_351_089_780_267 * (distance_m - 2.5)))
+    0.0025 * (1.0 + libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5)))
 }
 
 /// When a sensor of a steady rate is due.

@@ -55,7 +55,8 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    sigma_rad: f64,
+    /// Standard deviations of what the deck's sensors share, and of what each has for itself.
+    sigmas_rad: [f64; 2],
     /// Over the direction from the station, one component a plane.
     distortion: Field<2>,
     noise: Noise,
@@ -92,7 +93,7 @@ impl Lighthouse {
             while let Some(plane) = rotor.due(time_s) {
                 // Drawn for every sweep, seen or not.
                 let lost = rotor.noise.uniform() < self.loss_frac;
-                let errors: [f64; 4] = std::array::from_fn(|_| rotor.noise.normal());
+                let errors = rotor.errors_rad();
                 let up = world_from_body.column(2).into_owned();
                 if lost || !rotor.truth.sees(position_m, &up) {
                     continue;
@@ -137,9 +138,11 @@ impl Rotor {
                 (48e6 / period, [phase, phase + 1.0 / 3.0], 1)
             }
         };
+        let (shared, sigma_rad) =
+            (options.sweep_noise_shared_frac, options.sweep_noise_rad[generation]);
         Self {
             truth,
-            sigma_rad: options.sweep_noise_rad[generation],
+            sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
             distortion: Field::new(
                 &mut noise(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
@@ -163,19 +166,26 @@ impl Rotor {
         })
     }
 
+    /// White noise of a sweep at each sensor.
+    fn errors_rad(&mut self) -> [f64; 4] {
+        let [of_all, of_each] = self.sigmas_rad;
+        let shared = of_all * self.noise.normal();
+        std::array::from_fn(|_| shared + of_each * self.noise.normal())
+    }
+
     fn angles_rad(
         &self,
         plane: usize,
         position_m: &Vector3<f64>,
         world_from_body: &Matrix3<f64>,
-        errors: &[f64; 4],
+        errors_rad: &[f64; 4],
     ) -> [f64; 4] {
         let direction = self.truth.station_from_world(position_m).normalize();
         let distortion_rad = self.distortion.component(plane, &direction);
         std::array::from_fn(|sensor| {
             let place = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[sensor]);
             let ideal = self.truth.crossing(plane, &place).angle_rad;
-            ideal + distortion_rad + errors[sensor] * self.sigma_rad
+            ideal + distortion_rad + errors_rad[sensor]
         })
     }
 }

@@ -76,6 +76,8 @@ pub struct SensorOptions {
     /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
     /// station.
     pub sweep_noise_rad: [f64; 2],
+    /// Share of that noise's variance which a sweep has at all four sensors alike.
+    pub sweep_noise_shared_frac: f64,
     /// Share of sweeps that are lost on the way.
     pub sweep_loss_frac: f64,
     /// How far a station really stands from where the drone believes it, per axis, σ.
@@ -111,6 +113,8 @@ impl Default for SensorOptions {
     /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500; slow error in
     /// flight 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s. Sweeps
     /// spread by 60 µrad (first generation) and 28 µrad (second), and 45 of 52 a second arrive.
+    /// That the rotor makes most of that noise, for all sensors alike, follows from the crossing
+    /// beams' jitter: noise of each sensor for itself would average out to a third of it.
     /// The sizes of the stations' errors are chosen so that the error in flight comes out as
     /// measured: 13.5 mm mean.
     /// Two stations in opposite corners, some 4 m from the word; anchors in the corners of a room.
@@ -134,11 +138,12 @@ impl Default for SensorOptions {
                 .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
                 .into(),
             sweep_noise_rad: [60e-6, 28e-6],
+            sweep_noise_shared_frac: 0.8,
             sweep_loss_frac: 0.13,
             station_position_error_m: 0.003,
             station_rotation_error_rad: 0.001,
-            sweep_distortion_rad: 0.0025,
-            sweep_distortion_length_rad: 0.2,
+            sweep_distortion_rad: 0.0018,
+            sweep_distortion_length_rad: 0.13,
             anchors_m: [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5]]
                 .into_iter()
                 .flat_map(|[x, y]| [[x, y, 0.2], [x, y, 2.4]])
@@ -196,6 +201,7 @@ impl SensorOptions {
             ("accelerometer_bias_walk_m_s3_sqrt_hz", bias_walk, 0.0, 10.0),
             ("sweep_noise_rad[0]", self.sweep_noise_rad[0], 0.0, 0.1),
             ("sweep_noise_rad[1]", self.sweep_noise_rad[1], 0.0, 0.1),
+            ("sweep_noise_shared_frac", self.sweep_noise_shared_frac, 0.0, 1.0),
             ("sweep_loss_frac", self.sweep_loss_frac, 0.0, 1.0),
             ("station_position_error_m", self.station_position_error_m, 0.0, 1.0),
             ("station_rotation_error_rad", self.station_rotation_error_rad, 0.0, 0.2),
