@@ -27,7 +27,8 @@ pub(super) fn svg(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
 struct Map<'a> {
     grid: &'a Coverage,
     px_per_m: f64,
-    /// Smallest and largest error, for the colours.
+    /// Errors of the first and the last colour: the smallest, and what 95 % stay below, so that a
+    /// few places far off don't take all the colours.
     errors_m: [f64; 2],
     text: String,
 }
@@ -36,7 +37,7 @@ impl<'a> Map<'a> {
     fn new(grid: &'a Coverage) -> Self {
         let [width_m, height_m] = [&grid.x_m, &grid.z_m].map(|places| span(places));
         let errors_m = grid.errors_m();
-        let ends = errors_m.first().zip(errors_m.last());
+        let ends = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
         Self {
             grid,
             px_per_m: SIDE_PX / width_m.max(height_m),
@@ -168,8 +169,9 @@ impl<'a> Map<'a> {
         for step in 0..=6 {
             let share = f64::from(step) / 6.0;
             let error_mm = 1e3 * (least + share * (most - least));
+            let and_more = if step == 6 { " and more" } else { "" };
             let y = above + 22.0 + 18.0 * f64::from(step);
-            self.put(&swatch(y, &viridis(share), &format!("{error_mm:.1} mm")));
+            self.put(&swatch(y, &viridis(share), &format!("{error_mm:.1} mm{and_more}")));
         }
         self.put(&swatch(above + 160.0, ONE_STATION, "one station"));
         self.put(&swatch(above + 184.0, NO_STATION, "no station"));

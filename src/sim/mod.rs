@@ -2,7 +2,7 @@
 //!
 //! Product in: [`Plan`]. Product out: [`Flight`], which a real flight's log gives as well.
 //!
-//! Method: at every tick of the controller (500 Hz) the sensors are read, the observer takes them
+//! Method: at every tick of the controller (500 Hz) the sensors are read, the estimator takes them
 //! in, a linear-quadratic regulator answers the estimate with a wrench, and the mixer turns it into
 //! four motor commands; these move a rigid body with 12 states by one Runge–Kutta step of order 4.
 //! The drone starts at rest at the first setpoint, and a setpoint at or below the floor switches
@@ -11,12 +11,12 @@
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
-//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088.
+//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
+//! sensors and the Kalman filter after the Crazyflie's firmware.
 //!
 //! Not modelled: lag of motors and radio, lost packets, the battery, drag, ground effect and
-//! draughts, downwash between drones; whole-number motor commands; sensor offsets, filters,
-//! outliers and occlusion, and the time between two Lighthouse fixes (the jitter is white per tick);
-//! sliding, bouncing and tipping on the floor.
+//! draughts, downwash between drones; whole-number motor commands; filters and offsets of
+//! the inertial sensors, reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
 
 mod controller;
 mod coverage;

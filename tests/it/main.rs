@@ -2,5 +2,6 @@
 
 mod cli;
 mod compare;
+mod coverage;
 mod golden;
 mod road;

@@ -129,7 +129,7 @@ fn placed(
 mod tests {
     use super::*;
 
-    /// Block style, as PyYAML writes it since 5.1.
+    /// Block style, as cflib writes it since 5.1 of its YAML library, with a line of flow style.
     const BLOCK: &str = "\
 calibs:
   0:
