@@ -12,6 +12,7 @@ use crate::flight::Flight;
 use crate::letters::{self, Strokes};
 use crate::logs::{self, ImportOptions};
 use crate::scene::Scene;
+use crate::sim::read_lighthouse_config;
 
 /// Where the scene comes from.
 #[derive(Debug, Args)]
@@ -22,16 +23,23 @@ pub(super) struct SceneFlags {
     /// Seed of all noise; the scene's own (0) where it is left out
     #[arg(long, value_name = "N")]
     pub(super) seed: Option<u64>,
+    /// Lighthouse configuration (YAML, as cfclient saves it) whose base stations replace the
+    /// scene's
+    #[arg(long, value_name = "FILE")]
+    pub(super) lighthouse: Option<PathBuf>,
 }
 
 impl SceneFlags {
-    /// The scene file, or the default, with the seed that was typed.
+    /// The scene file, or the default, with the seed and the base stations that were typed.
     pub(super) fn load(&self) -> Result<Scene> {
         let mut scene = self.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?;
         if let Some(seed) = self.seed {
             scene.seed = seed;
-            scene.check()?;
         }
+        if let Some(path) = &self.lighthouse {
+            scene.sensors.stations = read_lighthouse_config(path)?;
+        }
+        scene.check()?;
         Ok(scene)
     }
 }

@@ -11,6 +11,8 @@ use clap::{Parser, Subcommand};
 use crate::error::Result;
 
 mod compare;
+mod coverage;
+mod coverage_map;
 mod expose;
 mod fly;
 mod gains;
@@ -54,6 +56,8 @@ enum Verb {
     Score(score::ScoreArgs),
     /// Print the gains of regulator and observer, their poles, and what they stand
     Gains(gains::GainsArgs),
+    /// Show where Lighthouse base stations see the drone, and how well they place it
+    Coverage(coverage::CoverageArgs),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -83,6 +87,7 @@ pub fn main() -> ExitCode {
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Gains(args) => gains::run(&args),
+        Verb::Coverage(args) => coverage::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

@@ -2,7 +2,7 @@
 //!
 //! Product in: [`Plan`]. Product out: [`Flight`], which a real flight's log gives as well.
 //!
-//! Method: at every tick (500 Hz) the sensors are read, the observer takes them in, a controller
+//! Method: at every tick (500 Hz) the sensors are read, the estimator takes them in, a controller
 //! answers the estimate with four motor commands, which it may hold for some ticks; these move the
 //! drone ([`Plant`]): rotors, rigid body, battery, air and floor. The drone starts at rest at the
 //! first setpoint, and a setpoint at or below the floor switches the motors off. The controller of
@@ -12,17 +12,19 @@
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
-//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088.
+//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
+//! sensors and the Kalman filter after the Crazyflie's firmware.
 //!
-//! Not modelled: lag of the radio, lost packets, downwash between drones; whole-number motor commands; sensor offsets, filters,
-//! outliers and occlusion, and the time between two Lighthouse fixes (the jitter is white per tick);
-//! sliding, bouncing and tipping on the floor.
+//! Not modelled: lag of the radio, lost packets, downwash between drones; whole-number motor
+//! commands; filters and offsets of the inertial sensors, reflections and people in the
+//! Lighthouse's light; sliding, bouncing and tipping on the floor.
 
 mod controller;
+mod coverage;
 pub mod design;
+mod estimator;
 mod mixer;
 mod noise;
-mod observer;
 mod options;
 mod presets;
 mod recorder;
@@ -32,8 +34,11 @@ mod rig;
 mod sensors;
 mod vehicle;
 
-pub use options::{
-    ControllerKind, ControllerOptions, ObserverOptions, RateOptions, SensorOptions, SimOptions,
+pub use coverage::{Coverage, Place, coverage};
+pub use estimator::{EstimatorKind, ObserverOptions};
+pub use options::{ControllerKind, ControllerOptions, RateOptions, SimOptions};
+pub use sensors::{
+    Generation, HeightSensor, Positioning, SensorOptions, Station, read_lighthouse_config,
 };
 pub use vehicle::{
     AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,

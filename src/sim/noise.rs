@@ -1,8 +1,12 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
+//!
+//! Every sensor draws a fixed number of them at each of its measurements, whether or not it needs
+//! them all, so that each is a function of the seed, the drone, the sensor and the count of its
+//! measurements: nothing that another sensor does, or sees, can shift it.
 
 use std::f64::consts::TAU;
 
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -42,7 +46,7 @@ impl Noise {
     }
 
     /// Uniform in `[0, 1)`.
-    fn uniform(&mut self) -> f64 {
+    pub(super) fn uniform(&mut self) -> f64 {
         self.rng.random()
     }
 }
@@ -54,11 +58,12 @@ fn fnv_1a(bytes: impl Iterator<Item = u8>) -> u64 {
     })
 }
 
-/// A vector that varies smoothly over space: per axis a sum of random plane waves, which tends to
-/// a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
+/// A vector of `N` components that varies smoothly over space: per component a sum of random plane
+/// waves, which tends to a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features:
+/// Rahimi, Recht 2007).
 #[derive(Debug)]
-pub(super) struct Field {
-    waves: [[Wave; WAVES]; 3],
+pub(super) struct Field<const N: usize> {
+    waves: [[Wave; WAVES]; N],
     amplitude: f64,
 }
 
@@ -68,8 +73,8 @@ struct Wave {
     phase_rad: f64,
 }
 
-impl Field {
-    /// A field with standard deviation `sigma` on each axis and length `length_m`.
+impl<const N: usize> Field<N> {
+    /// A field with standard deviation `sigma` of each component and length `length_m`.
     pub(super) fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let mut wave = || Wave {
             wavevector_rad_m: noise.normals() / length_m,
@@ -81,10 +86,13 @@ impl Field {
         Self { waves, amplitude }
     }
 
-    pub(super) fn at(&self, position_m: &Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
+        SVector::from_fn(|component, _| self.component(component, position_m))
+    }
+
+    pub(super) fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let height = |w: &Wave| libm::cos(w.wavevector_rad_m.dot(position_m) + w.phase_rad);
-        let axis = |waves: &[Wave]| self.amplitude * waves.iter().map(height).sum::<f64>();
-        Vector3::new(axis(&self.waves[0]), axis(&self.waves[1]), axis(&self.waves[2]))
+        self.amplitude * self.waves[component].iter().map(height).sum::<f64>()
     }
 }
 
@@ -112,6 +120,19 @@ mod tests {
         let recorded =
             [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
         assert_eq!(first(42, 0, "gyro"), recorded);
+    }
+
+    #[test]
+    fn a_number_depends_on_its_count_alone() {
+        let mut noise = Noise::new(42, 0, "gyro");
+        let drawn: Vec<f64> = (0..20).map(|_| noise.normal()).collect();
+        for pair in [7_u32, 2, 9] {
+            // A normal takes one uniform number of 64 bits, two words, from the stream.
+            noise.rng.set_word_pos(u128::from(4 * pair));
+            noise.spare = None;
+            let at = 2 * pair as usize;
+            assert_eq!([noise.normal(), noise.normal()], [drawn[at], drawn[at + 1]]);
+        }
     }
 
     #[test]
@@ -143,7 +164,7 @@ mod tests {
         let mut noise = Noise::new(3, 0, "test");
         let (mut square, mut product, n) = (0.0, 0.0, 4000);
         for _ in 0..n {
-            let field = Field::new(&mut noise, 2.0, 0.5);
+            let field = Field::<3>::new(&mut noise, 2.0, 0.5);
             let (here, there) = (field.at(&Vector3::zeros()), field.at(&(Vector3::x() * 0.5)));
             square += here.norm_squared() / f64::from(3 * n);
             product += here.dot(&there) / f64::from(3 * n);

@@ -4,6 +4,8 @@
 use serde::{Deserialize, Serialize};
 
 pub use super::controller::options::{ControllerKind, ControllerOptions};
+use super::estimator::ObserverOptions;
+use super::sensors::SensorOptions;
 pub(super) use super::vehicle::{AirOptions, BatteryOptions, VehicleOptions};
 use crate::error::{Error, Result, within};
 
@@ -69,74 +71,6 @@ impl RateOptions {
     }
 }
 
-/// Luenberger observer with the gain of the dual regulator.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ObserverOptions {
-    /// Trust in the measured position x y z: 1/σ² (1/m²). More follows the measurement faster and
-    /// lets more of its noise through.
-    pub q: [f64; 3],
-    /// Trust in the model of position x y z, pitch, roll and body velocity x y z: 1/σ² of each
-    /// derivative. More follows the gyroscope and the accelerometer.
-    pub r: [f64; 8],
-}
-
-impl Default for ObserverOptions {
-    /// 1/σ² of the spread the team found in their flight logs.
-    fn default() -> Self {
-        Self {
-            q: [111_111.0, 62_500.0, 250_000.0],
-            r: [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6],
-        }
-    }
-}
-
-/// Noise of the positioning and of the inertial sensors; 0 switches a term off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SensorOptions {
-    /// White noise of the measured position per axis and tick, σ.
-    pub lighthouse_jitter_m: f64,
-    /// Smooth error of the measured position that depends on where the drone is, per axis, σ.
-    pub lighthouse_distortion_m: f64,
-    /// Distance over which that error changes: the correlation falls as `exp(−d²/2l²)`.
-    pub lighthouse_distortion_length_m: f64,
-    /// Noise density of the gyroscope per axis, (rad/s)/√Hz.
-    pub gyro_noise_rad_s_sqrt_hz: f64,
-    /// Noise density of the accelerometer along body z, (m/s²)/√Hz.
-    pub accelerometer_noise_m_s2_sqrt_hz: f64,
-}
-
-impl Default for SensorOptions {
-    /// Lighthouse: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523): crossing
-    /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500; slow error in
-    /// flight 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s.
-    /// IMU: data sheet of the BMI088, 0.014 °/s/√Hz and 190 µg/√Hz along z.
-    fn default() -> Self {
-        Self {
-            lighthouse_jitter_m: 0.001,
-            lighthouse_distortion_m: 0.0075,
-            lighthouse_distortion_length_m: 0.7,
-            gyro_noise_rad_s_sqrt_hz: 2.44e-4,
-            accelerometer_noise_m_s2_sqrt_hz: 1.86e-3,
-        }
-    }
-}
-
-impl SensorOptions {
-    /// Sensors without any error.
-    #[must_use]
-    pub fn ideal() -> Self {
-        Self {
-            lighthouse_jitter_m: 0.0,
-            lighthouse_distortion_m: 0.0,
-            lighthouse_distortion_length_m: 1.0,
-            gyro_noise_rad_s_sqrt_hz: 0.0,
-            accelerometer_noise_m_s2_sqrt_hz: 0.0,
-        }
-    }
-}
-
 impl SimOptions {
     /// Checks every setting by itself, that the log rate divides the control rate, and that the
     /// motors can lift the drone.
@@ -150,9 +84,8 @@ impl SimOptions {
         self.battery.check()?;
         self.air.check()?;
         self.controller.check()?;
-        within_all("observer.q", &self.observer.q, 1e-6, 1e12)?;
-        within_all("observer.r", &self.observer.r, 1e-6, 1e12)?;
         self.sensors.check()?;
+        self.observer.check(&self.sensors)?;
         self.rates.check()
     }
 }
@@ -186,18 +119,6 @@ fn divides(slow: &str, slow_hz: u32, fast: &str, fast_hz: u32) -> Result<()> {
     let wanted = format!("a divisor of rates.{fast} = {fast_hz}");
     let hint = "the firmware runs its loops at 1000, 500 and 100 Hz";
     Err(Error::input(format!("rates.{slow}"), slow_hz, wanted, hint))
-}
-
-impl SensorOptions {
-    fn check(&self) -> Result<()> {
-        within("sensors.lighthouse_jitter_m", self.lighthouse_jitter_m, 0.0, 1.0)?;
-        within("sensors.lighthouse_distortion_m", self.lighthouse_distortion_m, 0.0, 1.0)?;
-        let length_m = self.lighthouse_distortion_length_m;
-        within("sensors.lighthouse_distortion_length_m", length_m, 0.01, 1000.0)?;
-        within("sensors.gyro_noise_rad_s_sqrt_hz", self.gyro_noise_rad_s_sqrt_hz, 0.0, 1.0)?;
-        let density = self.accelerometer_noise_m_s2_sqrt_hz;
-        within("sensors.accelerometer_noise_m_s2_sqrt_hz", density, 0.0, 10.0)
-    }
 }
 
 /// [`within`] for each of several values.

@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::controller::{Command, Controller, Reference, controller};
-use super::observer::Observer;
+use super::estimator::{Estimator, estimator};
 use super::options::SimOptions;
 use super::recorder::Moment;
 use super::sensors::Sensors;
@@ -22,7 +22,7 @@ pub(super) const LOST: f64 = 1e4;
 pub(super) struct Rig {
     plant: Plant,
     controller: Box<dyn Controller>,
-    observer: Observer,
+    estimator: Box<dyn Estimator>,
     sensors: Sensors,
     tick_s: f64,
     steps_per_tick: u32,
@@ -46,7 +46,7 @@ impl Rig {
         let plant = Plant::new(options, dt_s, seed, 0, start_m);
         Ok(Self {
             controller: controller(options)?,
-            observer: Observer::new(&options.observer, sensors.settled_m(start_m))?,
+            estimator: estimator(options, sensors.settled_m(start_m))?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             steps_per_tick: options.rates.steps_per_tick,
@@ -71,10 +71,9 @@ impl Rig {
         }
         let setpoint = &plan.setpoints[self.setpoint];
 
-        let force = self.plant.specific_force_m_s2().z;
-        let reading = self.sensors.read(&self.state, force);
-        self.observer.update(&reading, self.tick_s);
-        self.estimate = self.observer.state();
+        let readings = self.sensors.read(&self.state, self.plant.specific_force_m_s2());
+        self.estimator.update(&readings, self.tick_s);
+        self.estimate = self.estimator.state();
 
         if setpoint.position_m.z <= 0.0 {
             self.controller.rest(&self.estimate);
@@ -128,7 +127,8 @@ impl Rig {
         let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
         let saturated = (self.saturated_ticks > 0).then_some(text);
-        saturated.into_iter().chain(self.plant.warnings()).collect()
+        let others = self.plant.warnings().into_iter().chain(self.sensors.warnings());
+        saturated.into_iter().chain(others).collect()
     }
 }
 

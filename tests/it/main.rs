@@ -4,5 +4,6 @@
 mod cli;
 mod compare;
 mod compare_flights;
+mod coverage;
 mod golden;
 mod road;

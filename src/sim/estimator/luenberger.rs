@@ -3,22 +3,23 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
-use super::options::ObserverOptions;
-use super::sensors::Reading;
-use super::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
+use super::{Estimator, ObserverOptions};
 use crate::control::{linearise, observer_gain};
 use crate::error::{Error, Result};
+use crate::sim::sensors::Readings;
+use crate::sim::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
 
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
 
 /// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x w_y w_z a_z − g]`
-/// and `y` the measured position, by Euler's rule as in the firmware.
+/// and `y` the last measured position, by Euler's rule as in the firmware.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
     a_minus_lc: SMatrix<f64, 8, 8>,
     b: SMatrix<f64, 8, 4>,
     l: SMatrix<f64, 8, 3>,
+    measured_m: Vector3<f64>,
     estimate: SVector<f64, 8>,
     yaw_rad: f64,
     rate_rad_s: Vector3<f64>,
@@ -36,21 +37,24 @@ impl Observer {
         let mut estimate = SVector::<f64, 8>::zeros();
         estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
         let (yaw_rad, rate_rad_s) = (0.0, Vector3::zeros());
-        Ok(Self { a_minus_lc: a - l * c, b, l, estimate, yaw_rad, rate_rad_s })
+        let measured_m = position_m;
+        Ok(Self { a_minus_lc: a - l * c, b, l, measured_m, estimate, yaw_rad, rate_rad_s })
     }
+}
 
-    /// Takes in the measurements of the tick that ends a span of `dt_s`.
-    pub(super) fn update(&mut self, reading: &Reading, dt_s: f64) {
-        let w = reading.rate_rad_s;
-        let u = Vector4::new(w.x, w.y, w.z, reading.specific_force_z_m_s2 - GRAVITY_M_S2);
-        let slope = self.a_minus_lc * self.estimate + self.b * u + self.l * reading.position_m;
-        self.estimate += slope * dt_s;
-        self.yaw_rad += w.z * dt_s;
+impl Estimator for Observer {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let w = readings.rate_rad_s;
+        self.measured_m = readings.position_m.unwrap_or(self.measured_m);
+        let u = Vector4::new(w.x, w.y, w.z, readings.specific_force_m_s2.z - GRAVITY_M_S2);
+        let slope = self.a_minus_lc * self.estimate + self.b * u + self.l * self.measured_m;
+        self.estimate += slope * tick_s;
+        self.yaw_rad += w.z * tick_s;
         self.rate_rad_s = w;
     }
 
-    /// All twelve states, the body rate as the gyroscope read it.
-    pub(super) fn state(&self) -> State {
+    /// The body rate is as the gyroscope read it.
+    fn state(&self) -> State {
         let x = &self.estimate;
         let w = &self.rate_rad_s;
         State::from([x[0], x[1], x[2], self.yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
@@ -89,6 +93,19 @@ mod tests {
     use super::*;
     use crate::control::observability_rank;
 
+    fn at_rest(truth: &State, position_m: Vector3<f64>, rate_rad_s: Vector3<f64>) -> Readings<'_> {
+        Readings {
+            truth,
+            rate_rad_s,
+            specific_force_m_s2: Vector3::z() * GRAVITY_M_S2,
+            position_m: Some(position_m),
+            sweeps: &[],
+            ranges: &[],
+            time_of_flight_m: None,
+            barometer_m: None,
+        }
+    }
+
     #[test]
     fn gain_is_the_published_one() {
         // The document prints −50.75 and 135.92, which come from unrounded weights, and 93.5.
@@ -122,13 +139,10 @@ mod tests {
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
         let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let reading = Reading {
-            position_m: truth,
-            rate_rad_s: Vector3::zeros(),
-            specific_force_z_m_s2: GRAVITY_M_S2,
-        };
+        let start = State::zeros();
+        let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
-            observer.update(&reading, 0.002);
+            observer.update(&readings, 0.002);
         }
         let state = observer.state();
         assert!((state.fixed_rows::<3>(0) - truth).norm() < 1e-6, "{state}");
@@ -138,13 +152,10 @@ mod tests {
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
         let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let reading = Reading {
-            position_m: Vector3::zeros(),
-            rate_rad_s: Vector3::z() * 0.5,
-            specific_force_z_m_s2: GRAVITY_M_S2,
-        };
+        let start = State::zeros();
+        let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {
-            observer.update(&reading, 0.002);
+            observer.update(&readings, 0.002);
         }
         assert!((observer.state()[YAW] - 1.0).abs() < 1e-12, "0.5 rad/s for 2 s");
     }

@@ -1,0 +1,196 @@
+//! Coverage: where Lighthouse base stations see a drone, and how well they place it there.
+//!
+//! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
+//! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
+//! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao).
+//! σ is the whole error of an angle: its white noise, the distortion, and the station's own place
+//! and turn. Not modelled: walls and people in the way, the tilt of the drone.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+use super::sensors::{Generation, SensorOptions};
+use crate::error::{Error, Result, within};
+
+/// Finest and coarsest grid.
+const STEPS_M: [f64; 2] = [0.001, 10.0];
+/// Most places of a grid.
+const MAX_PLACES: f64 = 1e6;
+
+/// A grid over a rectangle of the writing plane.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Where the columns are, rising.
+    pub x_m: Vec<f64>,
+    /// Depth of the plane.
+    pub y_m: f64,
+    /// Where the rows are, rising.
+    pub z_m: Vec<f64>,
+    /// Row by row from the lowest, left to right.
+    pub places: Vec<Place>,
+}
+
+/// What the stations make of one place.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// Stations that see a level drone there.
+    pub n_stations: usize,
+    /// Expected error of the position over all three axes, 1 σ; none where the angles of the
+    /// stations that see it leave it open.
+    pub error_m: Option<f64>,
+}
+
+/// Looks from every base station at a rectangle `[left, bottom, right, top]` of the plane at `y_m`,
+/// every `step_m`.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a rectangle or a step that makes no grid, and without base stations.
+pub fn coverage(
+    options: &SensorOptions,
+    bounds_m: [f64; 4],
+    y_m: f64,
+    step_m: f64,
+) -> Result<Coverage> {
+    options.check()?;
+    within("step", step_m, STEPS_M[0], STEPS_M[1])?;
+    within("depth y", y_m, -1e4, 1e4)?;
+    for bound in bounds_m {
+        within("bounds", bound, -1e4, 1e4)?;
+    }
+    let [left, bottom, right, top] = bounds_m;
+    let hint = "name left, bottom, right and top in metres, such as -1,0,1,2";
+    if left >= right || bottom >= top {
+        let found = format!("{left},{bottom},{right},{top}");
+        return Err(Error::input("bounds", found, "left below right, bottom below top", hint));
+    }
+    if (right - left) / step_m * (top - bottom) / step_m > MAX_PLACES {
+        let wanted = format!("a step that makes at most {MAX_PLACES} places");
+        return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
+    }
+    if options.stations.is_empty() {
+        let hint = "list them in the scene file, or read a configuration with --lighthouse";
+        return Err(Error::input("sensors.stations", "none", "at least one", hint));
+    }
+    let (x_m, z_m) = (places_m(left, right, step_m), places_m(bottom, top, step_m));
+    let rows = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
+    let places = rows.map(|place| look(options, &place)).collect();
+    Ok(Coverage { x_m, y_m, z_m, places })
+}
+
+impl Coverage {
+    /// Share of the places that at least two stations see.
+    #[must_use]
+    pub fn seen_frac(&self) -> f64 {
+        let seen = self.places.iter().filter(|place| place.n_stations >= 2).count();
+        #[expect(clippy::cast_precision_loss, reason = "at most a million")]
+        let frac = seen as f64 / self.places.len() as f64;
+        frac
+    }
+
+    /// Errors where at least two stations see the drone, rising.
+    #[must_use]
+    pub fn errors_m(&self) -> Vec<f64> {
+        let seen = self.places.iter().filter(|place| place.n_stations >= 2);
+        let mut errors_m: Vec<f64> = seen.filter_map(|place| place.error_m).collect();
+        errors_m.sort_by(f64::total_cmp);
+        errors_m
+    }
+}
+
+/// Places from one end to the other, both included, no further apart than `step_m`.
+fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2e7")]
+    let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
+    (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
+}
+
+/// What the stations make of a level drone at a place.
+fn look(options: &SensorOptions, place_m: &Vector3<f64>) -> Place {
+    let square = |x: f64| x * x;
+    let (mut n_stations, mut information) = (0, Matrix3::zeros());
+    for station in &options.stations {
+        let pose = station.pose();
+        if !pose.sees(place_m, &Vector3::z()) {
+            continue;
+        }
+        n_stations += 1;
+        let distance_m = (place_m - pose.position_m).norm();
+        let white = options.sweep_noise_rad[usize::from(station.generation == Generation::V2)];
+        let variance = square(white)
+            + square(options.sweep_distortion_rad)
+            + square(options.station_rotation_error_rad)
+            + square(options.station_position_error_m / distance_m);
+        for plane in 0..2 {
+            let slope = pose.crossing(plane, place_m).slope_rad_m;
+            information += slope * slope.transpose() / variance.max(f64::MIN_POSITIVE);
+        }
+    }
+    // One station's two angles leave its distance open; so do two stations in one line.
+    let scale = information.trace() / 3.0;
+    let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
+    let error_m = inverse.map(|inverse| (inverse.trace() / scale).sqrt());
+    Place { n_stations, error_m: error_m.filter(|error_m| error_m.is_finite()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::sensors::Station;
+
+    /// Two stations square to each other, 3 m from (0, 0, 0) and level with it but for their sight.
+    fn square_stations() -> SensorOptions {
+        let height = 0.6;
+        let stations = [[-3.0, 0.0, height], [0.0, -3.0, height]]
+            .map(|place| Station::looking(Generation::V1, place, [0.0, 0.0, height]));
+        SensorOptions {
+            stations: stations.into(),
+            sweep_noise_rad: [1e-3, 1e-3],
+            ..SensorOptions::ideal()
+        }
+    }
+
+    #[test]
+    fn error_is_that_of_geometry_by_hand() {
+        // Looked at along x and y from 3 m by 1 mrad: across the sight 3 mm, and z from both. The
+        // stations stand 0.6 m above the place, which turns each sight by atan(0.2).
+        let found = look(&square_stations(), &Vector3::zeros());
+        assert_eq!(found.n_stations, 2);
+        let level = look(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));
+        let error_m = level.error_m.unwrap();
+        let want = 3e-3 * f64::sqrt(1.0 + 1.0 + 0.5);
+        assert!((error_m / want - 1.0).abs() < 0.04, "{error_m} m against {want} m");
+    }
+
+    #[test]
+    fn one_station_leaves_the_place_open_and_none_sees_behind_itself() {
+        let mut options = square_stations();
+        options.stations.pop();
+        let found = look(&options, &Vector3::zeros());
+        assert_eq!(found, Place { n_stations: 1, error_m: None });
+        let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
+        assert_eq!(behind, Place { n_stations: 0, error_m: None });
+    }
+
+    #[test]
+    fn the_default_stations_cover_the_default_word() {
+        let grid = coverage(&SensorOptions::default(), [-0.6, 0.0, 0.9, 1.2], 0.0, 0.1).unwrap();
+        assert_eq!((grid.x_m.len(), grid.z_m.len(), grid.places.len()), (16, 13, 208));
+        assert_eq!(grid.seen_frac(), 1.0, "two stations see every place");
+        let errors_m = grid.errors_m();
+        assert!(errors_m[0] > 0.005 && errors_m[207] < 0.03, "{errors_m:?}");
+    }
+
+    #[test]
+    fn what_makes_no_grid_is_refused() {
+        let options = SensorOptions::default();
+        let refused =
+            |bounds_m, step_m| coverage(&options, bounds_m, 0.0, step_m).unwrap_err().to_string();
+        assert!(refused([0.0, 0.0, 0.0, 1.0], 0.1).starts_with("bounds"));
+        assert!(refused([0.0, 0.0, 100.0, 100.0], 0.01).starts_with("step"));
+        assert!(refused([0.0, 0.0, 1.0, 1.0], 0.0).starts_with("step"));
+        assert!(refused([0.0, 0.0, f64::NAN, 1.0], 0.1).starts_with("bounds"));
+        let none = SensorOptions { stations: Vec::new(), ..Default::default() };
+        assert!(coverage(&none, [0.0, 0.0, 1.0, 1.0], 0.0, 0.1).is_err(), "no stations");
+    }
+}

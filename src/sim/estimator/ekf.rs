@@ -1,0 +1,219 @@
+//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights.
+//!
+//! Position and velocity in the world and an attitude, driven by gyroscope and accelerometer at
+//! every tick; the nine errors' covariance is carried when something is measured, and at 100 times
+//! a second otherwise, as in the firmware (`estimator_kalman.c`). All measurements of a tick are
+//! held against the state predicted for it, one scalar after the other, each through a χ² gate.
+//!
+//! Sources: Mueller, Hamer, D'Andrea, "Fusing ultra-wideband range measurements with accelerometers
+//! and rate gyroscopes for quadrocopter state estimation", ICRA 2015 (the firmware's filter); Solà,
+//! "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
+//!
+//! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
+//! stations' geometry.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::attitude::{Turned, angles};
+use super::covariance::{Covariance, Errors, Slope};
+use super::{Estimator, ObserverOptions};
+use crate::sim::sensors::{
+    DECK_SENSORS_M, Range, Readings, SensorOptions, Station, StationPose, Sweep,
+    time_of_flight_sigma_m,
+};
+use crate::sim::vehicle::{GRAVITY_M_S2, State};
+
+/// What is believed of a drone that was put on its mark: σ of place, speed and attitude.
+const START: [f64; 3] = [0.02, 0.01, 0.02];
+/// The covariance is carried at least this often.
+const LONGEST_SPAN_S: f64 = 0.01;
+/// Cosine of the tilt beyond which the ranger's distance says nothing about the height.
+const LEAST_COS_TILT: f64 = 0.3;
+
+/// The filter.
+#[derive(Debug)]
+pub(super) struct Ekf {
+    pub(super) position_m: Vector3<f64>,
+    pub(super) velocity_m_s: Vector3<f64>,
+    attitude: Turned,
+    pub(super) world_from_body: Matrix3<f64>,
+    rate_rad_s: Vector3<f64>,
+    pub(super) covariance: Covariance,
+    /// Since the covariance was carried last.
+    span_s: f64,
+    turn_rad: Vector3<f64>,
+    /// What the measurements of this tick say.
+    errors: Errors,
+    stations: Vec<StationPose>,
+    anchors_m: Vec<Vector3<f64>>,
+    trust: Trust,
+}
+
+/// Spectral densities (two-sided), variances and the gate.
+#[derive(Clone, Copy, Debug)]
+struct Trust {
+    acceleration: f64,
+    rate: f64,
+    sweep: f64,
+    position: f64,
+    range: f64,
+    barometer: f64,
+    gate_sq: f64,
+}
+
+impl Ekf {
+    /// A filter that believes in a level drone at rest at `position_m`.
+    pub(super) fn new(
+        options: &ObserverOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+    ) -> Self {
+        let square = |sigma: f64| sigma * sigma;
+        Self {
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            attitude: Turned::level(),
+            world_from_body: Matrix3::identity(),
+            rate_rad_s: Vector3::zeros(),
+            covariance: Covariance::of(START[0], START[1], START[2]),
+            span_s: 0.0,
+            turn_rad: Vector3::zeros(),
+            errors: Errors::default(),
+            stations: sensors.stations.iter().map(Station::pose).collect(),
+            anchors_m: sensors.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
+            trust: Trust {
+                acceleration: 0.5 * square(options.ekf_acceleration_noise_m_s2_sqrt_hz),
+                rate: 0.5 * square(options.ekf_rate_noise_rad_s_sqrt_hz),
+                sweep: square(options.ekf_sweep_sigma_rad),
+                position: square(options.ekf_position_sigma_m),
+                range: square(options.ekf_range_sigma_m),
+                barometer: square(options.ekf_barometer_sigma_m),
+                gate_sq: square(options.ekf_gate_sigmas),
+            },
+        }
+    }
+
+    /// Moves the state over a span with the mean of the body rates at its ends and the specific
+    /// force along it.
+    fn predict(&mut self, rate_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>, tick_s: f64) {
+        let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
+        let midway = self.attitude.by(&(turn_rad * 0.5)).matrix();
+        let acceleration = midway * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
+        self.position_m += (self.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        self.velocity_m_s += acceleration * tick_s;
+        self.attitude = self.attitude.by(&turn_rad);
+        self.world_from_body = self.attitude.matrix();
+        self.rate_rad_s = *rate_rad_s;
+        self.span_s += tick_s;
+        self.turn_rad += turn_rad;
+    }
+
+    fn carry_covariance(&mut self, force_m_s2: &Vector3<f64>) {
+        let lever = -self.world_from_body * force_m_s2.cross_matrix();
+        let Trust { acceleration, rate, .. } = self.trust;
+        self.covariance.carry(self.span_s, &lever, &self.turn_rad, acceleration, rate);
+        self.span_s = 0.0;
+        self.turn_rad = Vector3::zeros();
+    }
+
+    fn correct(&mut self, slope: Slope, innovation: f64, variance: f64) {
+        let gate_sq = self.trust.gate_sq;
+        self.covariance.correct(&mut self.errors, &slope, innovation, variance, gate_sq);
+    }
+
+    fn see_sweep(&mut self, sweep: &Sweep) {
+        for (sensor, angle_rad) in DECK_SENSORS_M.into_iter().zip(sweep.angles_rad) {
+            let lever = Vector3::from(sensor);
+            let place = self.position_m + self.world_from_body * lever;
+            let crossing = self.stations[sweep.station].crossing(sweep.plane, &place);
+            let position = crossing.slope_rad_m;
+            let turn = lever.cross(&self.world_from_body.tr_mul(&position));
+            let innovation = angle_rad - crossing.angle_rad;
+            self.correct(Slope { position, turn }, innovation, self.trust.sweep);
+        }
+    }
+
+    fn hear_range(&mut self, range: &Range) {
+        let away = |anchor: usize| self.position_m - self.anchors_m[anchor];
+        let mut position = away(range.anchor);
+        let mut expected_m = position.norm();
+        position /= expected_m.max(f64::MIN_POSITIVE);
+        if let Some(other) = range.minus {
+            let (away, distance_m) = (away(other), away(other).norm());
+            expected_m -= distance_m;
+            position -= away / distance_m.max(f64::MIN_POSITIVE);
+        }
+        let turn = Vector3::zeros();
+        self.correct(Slope { position, turn }, range.distance_m - expected_m, self.trust.range);
+    }
+
+    fn see_position(&mut self, position_m: &Vector3<f64>) {
+        for axis in 0..3 {
+            let mut position = Vector3::zeros();
+            position[axis] = 1.0;
+            let innovation = position_m[axis] - self.position_m[axis];
+            let turn = Vector3::zeros();
+            self.correct(Slope { position, turn }, innovation, self.trust.position);
+        }
+    }
+
+    fn see_floor(&mut self, distance_m: f64) {
+        let r = &self.world_from_body;
+        let cos_tilt = r[(2, 2)];
+        if cos_tilt < LEAST_COS_TILT {
+            return;
+        }
+        let expected_m = self.position_m.z / cos_tilt;
+        let position = Vector3::z() / cos_tilt;
+        let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
+        let sigma_m = time_of_flight_sigma_m(distance_m);
+        self.correct(Slope { position, turn }, distance_m - expected_m, sigma_m * sigma_m);
+    }
+
+    fn feel_height(&mut self, height_m: f64) {
+        let slope = Slope { position: Vector3::z(), turn: Vector3::zeros() };
+        self.correct(slope, height_m - self.position_m.z, self.trust.barometer);
+    }
+
+    /// Puts what the measurements said into the state.
+    fn settle(&mut self) {
+        let errors = std::mem::take(&mut self.errors);
+        self.position_m += errors.position_m;
+        self.velocity_m_s += errors.velocity_m_s;
+        self.attitude = self.attitude.by(&errors.turn_rad);
+        self.world_from_body = self.attitude.matrix();
+    }
+}
+
+impl Estimator for Ekf {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let force_m_s2 = &readings.specific_force_m_s2;
+        self.predict(&readings.rate_rad_s, force_m_s2, tick_s);
+        let measured = !readings.sweeps.is_empty()
+            || !readings.ranges.is_empty()
+            || readings.position_m.is_some()
+            || readings.time_of_flight_m.is_some()
+            || readings.barometer_m.is_some();
+        if !measured && self.span_s < LONGEST_SPAN_S {
+            return;
+        }
+        self.carry_covariance(force_m_s2);
+        if !measured {
+            return;
+        }
+        readings.sweeps.iter().for_each(|sweep| self.see_sweep(sweep));
+        readings.ranges.iter().for_each(|range| self.hear_range(range));
+        readings.position_m.iter().for_each(|position_m| self.see_position(position_m));
+        readings.time_of_flight_m.iter().for_each(|distance_m| self.see_floor(*distance_m));
+        readings.barometer_m.iter().for_each(|height_m| self.feel_height(*height_m));
+        self.settle();
+    }
+
+    fn state(&self) -> State {
+        let (p, w) = (&self.position_m, &self.rate_rad_s);
+        let a = angles(&self.world_from_body);
+        let v = self.world_from_body.tr_mul(&self.velocity_m_s);
+        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
+        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
+    }
+}

@@ -1,0 +1,109 @@
+//! Positions from the crossing of beams: the point nearest to the rays of all stations that were
+//! heard of lately.
+//!
+//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`;
+//! for two rays that is the middle of their shortest connection, as in the firmware
+//! (`lighthouse_position_est.c`, `estimatePositionCrossingBeams`). The deck's middle is the mean of
+//! its sensors.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::lighthouse::{DECK_SENSORS_M, Sweep};
+use super::station::{Station, StationPose};
+
+/// Angles older than this are no longer crossed: a turn and a half of the slowest rotor, so that
+/// one lost sweep costs one fix.
+const FRESH_S: f64 = 0.03;
+
+/// Joins sweeps to positions.
+#[derive(Debug)]
+pub(super) struct CrossingBeams {
+    stations: Vec<Heard>,
+}
+
+#[derive(Debug)]
+struct Heard {
+    pose: StationPose,
+    angles_rad: [[f64; 4]; 2],
+    times_s: [f64; 2],
+}
+
+impl CrossingBeams {
+    pub(super) fn new(stations: &[Station]) -> Self {
+        let heard = |station: &Station| Heard {
+            pose: station.pose(),
+            angles_rad: [[0.0; 4]; 2],
+            times_s: [f64::NEG_INFINITY; 2],
+        };
+        Self { stations: stations.iter().map(heard).collect() }
+    }
+
+    /// The position of the deck's middle after the sweeps of this tick: one whenever a station's
+    /// second plane passed and another station was heard.
+    pub(super) fn fix_m(&mut self, sweeps: &[Sweep], time_s: f64) -> Option<Vector3<f64>> {
+        for sweep in sweeps {
+            let heard = &mut self.stations[sweep.station];
+            heard.angles_rad[sweep.plane] = sweep.angles_rad;
+            heard.times_s[sweep.plane] = time_s;
+        }
+        if !sweeps.iter().any(|sweep| sweep.plane == 1) {
+            return None;
+        }
+        let fresh = |heard: &&Heard| heard.times_s.iter().all(|t| time_s - t <= FRESH_S);
+        if self.stations.iter().filter(fresh).count() < 2 {
+            return None;
+        }
+        let mut middle = Vector3::zeros();
+        for sensor in 0..DECK_SENSORS_M.len() {
+            let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
+            for heard in self.stations.iter().filter(fresh) {
+                let [first, second] = heard.angles_rad;
+                let ray = heard.pose.ray([first[sensor], second[sensor]]);
+                let across = Matrix3::identity() - ray * ray.transpose();
+                left += across;
+                right += across * heard.pose.position_m;
+            }
+            middle += left.try_inverse()? * right;
+        }
+        Some(middle / 4.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Attitude;
+    use crate::sim::noise::Noise;
+    use crate::sim::sensors::SensorOptions;
+    use crate::sim::sensors::lighthouse::Lighthouse;
+    use crate::sim::sensors::station::Generation;
+
+    /// Fixes of a second at rest.
+    fn fixes(options: &SensorOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {
+        let attitude = Attitude { yaw_rad: 0.3, pitch_rad: 0.05, roll_rad: -0.1 }.world_from_body();
+        let mut lighthouse = Lighthouse::new(options, |sensor| Noise::new(1, 0, sensor));
+        let mut beams = CrossingBeams::new(&options.stations);
+        let times = (1..=500).map(|tick| f64::from(tick) / 500.0);
+        times.filter_map(|t| beams.fix_m(lighthouse.read(&position_m, &attitude, t), t)).collect()
+    }
+
+    #[test]
+    fn position_is_exact_without_noise() {
+        let place = Vector3::new(-0.3, 0.1, 0.6);
+        for generation in [Generation::V1, Generation::V2] {
+            let mut options = SensorOptions::ideal();
+            options.stations.iter_mut().for_each(|s| s.generation = generation);
+            let fixes = fixes(&options, place);
+            assert!(fixes.len() > 50, "{} fixes in a second", fixes.len());
+            let worst = fixes.iter().map(|fix| (fix - place).norm()).fold(0.0, f64::max);
+            assert!(worst < 1e-12, "{generation:?}: {worst:e} m");
+        }
+    }
+
+    #[test]
+    fn one_station_makes_no_fix() {
+        let mut options = SensorOptions::ideal();
+        options.stations[1].yaw_rad += 3.0;
+        assert!(fixes(&options, Vector3::z()).is_empty(), "the second looks away");
+    }
+}

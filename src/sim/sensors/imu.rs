@@ -1,0 +1,133 @@
+//! Gyroscope and accelerometer: white noise, and a bias that walks.
+
+use nalgebra::Vector3;
+
+use super::SensorOptions;
+use crate::sim::noise::Noise;
+
+/// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
+/// modelled: noise is white up to half the rate at which it is read.
+#[derive(Debug)]
+pub(super) struct Imu {
+    gyro: Axes,
+    accelerometer: Axes,
+    accelerometer_xy: Noise,
+}
+
+/// One sensor of three axes.
+#[derive(Debug)]
+struct Axes {
+    /// Standard deviation of one reading.
+    sigma: f64,
+    noise: Noise,
+    /// Standard deviation of the bias's step from tick to tick.
+    step: f64,
+    steps: Noise,
+    bias: Vector3<f64>,
+}
+
+impl Axes {
+    /// White noise of density `n`, sampled at rate f, has σ = n √(f/2); a bias whose derivative has
+    /// density `b` steps by b √(1/2f).
+    fn new(density: f64, walk: f64, rate_hz: u32, noise: Noise, steps: Noise) -> Self {
+        let half_rate = (0.5 * f64::from(rate_hz)).sqrt();
+        let step = walk * (0.5 / f64::from(rate_hz)).sqrt();
+        Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
+    }
+
+    fn bias(&mut self) -> Vector3<f64> {
+        if self.step > 0.0 {
+            self.bias += self.steps.normals() * self.step;
+        }
+        self.bias
+    }
+}
+
+impl Imu {
+    pub(super) fn new(
+        options: &SensorOptions,
+        rate_hz: u32,
+        noise: impl Fn(&str) -> Noise,
+    ) -> Self {
+        Self {
+            gyro: Axes::new(
+                options.gyro_noise_rad_s_sqrt_hz,
+                options.gyro_bias_walk_rad_s2_sqrt_hz,
+                rate_hz,
+                noise("gyro"),
+                noise("gyro bias"),
+            ),
+            accelerometer: Axes::new(
+                options.accelerometer_noise_m_s2_sqrt_hz,
+                options.accelerometer_bias_walk_m_s3_sqrt_hz,
+                rate_hz,
+                noise("accelerometer"),
+                noise("accelerometer bias"),
+            ),
+            accelerometer_xy: noise("accelerometer xy"),
+        }
+    }
+
+    /// Turning as the gyroscope reads it, body frame.
+    pub(super) fn rate_rad_s(&mut self, rate_rad_s: Vector3<f64>) -> Vector3<f64> {
+        rate_rad_s + self.gyro.noise.normals() * self.gyro.sigma + self.gyro.bias()
+    }
+
+    /// Specific force as the accelerometer reads it, body frame.
+    pub(super) fn specific_force_m_s2(&mut self, force_m_s2: Vector3<f64>) -> Vector3<f64> {
+        let sensor = &mut self.accelerometer;
+        let z = sensor.noise.normal();
+        let xy = &mut self.accelerometer_xy;
+        force_m_s2 + Vector3::new(xy.normal(), xy.normal(), z) * sensor.sigma + sensor.bias()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::sensors::density::{Series, random_walk_density, white_density};
+
+    const RATE_HZ: u32 = 500;
+
+    fn series(options: &SensorOptions, n: usize) -> [Series; 6] {
+        let mut imu = Imu::new(options, RATE_HZ, |sensor| Noise::new(3, 0, sensor));
+        let mut series: [Series; 6] = std::array::from_fn(|_| Series::new(f64::from(RATE_HZ)));
+        for _ in 0..n {
+            let rate = imu.rate_rad_s(Vector3::zeros());
+            let force = imu.specific_force_m_s2(Vector3::zeros());
+            for (series, value) in series.iter_mut().zip(rate.iter().chain(&force)) {
+                series.push(*value);
+            }
+        }
+        series
+    }
+
+    #[test]
+    fn noise_has_its_density_at_every_frequency() {
+        let want = [2.44e-4, 2.44e-4, 2.44e-4, 1.86e-3, 1.86e-3, 1.86e-3];
+        let series = series(&SensorOptions::default(), 1 << 17);
+        for (axis, (series, want)) in series.iter().zip(want).enumerate() {
+            for (band, found) in white_density(series).into_iter().enumerate() {
+                // 1024 blocks at the slowest: 2.2 % one sigma.
+                assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn bias_walks_with_its_density() {
+        let options = SensorOptions {
+            gyro_bias_walk_rad_s2_sqrt_hz: 1e-4,
+            accelerometer_bias_walk_m_s3_sqrt_hz: 2e-3,
+            ..SensorOptions::ideal()
+        };
+        let series = series(&options, 1 << 17);
+        for (axis, (series, want)) in
+            series.iter().zip([1e-4, 1e-4, 1e-4, 2e-3, 2e-3, 2e-3]).enumerate()
+        {
+            for (band, found) in random_walk_density(series).into_iter().enumerate() {
+                assert!((found / want - 1.0).abs() < 0.08, "axis {axis}, band {band}: {found:e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Sensors: what the drone measures of its motion. One file a sensor.
+//!
+//! In: the true state and the specific force at a tick. Out: [`Readings`]. Every sensor has its own
+//! streams of noise and draws a fixed number from them at each of its measurements, so that none
+//! can shift another's.
+
+mod config;
+mod crossing_beams;
+#[cfg(test)]
+mod density;
+mod height;
+mod imu;
+mod lighthouse;
+mod options;
+mod position;
+mod station;
+mod uwb;
+
+use nalgebra::Vector3;
+
+use self::crossing_beams::CrossingBeams;
+use self::height::{Barometer, Gnss, TimeOfFlight};
+use self::imu::Imu;
+use self::lighthouse::Lighthouse;
+use self::position::PositionSensor;
+use self::uwb::Uwb;
+use super::noise::Noise;
+use super::vehicle::{State, attitude, position, rate};
+
+pub use self::config::read_lighthouse_config;
+pub(super) use self::height::time_of_flight_sigma_m;
+pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
+pub use self::options::{HeightSensor, Positioning, SensorOptions};
+pub(super) use self::station::StationPose;
+pub use self::station::{Generation, Station};
+pub(super) use self::uwb::Range;
+
+/// What arrived at one tick. Inertial readings come at every tick, the others when they are due.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Readings<'a> {
+    /// The true state, which no estimator but the one named `truth` looks at.
+    pub(super) truth: &'a State,
+    /// Gyroscope, body frame.
+    pub(super) rate_rad_s: Vector3<f64>,
+    /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
+    pub(super) specific_force_m_s2: Vector3<f64>,
+    /// Position in the world, where the positioning gives positions.
+    pub(super) position_m: Option<Vector3<f64>>,
+    /// Lighthouse sweeps.
+    pub(super) sweeps: &'a [Sweep],
+    /// Ultra-wideband ranges.
+    pub(super) ranges: &'a [Range],
+    /// Distance to the floor along the body's −z.
+    pub(super) time_of_flight_m: Option<f64>,
+    /// Height over the floor, from air pressure.
+    pub(super) barometer_m: Option<f64>,
+}
+
+/// Sensors of one drone.
+#[derive(Debug)]
+pub(super) struct Sensors {
+    imu: Imu,
+    locator: Locator,
+    time_of_flight: Option<TimeOfFlight>,
+    barometer: Option<Barometer>,
+    tick_s: f64,
+    ticks: u32,
+}
+
+/// What tells the drone where it is.
+#[derive(Debug)]
+enum Locator {
+    Position(Box<PositionSensor>),
+    CrossingBeams(Lighthouse, CrossingBeams),
+    Sweeps(Lighthouse),
+    Uwb(Box<Uwb>),
+    Gnss(Box<Gnss>),
+}
+
+impl Sensors {
+    /// Sensors of the drone with index `drone`, read `rate_hz` times a second.
+    pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, drone: u64) -> Self {
+        let noise = |sensor: &str| Noise::new(seed, drone, sensor);
+        let has = |sensor| options.heights.contains(&sensor);
+        Self {
+            imu: Imu::new(options, rate_hz, noise),
+            locator: match options.positioning {
+                Positioning::Position => {
+                    Locator::Position(Box::new(PositionSensor::new(options, rate_hz, noise)))
+                }
+                Positioning::CrossingBeams => Locator::CrossingBeams(
+                    Lighthouse::new(options, noise),
+                    CrossingBeams::new(&options.stations),
+                ),
+                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(options, noise)),
+                Positioning::UwbTwr => Locator::Uwb(Box::new(Uwb::new(options, false, noise))),
+                Positioning::UwbTdoa => Locator::Uwb(Box::new(Uwb::new(options, true, noise))),
+                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(options, noise))),
+            },
+            time_of_flight: has(HeightSensor::TimeOfFlight).then(|| TimeOfFlight::new(noise)),
+            barometer: has(HeightSensor::Barometer).then(|| Barometer::new(options, noise)),
+            tick_s: 1.0 / f64::from(rate_hz),
+            ticks: 0,
+        }
+    }
+
+    /// Where a drone at rest is believed to be before its first reading: where it is, and for
+    /// positions with a distortion where they settle.
+    pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
+        match &self.locator {
+            Locator::Position(sensor) => sensor.settled_m(position_m),
+            _ => position_m,
+        }
+    }
+
+    /// Reads every sensor that is due, once a tick.
+    pub(super) fn read<'a>(
+        &'a mut self,
+        state: &'a State,
+        specific_force_m_s2: Vector3<f64>,
+    ) -> Readings<'a> {
+        let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
+        self.ticks += 1;
+        let position_m = position(state);
+        let world_from_body = attitude(state).world_from_body();
+        let cos_tilt = world_from_body[(2, 2)];
+        let mut readings = Readings {
+            truth: state,
+            rate_rad_s: self.imu.rate_rad_s(rate(state)),
+            specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
+            position_m: None,
+            sweeps: &[],
+            ranges: &[],
+            time_of_flight_m: None,
+            barometer_m: None,
+        };
+        match &mut self.locator {
+            Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
+            Locator::CrossingBeams(lighthouse, beams) => {
+                let sweeps = lighthouse.read(&position_m, &world_from_body, time_s);
+                readings.position_m = beams.fix_m(sweeps, time_s);
+            }
+            Locator::Sweeps(lighthouse) => {
+                readings.sweeps = lighthouse.read(&position_m, &world_from_body, time_s);
+            }
+            Locator::Uwb(uwb) => readings.ranges = uwb.read(&position_m, time_s),
+            Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
+        }
+        if let Some(sensor) = &mut self.time_of_flight {
+            readings.time_of_flight_m = sensor.read(position_m.z, cos_tilt, time_s);
+        }
+        if let Some(sensor) = &mut self.barometer {
+            readings.barometer_m = sensor.read(position_m.z, time_s);
+        }
+        readings
+    }
+
+    /// What whoever reads the flight should know.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        match &self.locator {
+            Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
+                let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
+                let text = format!("fewer than two base stations saw the drone for {blind_s:.2} s");
+                if blind_s > 0.0 { vec![text] } else { Vec::new() }
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::vehicle::{GRAVITY_M_S2, at};
+
+    const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
+    const ALL: [Positioning; 6] = [
+        Positioning::Position,
+        Positioning::CrossingBeams,
+        Positioning::Sweeps,
+        Positioning::UwbTwr,
+        Positioning::UwbTdoa,
+        Positioning::Gnss,
+    ];
+
+    /// What is left of the readings when they are written down.
+    #[derive(Debug, PartialEq)]
+    struct Written {
+        inertial: [Vector3<f64>; 2],
+        position_m: Option<Vector3<f64>>,
+        sweeps: Vec<Sweep>,
+        ranges: Vec<Range>,
+        heights_m: [Option<f64>; 2],
+    }
+
+    fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
+        let (state, force) = (at(PLACE_M, 0.0), Vector3::z() * GRAVITY_M_S2);
+        let mut sensors = Sensors::new(options, 500, 1, 0);
+        let read = |_| {
+            let r = sensors.read(&state, force);
+            Written {
+                inertial: [r.rate_rad_s, r.specific_force_m_s2],
+                position_m: r.position_m,
+                sweeps: r.sweeps.to_vec(),
+                ranges: r.ranges.to_vec(),
+                heights_m: [r.time_of_flight_m, r.barometer_m],
+            }
+        };
+        (0..n).map(read).collect()
+    }
+
+    #[test]
+    fn ideal_sensors_tell_the_truth() {
+        for reading in readings(&SensorOptions::ideal(), 20) {
+            assert_eq!(reading.inertial, [Vector3::zeros(), Vector3::z() * GRAVITY_M_S2]);
+            assert_eq!(reading.position_m, Some(PLACE_M));
+        }
+    }
+
+    #[test]
+    fn a_sensor_more_or_less_leaves_the_others_alone() {
+        let with = |positioning, heights: &[HeightSensor]| {
+            let heights = heights.to_vec();
+            readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
+        };
+        for positioning in ALL {
+            let alone = with(positioning, &[]);
+            let beside = with(positioning, &[HeightSensor::Barometer, HeightSensor::TimeOfFlight]);
+            let gyro = with(Positioning::Position, &[]);
+            for ((a, b), c) in alone.iter().zip(&beside).zip(&gyro) {
+                assert_eq!(a.inertial, c.inertial, "{positioning:?}");
+                assert_eq!((&a.sweeps, &a.ranges), (&b.sweeps, &b.ranges), "{positioning:?}");
+                assert_eq!(a.position_m, b.position_m, "{positioning:?}");
+            }
+        }
+        let mut options = SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
+        let two = readings(&options, 200);
+        options.stations.push(options.stations[0].clone());
+        options.sweep_loss_frac = 0.5;
+        let first = |written: &[Written]| -> Vec<Sweep> {
+            written.iter().flat_map(|w| w.sweeps.clone()).filter(|s| s.station == 0).collect()
+        };
+        let (two, three) = (first(&two), first(&readings(&options, 200)));
+        assert!(three.len() > 10 && three.iter().all(|sweep| two.contains(sweep)), "a subset");
+    }
+
+    #[test]
+    fn silencing_one_sensor_leaves_the_others_alone() {
+        let loud = readings(&SensorOptions::default(), 20);
+        let options = SensorOptions { gyro_noise_rad_s_sqrt_hz: 0.0, ..Default::default() };
+        for (quiet, loud) in readings(&options, 20).iter().zip(&loud) {
+            assert_eq!(quiet.position_m, loud.position_m);
+            assert_eq!(quiet.inertial[1], loud.inertial[1]);
+            assert_eq!(quiet.inertial[0], Vector3::zeros());
+        }
+    }
+
+    #[test]
+    fn no_two_sensors_share_their_noise() {
+        let options = SensorOptions { lighthouse_distortion_m: 0.0, ..Default::default() };
+        let reading = &readings(&options, 1)[0];
+        let sampled = f64::sqrt(250.0);
+        let [rate, force] = reading.inertial;
+        let first = [
+            (reading.position_m.unwrap().x - PLACE_M.x) / options.lighthouse_jitter_m,
+            rate.x / (options.gyro_noise_rad_s_sqrt_hz * sampled),
+            force.x / (options.accelerometer_noise_m_s2_sqrt_hz * sampled),
+            (force.z - GRAVITY_M_S2) / (options.accelerometer_noise_m_s2_sqrt_hz * sampled),
+        ];
+        for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            assert!((first[i] - first[j]).abs() > 1e-6, "{first:?}");
+        }
+    }
+
+    #[test]
+    fn distortion_stands_still_where_the_drone_does() {
+        let options = SensorOptions { lighthouse_jitter_m: 0.0, ..Default::default() };
+        let readings = readings(&options, 50);
+        assert!(readings.iter().all(|r| r.position_m == readings[0].position_m));
+        assert!((readings[0].position_m.unwrap() - PLACE_M).norm() > 1e-4, "is there");
+    }
+
+    #[test]
+    fn sweeps_spread_as_stated_and_as_many_arrive() {
+        for (generation, sigma, per_second) in
+            [(Generation::V1, 60e-6, 30.0 * 0.87), (Generation::V2, 28e-6, 50.1 * 0.87)]
+        {
+            let mut options =
+                SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
+            options.stations.iter_mut().for_each(|s| s.generation = generation);
+            let seconds = 60;
+            let written = readings(&options, 500 * seconds);
+            let angles: Vec<f64> = (written.iter().flat_map(|w| &w.sweeps))
+                .filter(|sweep| (sweep.station, sweep.plane) == (1, 0))
+                .map(|sweep| sweep.angles_rad[2])
+                .collect();
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let (n, seconds) = (angles.len() as f64, seconds as f64);
+            let rate = n / seconds;
+            assert!((rate / per_second - 1.0).abs() < 0.04, "{generation:?}: {rate} a second");
+            let mean = angles.iter().sum::<f64>() / n;
+            let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
+            assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! A Lighthouse base station: where it stands, what it sees, and the angle at which its planes of
+//! light meet a point.
+//!
+//! A station's frame is x forward (out of the front), y left, z up. Angles are those that the
+//! firmware has after it applied the factory calibration, which is why calibration files are read
+//! for their geometry alone; what calibration leaves is the `sweep_distortion` of the sensors.
+//! Model: `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware; fields of view:
+//! Bitcraze's documentation of the Lighthouse deck.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, within};
+use crate::geometry::Attitude;
+
+/// tan(π/6): slant of a second-generation station's planes.
+const TAN_TILT: f64 = 0.577_350_269_189_625_8;
+/// Beyond this distance the deck no longer sees a sweep: 6 m, as documented.
+const RANGE_M: f64 = 6.0;
+/// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
+/// look up, still see it. An assumption: 6°. Bitcraze asks for half a metre above the drone.
+const LOWEST_SINE: f64 = 0.1;
+/// Largest sine that a slanted plane's lead may have; a station sees nothing that far up.
+const LARGEST_LEAD: f64 = 0.99;
+
+/// Generation of a base station.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Generation {
+    /// Two rotors, one with an upright plane of light and one with a flat one; 120° × 120°.
+    V1,
+    /// One rotor with two planes, slanted by ±30°; 150° × 110°.
+    #[default]
+    V2,
+}
+
+/// A base station where the drone believes it to stand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Station {
+    /// What it is.
+    pub generation: Generation,
+    /// Where it stands, world frame.
+    pub position_m: [f64; 3],
+    /// Turn about world z; 0 looks along world x.
+    pub yaw_rad: f64,
+    /// Tip about the yawed y axis; positive looks down.
+    pub pitch_rad: f64,
+    /// Turn about its own forward axis.
+    pub roll_rad: f64,
+}
+
+impl Station {
+    /// A station at `position_m` that looks at `target_m` with its horizon level.
+    ///
+    /// Looking straight up or down leaves the yaw at zero.
+    #[must_use]
+    pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
+        let ahead = Vector3::from(target_m) - Vector3::from(position_m);
+        Self {
+            generation,
+            position_m,
+            yaw_rad: libm::atan2(ahead.y, ahead.x),
+            pitch_rad: -libm::atan2(ahead.z, libm::hypot(ahead.x, ahead.y)),
+            roll_rad: 0.0,
+        }
+    }
+
+    /// Checks the ranges; `key` names the station in messages.
+    pub(super) fn check(&self, key: &str) -> Result<()> {
+        for value in self.position_m {
+            within(&format!("{key}.position_m"), value, -1e4, 1e4)?;
+        }
+        within(&format!("{key}.yaw_rad"), self.yaw_rad, -2.0 * PI, 2.0 * PI)?;
+        within(&format!("{key}.pitch_rad"), self.pitch_rad, -FRAC_PI_2, FRAC_PI_2)?;
+        within(&format!("{key}.roll_rad"), self.roll_rad, -2.0 * PI, 2.0 * PI)
+    }
+
+    /// Its pose, ready to compute with.
+    pub(in crate::sim) fn pose(&self) -> StationPose {
+        let Self { yaw_rad, pitch_rad, roll_rad, .. } = *self;
+        StationPose {
+            generation: self.generation,
+            position_m: self.position_m.into(),
+            world_from_station: Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body(),
+        }
+    }
+}
+
+/// A base station's pose, ready to compute with.
+#[derive(Clone, Debug)]
+pub(in crate::sim) struct StationPose {
+    pub(in crate::sim) generation: Generation,
+    pub(in crate::sim) position_m: Vector3<f64>,
+    pub(in crate::sim) world_from_station: Matrix3<f64>,
+}
+
+/// One crossing of a plane of light and a point.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sim) struct Crossing {
+    /// Angle of the rotor; 0 is straight ahead.
+    pub(in crate::sim) angle_rad: f64,
+    /// How the angle changes with the point's place in the world.
+    pub(in crate::sim) slope_rad_m: Vector3<f64>,
+}
+
+impl StationPose {
+    /// A point of the world in the station's frame.
+    pub(in crate::sim) fn station_from_world(&self, point_m: &Vector3<f64>) -> Vector3<f64> {
+        self.world_from_station.tr_mul(&(point_m - self.position_m))
+    }
+
+    /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
+    /// its field of view, and above the deck. Walls and people are not modelled.
+    pub(in crate::sim) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
+        let u = self.station_from_world(deck_m);
+        let distance_m = u.norm();
+        let (half_width, half_height) = match self.generation {
+            Generation::V1 => (FRAC_PI_3, FRAC_PI_3),
+            Generation::V2 => (5.0 * PI / 12.0, 11.0 * PI / 36.0),
+        };
+        let elevation = libm::atan2(u.z, libm::hypot(u.x, u.y));
+        distance_m > 0.0
+            && distance_m <= RANGE_M
+            && libm::atan2(u.y, u.x).abs() <= half_width
+            && elevation.abs() <= half_height
+            && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
+    }
+
+    /// Where plane 0 or 1 meets a point:
+    /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
+    /// for the first `atan2(y, x)` and `atan2(z, x)`.
+    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
+        let u = self.station_from_world(point_m);
+        let (angle_rad, slope) = match (self.generation, plane) {
+            (Generation::V1, 0) => upright(u.x, u.y),
+            (Generation::V1, _) => {
+                let (angle_rad, slope) = upright(u.x, u.z);
+                (angle_rad, Vector3::new(slope.x, 0.0, slope.y))
+            }
+            (Generation::V2, 0) => slanted(&u, -TAN_TILT),
+            (Generation::V2, _) => slanted(&u, TAN_TILT),
+        };
+        Crossing { angle_rad, slope_rad_m: self.world_from_station * slope }
+    }
+
+    /// The direction in the world, a unit vector, in which both planes were met at these angles.
+    pub(super) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
+        let direction = match self.generation {
+            Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
+            Generation::V2 => {
+                let azimuth = 0.5 * (angles_rad[0] + angles_rad[1]);
+                let lead = libm::sin(0.5 * (angles_rad[1] - angles_rad[0]));
+                let (sin, cos) = libm::sincos(azimuth);
+                Vector3::new(cos, sin, lead / TAN_TILT)
+            }
+        };
+        self.world_from_station * direction.normalize()
+    }
+}
+
+/// `atan2(b, a)` and its slope in `a` and `b`.
+fn upright(a: f64, b: f64) -> (f64, Vector3<f64>) {
+    let square = a * a + b * b;
+    (libm::atan2(b, a), Vector3::new(-b / square, a / square, 0.0))
+}
+
+/// Angle of a slanted plane, and its slope in the station's frame.
+fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> (f64, Vector3<f64>) {
+    let square = u.x * u.x + u.y * u.y;
+    let radius = square.sqrt();
+    let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
+    let root = (1.0 - lead * lead).sqrt();
+    let outward = lead / (square * root);
+    let slope = Vector3::new(
+        -u.y / square - u.x * outward,
+        u.x / square - u.y * outward,
+        tan_tilt / (radius * root),
+    );
+    (libm::atan2(u.y, u.x) + libm::asin(lead), slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOTH: [Generation; 2] = [Generation::V1, Generation::V2];
+
+    fn station(generation: Generation) -> StationPose {
+        Station {
+            roll_rad: 0.1,
+            ..Station::looking(generation, [-2.0, -1.5, 2.2], [0.2, 0.1, 0.7])
+        }
+        .pose()
+    }
+
+    #[test]
+    fn angles_are_those_of_geometry_by_hand() {
+        let level =
+            |generation| Station::looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]).pose();
+        // 2 m ahead, 2 m to the left, level: 45° on every plane of either generation.
+        let point = Vector3::new(2.0, 2.0, 1.0);
+        for plane in [0, 1] {
+            let found = level(Generation::V2).crossing(plane, &point).angle_rad;
+            assert!((found - PI / 4.0).abs() < 1e-15, "plane {plane}: {found}");
+        }
+        // 1 m ahead and √3/2 m up: a plane slanted by 30° leads by asin(√3/2 / √3) = 30°.
+        let above = Vector3::new(1.0, 0.0, 1.0 + 0.75_f64.sqrt());
+        for (plane, want) in [(0, -PI / 6.0), (1, PI / 6.0)] {
+            let found = level(Generation::V2).crossing(plane, &above).angle_rad;
+            assert!((found - want).abs() < 1e-15, "plane {plane}: {found}");
+        }
+        // First generation: 1 m ahead, 1 m left, 1 m down is 45° and −45°.
+        let corner = Vector3::new(1.0, 1.0, 0.0);
+        for (plane, want) in [(0, PI / 4.0), (1, -PI / 4.0)] {
+            let found = level(Generation::V1).crossing(plane, &corner).angle_rad;
+            assert!((found - want).abs() < 1e-15, "plane {plane}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_met_point_lies_in_the_plane_of_light() {
+        // The plane through the rotor's axis direction at angle α, tilted by t about its forward
+        // direction, has the normal (−sin α, cos α, 0) cos t − z sin t … up to sign.
+        let station = Station::looking(Generation::V2, [0.0; 3], [1.0, 0.0, 0.0]).pose();
+        let point = Vector3::new(2.0, -0.7, -1.1);
+        for (plane, tilt) in [(0, -PI / 6.0), (1, PI / 6.0)] {
+            let angle = station.crossing(plane, &point).angle_rad;
+            let (sin, cos) = libm::sincos(angle);
+            let (sin_tilt, cos_tilt) = libm::sincos(tilt);
+            let normal = Vector3::new(-sin * cos_tilt, cos * cos_tilt, sin_tilt);
+            assert!(normal.dot(&point).abs() < 1e-15, "plane {plane}");
+        }
+    }
+
+    #[test]
+    fn the_slope_is_the_derivative() {
+        let point = Vector3::new(0.3, -0.2, 0.9);
+        for (generation, plane) in BOTH.into_iter().flat_map(|g| [(g, 0), (g, 1)]) {
+            let station = station(generation);
+            let slope = station.crossing(plane, &point).slope_rad_m;
+            for axis in 0..3 {
+                let mut step = Vector3::zeros();
+                step[axis] = 1e-5;
+                let angle = |p: Vector3<f64>| station.crossing(plane, &p).angle_rad;
+                let want = (angle(point + step) - angle(point - step)) / 2e-5;
+                assert!((slope[axis] - want).abs() < 1e-9, "{generation:?} {plane} {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn two_angles_point_back_at_the_point() {
+        let point = Vector3::new(0.3, -0.2, 0.9);
+        for generation in BOTH {
+            let station = station(generation);
+            let angles = [0, 1].map(|plane| station.crossing(plane, &point).angle_rad);
+            let want = (point - station.position_m).normalize();
+            assert!((station.ray(angles) - want).norm() < 1e-14, "{generation:?}");
+        }
+    }
+
+    #[test]
+    fn a_deck_sees_what_is_near_in_front_and_above_it() {
+        let station = Station::looking(Generation::V2, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]).pose();
+        let up = Vector3::z();
+        let sees = |x: f64, y: f64, z: f64| station.sees(&Vector3::new(x, y, z), &up);
+        assert!(sees(3.0, 0.0, 1.0), "in front");
+        assert!(!sees(6.1, 0.0, 1.0), "too far");
+        assert!(!sees(-3.0, 0.0, 1.0), "behind");
+        assert!(sees(1.0, 3.7, 1.0) && !sees(1.0, 3.8, 1.0), "75° to the side");
+        assert!(sees(1.0, 0.0, 0.6) && !sees(1.0, 0.0, 0.5), "55° down");
+        assert!(!sees(3.0, 0.0, 2.0), "level with the deck");
+        let tipped = Attitude { pitch_rad: 0.5, ..Default::default() }.world_from_body() * up;
+        let point = Vector3::new(3.0, 0.0, 1.0);
+        assert!(!station.sees(&point, &tipped), "the deck turned its back on it");
+        let v1 = Station::looking(Generation::V1, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]).pose();
+        assert!(!v1.sees(&Vector3::new(1.0, 2.0, 1.0), &up), "beyond 60° of the first generation");
+        assert!(station.sees(&Vector3::new(1.0, 2.0, 1.0), &up), "within 75° of the second");
+    }
+}
