@@ -16,6 +16,7 @@ mod coverage_map;
 mod expose;
 mod fly;
 mod gains;
+mod identify;
 mod import;
 mod inputs;
 mod outputs;
@@ -56,6 +57,8 @@ enum Verb {
     Score(score::ScoreArgs),
     /// Print the gains of regulator and observer, their poles, and what they stand
     Gains(gains::GainsArgs),
+    /// Identify thrust, centre of mass and observer weights from a flight
+    Identify(identify::IdentifyArgs),
     /// Show where Lighthouse base stations see the drone, and how well they place it
     Coverage(coverage::CoverageArgs),
     /// Print the default scene file, every key with its meaning and unit
@@ -87,6 +90,7 @@ pub fn main() -> ExitCode {
         Verb::Expose(args) => expose::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Gains(args) => gains::run(&args),
+        Verb::Identify(args) => identify::run(&args),
         Verb::Coverage(args) => coverage::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };

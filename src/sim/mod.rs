@@ -23,6 +23,7 @@ mod controller;
 mod coverage;
 pub mod design;
 mod estimator;
+pub mod identify;
 mod mixer;
 mod noise;
 mod options;

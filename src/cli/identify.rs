@@ -1,0 +1,102 @@
+//! `noctograph identify`: figures of a drone and weights of its observer, from a flight's log.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::read_flight;
+use super::{Outcome, print};
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::sim::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
+
+#[derive(Debug, Args)]
+pub(super) struct IdentifyArgs {
+    /// Log of a flight, or a flight of ours
+    #[arg(required_unless_present = "pendulum_period")]
+    log: Option<PathBuf>,
+    /// Scene file (TOML) with the vehicle's mass and arm; the default where it is left out
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Period of one swing of a pendulum test, seconds: prints the moment of inertia
+    #[arg(long, value_name = "S", requires = "pendulum_pivot")]
+    pendulum_period: Option<f64>,
+    /// From the pendulum's pivot to the centre of mass, metres
+    #[arg(long, value_name = "M", requires = "pendulum_period")]
+    pendulum_pivot: Option<f64>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
+    let vehicle = args.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?.vehicle;
+    let swing = args.pendulum_pivot.zip(args.pendulum_period);
+    let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
+    let inertia_kg_m2 = inertia.transpose()?;
+    let flight = args.log.as_deref().map(read_flight).transpose()?;
+    let found =
+        flight.map(|flight| identify(&flight, &vehicle)).transpose().map_err(named(args))?;
+    if args.json {
+        print(&format!("{}\n", to_json(found.as_ref(), inertia_kg_m2)))?;
+    } else {
+        let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
+        let found = found.as_ref().map(table);
+        print(&[found, inertia].into_iter().flatten().collect::<String>())?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Puts the log's name in the place of "flight".
+fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
+    move |error| match (error, &args.log) {
+        (Error::Input { found, wanted, hint, .. }, Some(log)) => {
+            Error::Input { place: log.display().to_string(), found, wanted, hint }
+        }
+        (other, _) => other,
+    }
+}
+
+fn table(found: &Identified) -> String {
+    let [m1, m2, m3, m4] = found.mean_motors;
+    let [tau_x, tau_y] = found.motor_torque_n_m;
+    let [com_x, com_y] = found.center_of_mass_m.map(|m| m * 1e3);
+    let mut text = format!(
+        "samples       {} in the air, mean commands {m1:.0} {m2:.0} {m3:.0} {m4:.0}\n\
+         k_F           {:.4e} N per unit of a motor's command\n\
+         torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, given by the motors\n\
+         centre        of mass x {com_x:+.2} mm, y {com_y:+.2} mm from the motors' middle\n",
+        found.n_samples, found.k_f_n
+    );
+    if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
+        text += "\nmeasured      sigma, m        observer.q\n";
+        for ((name, sigma), q) in ["x", "y", "z"].iter().zip(sigma).zip(q) {
+            text += &format!("{name:14}{sigma:<16.4}{q:.0}\n");
+        }
+    }
+    if let (Some(sigma), Some(r)) = (found.model_sigma, found.observer_r()) {
+        text += "\nmodel         sigma, per s    observer.r\n";
+        let mut weights = r.iter();
+        for (name, sigma) in MODEL_STATES.iter().zip(sigma) {
+            let weight = if *name == "psi" { None } else { weights.next() };
+            let weight = weight.map_or("not observable".to_owned(), |r| format!("{r:.1}"));
+            text += &format!("{name:14}{sigma:<16.4}{weight}\n");
+        }
+    }
+    text
+}
+
+fn to_json(found: Option<&Identified>, inertia_kg_m2: Option<f64>) -> serde_json::Value {
+    serde_json::json!({
+        "samples": found.map(|found| found.n_samples),
+        "mean_motors": found.map(|found| found.mean_motors),
+        "k_f_n": found.map(|found| found.k_f_n),
+        "motor_torque_n_m": found.map(|found| found.motor_torque_n_m),
+        "center_of_mass_m": found.map(|found| found.center_of_mass_m),
+        "measurement_sigma_m": found.and_then(|found| found.measurement_sigma_m),
+        "model_sigma": found.and_then(|found| found.model_sigma),
+        "observer_q": found.and_then(Identified::observer_q),
+        "observer_r": found.and_then(Identified::observer_r),
+        "inertia_kg_m2": inertia_kg_m2,
+    })
+}
