@@ -28,7 +28,7 @@ fn preview(word: &str, size_px: [u32; 2]) -> (Exposure, Photo) {
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light).unwrap();
+    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend: backend(), ..scene.expose };
     let exposure = expose(&trace, &camera, &options).unwrap();
     let photo = develop(&exposure.film, &camera);

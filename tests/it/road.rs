@@ -22,7 +22,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light).unwrap();
+    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend, ..scene.expose };
     let film = expose(&trace, &camera, &options).unwrap().film;
     let photo = develop(&film, &camera);
@@ -82,7 +82,8 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 #[test]
 fn a_dark_flight_reads_as_nothing() {
     let taken = on_cpu("NOOR", |scene| {
-        scene.light.emitters.iter_mut().for_each(|emitter| emitter.intensity_cd = 0.0);
+        let fixtures = scene.light.fixtures.iter_mut().flatten();
+        fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
     });
     assert!(!taken.verdict.legible && taken.verdict.read == "????", "{:?}", taken.verdict);
 }

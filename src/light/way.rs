@@ -1,0 +1,135 @@
+//! The lamp's way while it is lit: its levels over time meet the flight.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::radio::Change;
+use super::{Fixture, LightOptions, LightSample};
+use crate::flight::Flight;
+
+/// Where the body is at a sample of the flight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose {
+    time_s: f64,
+    position_m: Vector3<f64>,
+    world_from_body: Matrix3<f64>,
+}
+
+/// The poses of a flight, made once for all its lamps.
+pub(super) fn poses(flight: &Flight) -> Vec<Pose> {
+    let pose = |sample: &crate::flight::FlightSample| Pose {
+        time_s: sample.time_s,
+        position_m: sample.position_m,
+        world_from_body: sample.attitude.world_from_body(),
+    };
+    flight.samples.iter().map(pose).collect()
+}
+
+/// A level at a time; levels run evenly from knot to knot, two knots at one time are a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Knot {
+    time_s: f64,
+    level: f64,
+}
+
+/// The samples of a lamp over a flight; none where it is never lit.
+///
+/// While dark, a lamp leaves no samples: each lit run begins and ends at level 0.
+pub(super) fn shine(
+    poses: &[Pose],
+    fixture: &Fixture,
+    changes: &[Change],
+    options: &LightOptions,
+) -> Vec<LightSample> {
+    let knots = knots(changes, options);
+    let mut samples = Vec::new();
+    // Knots up to `next` have passed.
+    let mut next = 0;
+    let mut before: Option<&Pose> = None;
+    for pose in poses {
+        let first = next;
+        while knots.get(next).is_some_and(|knot| knot.time_s <= pose.time_s) {
+            next += 1;
+        }
+        if first < next {
+            let here = lamp(pose, fixture);
+            let start = before.map_or(here, |before| lamp(before, fixture));
+            for index in first..next {
+                if lit_beside(&knots, index) {
+                    let Knot { time_s, level } = knots[index];
+                    samples.push(LightSample { level, ..between(start, here, time_s) });
+                }
+            }
+        }
+        let level = level_at(&knots, next, pose.time_s);
+        let on_knot = next > 0 && knots[next - 1].time_s == pose.time_s;
+        if level > 0.0 && !on_knot {
+            samples.push(LightSample { level, ..lamp(pose, fixture) });
+        }
+        before = Some(pose);
+    }
+    samples
+}
+
+/// The levels as knots: a change is a step, or a ramp where the lamp takes time to rise or decay.
+/// A ramp that the next change cuts short goes on from where it is.
+fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
+    let mut knots: Vec<Knot> = Vec::with_capacity(2 * changes.len());
+    let mut level = 0.0;
+    for (index, change) in changes.iter().enumerate() {
+        let gap = change.level - level;
+        if gap == 0.0 {
+            continue;
+        }
+        let full_s = if gap > 0.0 { options.rise_s } else { options.decay_s };
+        let ramp_s = full_s * gap.abs();
+        let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
+        let end_s = (change.time_s + ramp_s).min(until_s);
+        knots.push(Knot { time_s: change.time_s, level });
+        level = if ramp_s > 0.0 {
+            level + gap * (end_s - change.time_s) / ramp_s
+        } else {
+            change.level
+        };
+        knots.push(Knot { time_s: end_s, level });
+    }
+    knots
+}
+
+/// Whether a lamp is lit at a knot, just before or just after it.
+fn lit_beside(knots: &[Knot], index: usize) -> bool {
+    let first = index.saturating_sub(1);
+    knots[first..(index + 2).min(knots.len())].iter().any(|knot| knot.level > 0.0)
+}
+
+/// The level between the knots before and after `next`.
+fn level_at(knots: &[Knot], next: usize, time_s: f64) -> f64 {
+    let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
+    match knots.get(next) {
+        Some(after) if after.level != last.level => {
+            let part = (time_s - last.time_s) / (after.time_s - last.time_s);
+            last.level + (after.level - last.level) * part
+        }
+        _ => last.level,
+    }
+}
+
+fn lamp(pose: &Pose, fixture: &Fixture) -> LightSample {
+    let axis = Vector3::from(fixture.axis_body).normalize();
+    LightSample {
+        time_s: pose.time_s,
+        position_m: pose.position_m + pose.world_from_body * Vector3::from(fixture.position_body_m),
+        axis: pose.world_from_body * axis,
+        level: 0.0,
+    }
+}
+
+fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
+    let span_s = b.time_s - a.time_s;
+    let part = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+    LightSample {
+        time_s: time_s.clamp(a.time_s, b.time_s),
+        position_m: a.position_m.lerp(&b.position_m, part),
+        axis: a.axis.lerp(&b.axis, part).normalize(),
+        level: 0.0,
+    }
+}
