@@ -130,29 +130,20 @@ impl Fixture {
         Err(Error::input(place("drive and dies"), what, wanted, hint))
     }
 
-    /// The source of light that some of the dies make together, each at the level given with it.
-    ///
-    /// # Panics
-    ///
-    /// If there is no die.
-    pub(super) fn emitter(&self, dies: &[(usize, f64)]) -> Emitter {
-        assert!(!dies.is_empty(), "a lamp without dies gives no light");
+    /// The source of light that the dies make together at these levels.
+    pub(super) fn emitter(&self, levels: &[f64]) -> Emitter {
         let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
-        for &(index, level) in dies {
-            let Die { intensity_cd: full_cd, chromaticity } = self.dies[index];
-            intensity_cd += level * full_cd;
-            for (sum, part) in mixture.iter_mut().zip(color::xyz(chromaticity)) {
-                *sum += level * full_cd * part;
+        for (die, level) in self.dies.iter().zip(levels) {
+            let part_cd = level * die.intensity_cd;
+            intensity_cd += part_cd;
+            for (sum, part) in mixture.iter_mut().zip(color::xyz(die.chromaticity)) {
+                *sum += part_cd * part;
             }
         }
-        let dark = intensity_cd == 0.0;
-        let numbers: Vec<String> = dies.iter().map(|(index, _)| (index + 1).to_string()).collect();
-        let all = dies.len() == self.dies.len();
-        let part = if all { String::new() } else { format!(", die {}", numbers.join(" and ")) };
         Emitter {
-            name: format!("{}{part}", self.name),
+            name: self.name.clone(),
             intensity_cd,
-            rgb: if dark { [1.0; 3] } else { color::rgb(mixture) },
+            rgb: if intensity_cd > 0.0 { color::rgb(mixture) } else { [1.0; 3] },
             beam_exponent: self.beam_exponent,
             spill: self.spill,
             visible_cos: self.visible_cos,

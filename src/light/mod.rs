@@ -6,9 +6,9 @@
 //! 1. Each row of the emitter table ([`Fixture`]) is driven: by a channel of the plan, by power, by
 //!    a sequence of the firmware, or by the LED ring's effect. Commands take the radio's delay and
 //!    wait for the firmware's timer of 50 ms.
-//! 2. What a row's dies do is a level over time. Dies that keep one ratio make one lamp of one
-//!    color.
-//! 3. The levels meet the flight: a lamp leaves samples while it is lit.
+//! 2. What a row's dies do is a level over time. Each color that they show together is a lamp.
+//! 3. The levels meet the flight: a lamp leaves samples while it is lit, as many as keep it within
+//!    10 µm of its way.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the lamp's axis. Not modelled:
@@ -42,7 +42,7 @@ mod way;
 /// [`LightTrace::append`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightTrace {
-    /// One per emitter that ever shines.
+    /// One for each color of each row that ever shines.
     pub lamps: Vec<Lamp>,
 }
 
@@ -79,10 +79,10 @@ pub struct LightSample {
 /// A source of light of one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name in tables and messages: that of its row in the table, with the dies where it is not all
-    /// of them.
+    /// Name in tables and messages: that of its row in the table. A row that changes its color is
+    /// several lamps of one name.
     pub name: String,
-    /// Luminous intensity along the axis at level 1: the most that its program asks for.
+    /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
     /// Color as linear sRGB with luminance 1 (`0.2126 r + 0.7152 g + 0.0722 b = 1`).
     pub rgb: [f64; 3],
@@ -164,21 +164,67 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     ))
 }
 
-/// The sources of light of a row: dies whose levels keep one ratio at all times are one source, its
-/// level 1 being their brightest. Dark dies are none.
+/// Most colors of a row that become a lamp each; a row with more (a fade) becomes a lamp a die.
+const MAX_COLORS: usize = 8;
+
+/// The sources of light of a row, each with its levels: one for each color that it ever shows, or
+/// one for each die where these are fewer lamps.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
-    let mut groups: Vec<(Vec<(usize, f64)>, Vec<Change>)> = Vec::new();
-    for (die, changes) in dies.iter().enumerate() {
-        let full = changes.iter().map(|change| change.level).fold(0.0, f64::max);
-        if full == 0.0 {
-            continue;
-        }
-        let shape: Vec<Change> =
-            changes.iter().map(|c| Change { level: c.level / full, ..*c }).collect();
-        match groups.iter_mut().find(|(_, other)| *other == shape) {
-            Some((members, _)) => members.push((die, full)),
-            None => groups.push((vec![(die, full)], shape)),
+    let moments = moments(dies);
+    let mut colors: Vec<Vec<f64>> = Vec::new();
+    for (_, levels) in &moments {
+        let color = color_of(levels);
+        if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
+            colors.push(color);
+            if colors.len() > MAX_COLORS {
+                return by_die(fixture, dies);
+            }
         }
     }
-    groups.into_iter().map(|(members, shape)| (fixture.emitter(&members), shape)).collect()
+    let shine = |color: &Vec<f64>| {
+        let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
+        let changes =
+            moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
+        (fixture.emitter(color), changes.collect())
+    };
+    colors.iter().map(shine).collect()
+}
+
+/// A lamp for each die that ever shines.
+fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
+    let alone = |die: usize| {
+        let color: Vec<f64> = (0..dies.len()).map(|i| if i == die { 1.0 } else { 0.0 }).collect();
+        (fixture.emitter(&color), dies[die].clone())
+    };
+    (0..dies.len()).map(alone).collect()
+}
+
+/// The levels of all dies whenever one changes.
+fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
+    let mut next = vec![0; dies.len()];
+    let mut levels = vec![0.0; dies.len()];
+    let mut moments = Vec::new();
+    loop {
+        let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
+        let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
+            return moments;
+        };
+        for (die, changes) in dies.iter().enumerate() {
+            while let Some(change) = changes.get(next[die]).filter(|c| c.time_s <= time_s) {
+                levels[die] = change.level;
+                next[die] += 1;
+            }
+        }
+        moments.push((time_s, levels.clone()));
+    }
+}
+
+/// Levels as shares of the highest.
+fn color_of(levels: &[f64]) -> Vec<f64> {
+    let most = most(levels);
+    levels.iter().map(|level| if most > 0.0 { level / most } else { 0.0 }).collect()
+}
+
+fn most(levels: &[f64]) -> f64 {
+    levels.iter().copied().fold(0.0, f64::max)
 }

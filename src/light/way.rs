@@ -14,14 +14,97 @@ pub(super) struct Pose {
     world_from_body: Matrix3<f64>,
 }
 
-/// The poses of a flight, made once for all its lamps.
+/// How far a lamp may lie from its way between two of its samples: a hundredth of a pixel where a
+/// pixel shows a millimetre. Less makes more samples and no better picture.
+const TOLERANCE_M: f64 = 10e-6;
+
+/// Arm by which a turning body moves a lamp.
+const ARM_M: f64 = 0.05;
+
+/// The poses of a flight that its lamps need, made once for all of them: those between run straight
+/// and evenly, to [`TOLERANCE_M`].
 pub(super) fn poses(flight: &Flight) -> Vec<Pose> {
-    let pose = |sample: &crate::flight::FlightSample| Pose {
-        time_s: sample.time_s,
-        position_m: sample.position_m,
-        world_from_body: sample.attitude.world_from_body(),
-    };
-    flight.samples.iter().map(pose).collect()
+    let mut kept: Vec<Pose> = Vec::new();
+    let mut run: Option<Run> = None;
+    for sample in &flight.samples {
+        let pose = Pose {
+            time_s: sample.time_s,
+            position_m: sample.position_m,
+            world_from_body: sample.attitude.world_from_body(),
+        };
+        let Some(open) = &mut run else {
+            kept.push(pose);
+            run = Some(Run::new(pose, pose));
+            continue;
+        };
+        if !open.takes(&pose) {
+            kept.push(open.last);
+            *open = Run::new(open.last, pose);
+        }
+    }
+    kept.extend(run.filter(|run| run.last.time_s > run.first.time_s).map(|run| run.last));
+    kept
+}
+
+/// Place and turn of a pose as lengths.
+type Lengths = [f64; 12];
+
+/// Poses that are one straight stretch so far. For each pose that is skipped, the stretch must pass
+/// close by: that bounds its speed from both sides.
+struct Run {
+    first: Pose,
+    last: Pose,
+    start: Lengths,
+    /// Of `last`.
+    end: Lengths,
+    slowest: Lengths,
+    fastest: Lengths,
+}
+
+impl Run {
+    fn new(first: Pose, last: Pose) -> Self {
+        let (start, end) = (first.lengths(), last.lengths());
+        let (slowest, fastest) = ([f64::NEG_INFINITY; 12], [f64::INFINITY; 12]);
+        Self { first, last, start, end, slowest, fastest }
+    }
+
+    /// Moves the run's end to the next pose if it stays straight with it.
+    fn takes(&mut self, next: &Pose) -> bool {
+        // Half the tolerance an axis, and as much for the turn, keep their sum within it.
+        let slack = 0.5 * TOLERANCE_M / 3.0_f64.sqrt();
+        let skipped_s = self.last.time_s - self.first.time_s;
+        let whole_s = next.time_s - self.first.time_s;
+        if skipped_s == 0.0 {
+            // Nothing is skipped: the run has only its first pose.
+            (self.last, self.end) = (*next, next.lengths());
+            return true;
+        }
+        let end = next.lengths();
+        let mut straight = true;
+        for i in 0..12 {
+            let way = self.end[i] - self.start[i];
+            self.slowest[i] = self.slowest[i].max((way - slack) / skipped_s);
+            self.fastest[i] = self.fastest[i].min((way + slack) / skipped_s);
+            let speed = (end[i] - self.start[i]) / whole_s;
+            straight &= self.slowest[i] <= speed && speed <= self.fastest[i];
+        }
+        if straight {
+            (self.last, self.end) = (*next, end);
+        }
+        straight
+    }
+}
+
+impl Pose {
+    fn lengths(&self) -> Lengths {
+        let place = self.position_m.iter().copied();
+        let mut turn = self.world_from_body.iter().map(|share| share * ARM_M);
+        let mut lengths = [0.0; 12];
+        for (length, value) in lengths.iter_mut().zip(place.chain(&mut turn)) {
+            *length = value;
+        }
+        lengths
+    }
 }
 
 /// A level at a time; levels run evenly from knot to knot, two knots at one time are a step.
