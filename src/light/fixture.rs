@@ -65,7 +65,7 @@ pub enum Drive {
         phase_s: f64,
     },
     /// Flashes too short to see apart, as many as packets come at random: the mean level of every
-    /// 50 ms follows their number.
+    /// 0.1 s follows their number.
     Flicker {
         /// Flashes per second in the mean.
         flashes_hz: f64,

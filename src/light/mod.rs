@@ -127,11 +127,13 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let fixtures = options.fixtures();
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
-    let poses = way::poses(flight);
+    let [fine, coarse] = [way::FINE_M, way::COARSE_M].map(|m| way::poses(flight, m));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
-        for (emitter, changes) in sources(fixture, &programs.changes(fixture)?) {
-            let samples = way::shine(&poses, fixture, &changes, options);
+        let sources = sources(fixture, &programs.changes(fixture)?);
+        let poses = if sources.len() > 1 { &coarse } else { &fine };
+        for (emitter, changes) in sources {
+            let samples = way::shine(poses, fixture, &changes, options);
             if !samples.is_empty() {
                 trace.lamps.push(Lamp { emitter, samples });
             }

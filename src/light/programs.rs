@@ -23,7 +23,7 @@ pub(super) struct Programs<'a> {
 }
 
 /// Length of the stretches over which flickering is averaged.
-const FLICKER_S: f64 = 0.05;
+const FLICKER_S: f64 = 0.1;
 
 /// Period of the task that sends colors to the color LED deck (`color_led_deck.c`).
 const COLOR_LED_TICK_S: f64 = 0.01;

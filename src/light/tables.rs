@@ -23,10 +23,10 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// the picture.
 ///
 /// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
-/// of every 0.5 s once the sensors are calibrated; link LED at the front left (M4): red for packets
-/// sent, green for packets received, 1 ms a packet and cut short by the timer's own millisecond, so
-/// half of it in the mean. Packets: a log of 38 variables at 10 ms fills the radio with about 400
-/// a second down; ten setpoints a second go up.
+/// of every 0.5 s once the sensors are calibrated; link LED at the front left (M4), red for every
+/// packet sent, 1 ms long and cut short by the timer's own millisecond, so half of it in the mean:
+/// a log of 38 variables at 10 ms fills the radio with about 400 packets a second. Its green part,
+/// for ten setpoints received a second, is eight stops below saturation and left out.
 ///
 /// Assumptions: 20 mcd in every direction (0603 class; the light that a small package and the
 /// white solder mask around it send sideways), at the motor mounts 30 mm out on both axes; the
@@ -48,14 +48,13 @@ pub fn crazyflie() -> Vec<Fixture> {
         pwm_hz: 0.0,
         bitmask_bit: Some(bit),
     };
-    let packets = |flashes_hz| Drive::Flicker { flashes_hz, flash_s: 0.0005 };
+    let packets = Drive::Flicker { flashes_hz: 400.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
     vec![
         on_board("power M2", Drive::Always, [-0.03, -0.03], BLUE, 5),
         on_board("power M3", Drive::Always, [-0.03, 0.03], BLUE, 0),
         on_board("status M1", status, [0.03, -0.03], RED, 4),
-        on_board("link down M4", packets(400.0), [0.03, 0.03], RED, 2),
-        on_board("link up M4", packets(10.0), [0.03, 0.03], GREEN, 1),
+        on_board("link M4", packets, [0.03, 0.03], RED, 2),
     ]
 }
 
@@ -67,8 +66,8 @@ pub fn crazyflie() -> Vec<Fixture> {
 /// Assumptions: a headlight spills 5 % to its side: the team's camera looked at the drone from its
 /// side, at right angles to the beam, and still recorded clipped white streaks. Too little, and a
 /// drone seen from the side writes nothing. Behind 110° the deck and the battery hide it. A ring
-/// LED spills 3 % (its open package is 1.6 mm high), seen down to edge-on: with the default double
-/// spinner that is a third, faint blue streak.
+/// LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a camera below the
+/// drone sees the spinner's helix, and the team's camera, above it, saw only the glow on the floor.
 #[must_use]
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
@@ -96,8 +95,8 @@ pub fn led_ring() -> Vec<Fixture> {
             Die { intensity_cd: 0.19, chromaticity: BLUE },
         ],
         beam_exponent: 1.0,
-        spill: 0.03,
-        visible_cos: -0.1,
+        spill: 0.0,
+        visible_cos: 0.0,
         diameter_m: 0.003,
         pwm_hz: 400.0,
         bitmask_bit: None,

@@ -16,14 +16,18 @@ pub(super) struct Pose {
 
 /// How far a lamp may lie from its way between two of its samples: a hundredth of a pixel where a
 /// pixel shows a millimetre. Less makes more samples and no better picture.
-const TOLERANCE_M: f64 = 10e-6;
+pub(super) const FINE_M: f64 = 10e-6;
 
-/// Arm by which a turning body moves a lamp.
-const ARM_M: f64 = 0.05;
+/// The same for a row that shows several colors in turn, such as a spinner's LED: its dashes are
+/// short, and a drone carries many of them.
+pub(super) const COARSE_M: f64 = 60e-6;
+
+/// Arm by which a turning body moves a lamp: sum of its distances along the body's axes.
+const ARM_M: f64 = 0.07;
 
 /// The poses of a flight that its lamps need, made once for all of them: those between run straight
-/// and evenly, to [`TOLERANCE_M`].
-pub(super) fn poses(flight: &Flight) -> Vec<Pose> {
+/// and evenly, to the tolerance.
+pub(super) fn poses(flight: &Flight, tolerance_m: f64) -> Vec<Pose> {
     let mut kept: Vec<Pose> = Vec::new();
     let mut run: Option<Run> = None;
     for sample in &flight.samples {
@@ -37,7 +41,7 @@ pub(super) fn poses(flight: &Flight) -> Vec<Pose> {
             run = Some(Run::new(pose, pose));
             continue;
         };
-        if !open.takes(&pose) {
+        if !open.takes(&pose, tolerance_m) {
             kept.push(open.last);
             *open = Run::new(open.last, pose);
         }
@@ -69,9 +73,9 @@ impl Run {
     }
 
     /// Moves the run's end to the next pose if it stays straight with it.
-    fn takes(&mut self, next: &Pose) -> bool {
+    fn takes(&mut self, next: &Pose, tolerance_m: f64) -> bool {
         // Half the tolerance an axis, and as much for the turn, keep their sum within it.
-        let slack = 0.5 * TOLERANCE_M / 3.0_f64.sqrt();
+        let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         let whole_s = next.time_s - self.first.time_s;
         if skipped_s == 0.0 {

@@ -10,9 +10,6 @@ use super::{Extent, Plan, PlanOptions, Setpoint};
 use crate::flight::table::on_grid;
 use crate::letters::{Glyph, Strokes};
 
-/// The light channel of the two forward lamps of the LED-ring deck.
-const HEADLIGHTS: &str = "headlights";
-
 /// A plan while it is being written.
 struct Tour<'a> {
     options: &'a PlanOptions,
@@ -23,7 +20,8 @@ struct Tour<'a> {
 
 /// Plans the flight that writes `strokes`.
 pub(super) fn tour(strokes: &Strokes, options: &PlanOptions) -> Plan {
-    let plan = Plan { lights: [(HEADLIGHTS.to_owned(), Vec::new())].into(), ..Plan::default() };
+    let channels = options.lights.iter().map(|channel| (channel.clone(), Vec::new()));
+    let plan = Plan { lights: channels.collect(), ..Plan::default() };
     let mut tour = Tour { options, plan, time_s: 0.0, letter: None };
     let whole = options.extent == Extent::Whole;
     if whole {

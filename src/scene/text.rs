@@ -19,6 +19,7 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("letters", "gap_m", "gap between two boxes, m"),
     ("letters", "baseline_m", "height of the letters' feet above the floor, m"),
     ("plan", "extent", "whole: floor to floor; letters: from rest at the first letter"),
+    ("plan", "lights", "what lit strokes switch on: headlights, ring, color-led"),
     ("plan", "stroke_speed_m_s", "speed along every leg, m/s"),
     ("plan", "setpoint_interval_s", "time between setpoints, each held until the next, s"),
     ("plan", "step_m", "step to the right of a letter's box when it is done, m"),

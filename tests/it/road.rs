@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::light::RingEffect;
 use noctograph::photo::develop;
 use noctograph::scene::Scene;
 use noctograph::{letters, light, plan, score, sim};
@@ -35,7 +36,8 @@ fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
 }
 
 impl Taken {
-    /// Exposed pixels in a box of the word's plane: their count and mean x, in metres.
+    /// Saturated pixels in a box of the word's plane: their count and mean x, in metres. In green
+    /// only the headlights saturate.
     fn lit(&self, x_m: RangeInclusive<f64>, z_m: RangeInclusive<f64>) -> (usize, f64) {
         let width = self.film.width_px as usize;
         let saturation_lx_s = self.camera.saturation_lx_s();
@@ -47,7 +49,7 @@ impl Taken {
         for index in 0..width * self.film.height_px as usize {
             let x = ((index % width) as f64 + 0.5 - origin.x_px) * m_per_px;
             let z = (origin.y_px - (index / width) as f64 - 0.5) * m_per_px;
-            let lit = || self.film.exposure_lx_s(1, index) > 0.2 * saturation_lx_s;
+            let lit = || self.film.exposure_lx_s(1, index) > saturation_lx_s;
             if x_m.contains(&x) && z_m.contains(&z) && lit() {
                 n += 1;
                 sum_m += x;
@@ -90,11 +92,42 @@ fn a_dark_flight_reads_as_nothing() {
 
 #[test]
 fn clean_previews_of_the_teams_letters_read() {
-    // Every letter once; W and X as flawed as the team flew them.
+    // Every letter once; W and X as flawed as the team flew them. The board's LEDs are lit, the
+    // ring is turned off: with its spinner above the camera, FED reads as PED.
     for word in ["NOOR", "CAB", "FED", "GHI", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
-        let verdict = on_cpu(word, |_| {}).verdict;
+        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict;
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
+}
+
+#[test]
+fn noor_reads_through_all_the_light_that_the_team_left_on() {
+    let verdict = on_cpu("NOOR", |_| {}).verdict;
+    assert!(verdict.legible && verdict.read == "NOOR", "{verdict:#?}");
+}
+
+#[test]
+fn the_light_of_the_board_shows_the_way_between_letters() {
+    // The way from the take-off to the first letter, where the headlights are dark: blue power
+    // LEDs, red status and link LEDs, no green.
+    let blue = |led_bitmask| {
+        let taken = on_cpu("NOOR", |scene| scene.light.led_bitmask = led_bitmask);
+        let at = |x, z| taken.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();
+        let (from, to) = (at(-0.45, 0.35), at(-0.1, 0.0));
+        let mut light_lx_s = [0.0; 3];
+        for y in from.y_px as usize..to.y_px as usize {
+            for x in from.x_px as usize..to.x_px as usize {
+                for (channel, sum) in light_lx_s.iter_mut().enumerate() {
+                    let index = y * taken.film.width_px as usize + x;
+                    *sum += taken.film.exposure_lx_s(channel, index);
+                }
+            }
+        }
+        light_lx_s
+    };
+    let [red, green, blue_on] = blue(0);
+    assert!(blue_on > 5.0 * red && red > 0.0 && green < 0.05 * red, "{red} {green} {blue_on}");
+    assert_eq!(blue(128), [0.0; 3], "led.bitmask 128 leaves this way dark");
 }
 
 #[test]
