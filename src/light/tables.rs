@@ -10,11 +10,11 @@
 
 use super::{Die, Drive, Fixture};
 
-/// Red AlInGaP, 622 nm.
+/// Red, 622 nm.
 const RED: [f64; 2] = [0.694, 0.306];
-/// Green InGaN, 525 nm.
+/// Green, 525 nm.
 const GREEN: [f64; 2] = [0.151, 0.758];
-/// Blue InGaN, 466 nm.
+/// Blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];

@@ -85,11 +85,11 @@ impl Run {
         }
         let end = next.lengths();
         let mut straight = true;
-        for i in 0..12 {
-            let way = self.end[i] - self.start[i];
+        for (i, (to, from)) in end.iter().zip(&self.start).enumerate() {
+            let way = self.end[i] - from;
             self.slowest[i] = self.slowest[i].max((way - slack) / skipped_s);
             self.fastest[i] = self.fastest[i].min((way + slack) / skipped_s);
-            let speed = (end[i] - self.start[i]) / whole_s;
+            let speed = (to - from) / whole_s;
             straight &= self.slowest[i] <= speed && speed <= self.fastest[i];
         }
         if straight {
@@ -101,13 +101,10 @@ impl Run {
 
 impl Pose {
     fn lengths(&self) -> Lengths {
-        let place = self.position_m.iter().copied();
-        let mut turn = self.world_from_body.iter().map(|share| share * ARM_M);
-        let mut lengths = [0.0; 12];
-        for (length, value) in lengths.iter_mut().zip(place.chain(&mut turn)) {
-            *length = value;
-        }
-        lengths
+        std::array::from_fn(|i| match i.checked_sub(3) {
+            None => self.position_m[i],
+            Some(turn) => self.world_from_body[turn] * ARM_M,
+        })
     }
 }
 
