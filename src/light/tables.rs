@@ -65,9 +65,10 @@ pub fn crazyflie() -> Vec<Fixture> {
 ///
 /// Assumptions: a headlight spills 5 % to its side: the team's camera looked at the drone from its
 /// side, at right angles to the beam, and still recorded clipped white streaks. Too little, and a
-/// drone seen from the side writes nothing. Behind 110° the deck and the battery hide it. A ring
-/// LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a camera below the
-/// drone sees the spinner's helix, and the team's camera, above it, saw only the glow on the floor.
+/// drone seen from the side writes nothing. Beyond 120° off its beam the deck and the battery hide
+/// it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a camera
+/// below the drone sees the spinner's helix, and the team's camera, above it, saw only the glow on
+/// the floor.
 #[must_use]
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
@@ -78,7 +79,7 @@ pub fn led_ring() -> Vec<Fixture> {
         dies: vec![Die { intensity_cd: 1.8, chromaticity: WHITE }],
         beam_exponent: 1.0,
         spill: 0.05,
-        visible_cos: -0.34,
+        visible_cos: -0.5,
         diameter_m: 0.003,
         pwm_hz: 0.0,
         bitmask_bit: None,

@@ -215,7 +215,7 @@ fn the_body_hides_a_lamp_beyond_its_cone() {
     let headlight = &named(&trace, "headlight left").emitter;
     assert!((headlight.intensity_cd(1.0) - 1.8).abs() < 1e-12, "on the axis");
     assert!((headlight.intensity_cd(0.0) - 0.09).abs() < 1e-12, "spill to the side");
-    assert_eq!(headlight.intensity_cd(-0.35), 0.0, "from behind");
+    assert_eq!(headlight.intensity_cd(-0.51), 0.0, "from behind");
     let ring = &named(&trace, "ring 0").emitter;
     assert!(ring.intensity_cd(0.1) > 0.0 && ring.intensity_cd(-0.01) == 0.0, "from above");
 }
