@@ -19,7 +19,7 @@
 //! let plan = plan::plan(&strokes, &scene.plan)?;
 //! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
 //! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
-//! let trace = light::light(&flight, &scene.light)?;
+//! let trace = light::light(&flight, &scene.light, scene.seed, 0)?;
 //! let exposure = expose::expose(&trace, &camera, &scene.expose)?;
 //! let photo = photo::develop(&exposure.film, &camera);
 //! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;

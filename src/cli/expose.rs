@@ -78,7 +78,7 @@ pub(super) fn shoot(
     let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
     let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
     let options = ExposeOptions { backend, ..scene.expose };
-    let trace = light(flight, &scene.light)?;
+    let trace = light(flight, &scene.light, scene.seed, 0)?;
     let _busy = Busy::new("exposing");
     let exposure = expose::expose(&trace, &camera, &options)?;
     let mut photo = develop(&exposure.film, &camera);

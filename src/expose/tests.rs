@@ -28,13 +28,11 @@ pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
 pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
     let emitter = Emitter {
         name: "headlight".into(),
-        channel: "head".into(),
-        position_body_m: [0.0; 3],
-        axis_body: [1.0, 0.0, 0.0],
         intensity_cd: 1.8,
         rgb: [1.0; 3],
         beam_exponent: 1.0,
         spill: 0.0,
+        visible_cos: -1.0,
         diameter_m: 0.003,
     };
     let sample = |(time_s, place): (f64, [f64; 3])| LightSample {

@@ -1,26 +1,56 @@
 //! Light: the lamps on the drone, and how a command becomes light.
 //!
-//! Product in: [`crate::flight::Flight`]. Product out: [`LightTrace`], lamps moving through the
-//! world. Light knows no pixels and no camera.
+//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. Light knows
+//! no pixels and no camera.
 //!
-//! The LED-ring deck changes its lamps only on a firmware timer of 50 ms
-//! (`ledring12.c`), and a command reaches it one radio delay after it was sent. Not modelled yet:
-//! jitter of the radio, ramps of the ring's effects, the ring itself and the status LEDs, decay of
-//! the LED, pulse-width modulation, and the body that hides a lamp.
+//! 1. Each row of the emitter table ([`Fixture`]) is driven: by a channel of the plan, by power, by
+//!    a sequence of the firmware, or by the LED ring's effect. Commands take the radio's delay and
+//!    wait for the firmware's timer of 50 ms.
+//! 2. What a row's dies do is a level over time. Each color that they show together is a lamp.
+//! 3. The levels meet the flight: a lamp leaves samples while it is lit, as many as keep it within
+//!    10 µm of its way.
+//!
+//! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
+//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the lamp's axis. Not modelled:
+//! light that the body or the floor reflects, rare stalls of the radio (up to 0.7 s in the team's
+//! log), the firmware's clock that ran 1.2 % slow until 2026, effects of the ring that follow
+//! sensors, falling battery.
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result, within};
+use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
+use programs::Programs;
+use radio::Change;
 
-mod switching;
+pub use fixture::{Die, Drive, Fixture};
+pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingEffect};
 
-/// Lamps moving through the world.
+mod chance;
+mod color;
+mod fixture;
+mod options;
+mod programs;
+mod radio;
+mod ring;
+pub mod tables;
+#[cfg(test)]
+mod tests;
+mod way;
+
+/// Lamps moving through the world. The traces of several drones are one trace: see
+/// [`LightTrace::append`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightTrace {
-    /// One per emitter that ever shines.
+    /// One for each color of each row that ever shines.
     pub lamps: Vec<Lamp>,
+}
+
+impl LightTrace {
+    /// Adds the lamps of another drone, flown at the same time.
+    pub fn append(&mut self, mut other: Self) {
+        self.lamps.append(&mut other.lamps);
+    }
 }
 
 /// One emitter and its way.
@@ -42,150 +72,165 @@ pub struct LightSample {
     pub position_m: Vector3<f64>,
     /// Where its beam points, unit vector in the world.
     pub axis: Vector3<f64>,
-    /// Share of the emitter's full intensity, 0 to 1.
+    /// Share of the emitter's intensity, 0 to 1.
     pub level: f64,
 }
 
-/// A lamp on the drone: one row of the emitter table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A source of light of one color.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name in tables and messages.
+    /// Name in tables and messages: that of its row in the table. A row that changes its color is
+    /// several lamps of one name.
     pub name: String,
-    /// The light channel of the plan that drives it.
-    pub channel: String,
-    /// Place on the body: x forward, y left, z up.
-    pub position_body_m: [f64; 3],
-    /// Where its beam points, in the body frame.
-    pub axis_body: [f64; 3],
-    /// Luminous intensity along the axis at full level.
+    /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
     /// Color as linear sRGB with luminance 1 (`0.2126 r + 0.7152 g + 0.0722 b = 1`).
     pub rgb: [f64; 3],
-    /// Exponent m of the beam's shape: intensity falls as cosᵐ of the angle off axis; 1 is a
-    /// Lambertian lamp.
+    /// Exponent m of the beam's shape cosᵐ.
     pub beam_exponent: f64,
-    /// Share of the intensity on the axis that the lamp's package spills evenly in all
-    /// directions, sideways and behind too, 0 to 1.
+    /// Share of the intensity on the axis that goes in all directions, 0 to 1.
     pub spill: f64,
+    /// Cosine of the angle off axis beyond which the body hides the lamp.
+    pub visible_cos: f64,
     /// Diameter of the shining disc.
     pub diameter_m: f64,
 }
 
 impl Emitter {
-    /// Luminous intensity at full level towards a direction, given the cosine of its angle off
-    /// the axis.
+    /// Luminous intensity at level 1 towards a direction, given the cosine of its angle off the
+    /// axis.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
-        let beam = libm::pow(cos_off_axis.clamp(0.0, 1.0), self.beam_exponent);
-        let beam = if cos_off_axis > 0.0 { beam } else { 0.0 };
+        if cos_off_axis < self.visible_cos {
+            return 0.0;
+        }
+        let beam = match cos_off_axis {
+            behind if behind <= 0.0 => 0.0,
+            cos if self.beam_exponent == 1.0 => cos.min(1.0),
+            cos => libm::pow(cos.min(1.0), self.beam_exponent),
+        };
         self.intensity_cd * (self.spill + (1.0 - self.spill) * beam)
-    }
-}
-
-/// Which lamps the drone carries, and how they follow commands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LightOptions {
-    /// From sending a command to its arrival in the firmware. One parameter write takes about
-    /// 20 ms one way (crazyswarm issue 245); too little hides streaks at the ends of strokes.
-    pub radio_delay_s: f64,
-    /// Period of the firmware's lamp timer (`ledring12.c`); changes wait for its next tick.
-    pub tick_s: f64,
-    /// When the timer first ticks.
-    pub tick_phase_s: f64,
-    /// The lamps.
-    pub emitters: Vec<Emitter>,
-}
-
-impl Default for LightOptions {
-    /// A Crazyflie 2.x with the LED-ring deck below: its two headlights.
-    fn default() -> Self {
-        Self {
-            radio_delay_s: 0.02,
-            tick_s: 0.05,
-            tick_phase_s: 0.0,
-            emitters: vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)],
-        }
-    }
-}
-
-/// A headlight of the LED-ring deck: white, forward, "> 1800 mcd" (Bitcraze's data sheet of the
-/// deck, 33 mm square, below the body).
-///
-/// The spill is an assumption: the team's camera looked at the drone from its side, at right
-/// angles to the beam, and still recorded clipped white streaks; SMD packages of this kind give
-/// some percent there. Too little and a drone seen from the side writes nothing.
-fn headlight(name: &str, left_m: f64) -> Emitter {
-    Emitter {
-        name: name.into(),
-        channel: "headlights".into(),
-        position_body_m: [0.016, left_m, -0.01],
-        axis_body: [1.0, 0.0, 0.0],
-        intensity_cd: 1.8,
-        rgb: [1.0, 1.0, 1.0],
-        beam_exponent: 1.0,
-        spill: 0.05,
-        diameter_m: 0.003,
-    }
-}
-
-impl LightOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with the key that is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("light.radio_delay_s", self.radio_delay_s, 0.0, 10.0)?;
-        within("light.tick_s", self.tick_s, 0.0, 10.0)?;
-        within("light.tick_phase_s", self.tick_phase_s, 0.0, 10.0)?;
-        for Emitter { position_body_m, axis_body, rgb, .. } in &self.emitters {
-            for value in position_body_m {
-                within("light.emitters.position_body_m", *value, -10.0, 10.0)?;
-            }
-            let squares: f64 = axis_body.iter().map(|value| value * value).sum();
-            within("light.emitters.axis_body (length squared)", squares, 1e-6, 1e6)?;
-            for value in rgb {
-                within("light.emitters.rgb", *value, 0.0, 100.0)?;
-            }
-        }
-        for emitter in &self.emitters {
-            within("light.emitters.intensity_cd", emitter.intensity_cd, 0.0, 1e6)?;
-            within("light.emitters.beam_exponent", emitter.beam_exponent, 0.0, 1000.0)?;
-            within("light.emitters.spill", emitter.spill, 0.0, 1.0)?;
-            within("light.emitters.diameter_m", emitter.diameter_m, 0.0, 1.0)?;
-        }
-        Ok(())
     }
 }
 
 /// Lights the lamps of a flight.
 ///
+/// `seed` and `drone` (its number, 0 for the only one) key all chance: the radio's jitter and the
+/// link LEDs' flicker.
+///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, a flight that has no position, or one that has a
-/// light column for none of the emitters.
-pub fn light(flight: &Flight, options: &LightOptions) -> Result<LightTrace> {
+/// [`Error::Input`] for an option out of range, a flight that has no position, or a light column for
+/// none of the lamps that follow one, and for more pulses than memory should hold.
+pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
     if flight.unlogged.contains(&Quantity::Position) {
         let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
         return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
     }
-    let driven = |emitter: &&Emitter| flight.lights.contains_key(&emitter.channel);
-    if !options.emitters.is_empty() && !options.emitters.iter().any(|e| driven(&e)) {
-        let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
-        let first = &options.emitters[0].channel;
-        return Err(Error::input(
-            "flight",
-            format!("light columns [{}]", names.join(", ")),
-            format!("a column light.{first} with levels from 0 to 1"),
-            "add the column (0 where the lights are off), or change light.emitters in the scene",
-        ));
+    let fixtures = options.fixtures();
+    check_channels(flight, &fixtures)?;
+    let programs = Programs::new(flight, options, seed, drone);
+    let [fine, coarse] = [way::FINE_M, way::COARSE_M].map(|m| way::stretches(flight, m));
+    let mut trace = LightTrace::default();
+    for fixture in &fixtures {
+        let sources = sources(fixture, &programs.changes(fixture)?);
+        let stretches = if sources.len() > 1 { &coarse } else { &fine };
+        for (emitter, changes) in sources {
+            let samples = way::shine(stretches, fixture, &changes, options);
+            if !samples.is_empty() {
+                trace.lamps.push(Lamp { emitter, samples });
+            }
+        }
     }
-    let lamps = options.emitters.iter().filter(driven).filter_map(|emitter| {
-        let samples = switching::shine(flight, emitter, options);
-        (!samples.is_empty()).then(|| Lamp { emitter: emitter.clone(), samples })
-    });
-    Ok(LightTrace { lamps: lamps.collect() })
+    Ok(trace)
+}
+
+/// Refuses a flight without any of the channels that the lamps listen to.
+fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
+    let command = |fixture: &Fixture| match &fixture.drive {
+        Drive::Command(channel) => Some(channel.clone()),
+        _ => None,
+    };
+    let Some(first) = fixtures.iter().find_map(command) else { return Ok(()) };
+    let heard = |channel: &String| {
+        fixtures.iter().any(|fixture| command(fixture).as_ref() == Some(channel))
+            || ring::CHANNELS.contains(&channel.as_str())
+            || channel == programs::COLOR_LED_CHANNEL
+    };
+    if flight.lights.keys().any(heard) {
+        return Ok(());
+    }
+    let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
+    Err(Error::input(
+        "flight",
+        format!("light columns [{}]", names.join(", ")),
+        format!("a column light.{first} with levels from 0 to 1"),
+        "add the column (0 where the lights are off), or change light.fixtures in the scene",
+    ))
+}
+
+/// Most colors of a row that become a lamp each; a row with more (a fade) becomes a lamp a die.
+const MAX_COLORS: usize = 8;
+
+/// The sources of light of a row, each with its levels: one for each color that it ever shows, or
+/// one for each die where these are fewer lamps.
+fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
+    let moments = moments(dies);
+    let mut colors: Vec<Vec<f64>> = Vec::new();
+    for (_, levels) in &moments {
+        let color = color_of(levels);
+        if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
+            colors.push(color);
+            if colors.len() > MAX_COLORS {
+                return by_die(fixture, dies);
+            }
+        }
+    }
+    let shine = |color: &Vec<f64>| {
+        let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
+        let changes =
+            moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
+        (fixture.emitter(color), changes.collect())
+    };
+    colors.iter().map(shine).collect()
+}
+
+/// A lamp for each die that ever shines.
+fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
+    let alone = |die: usize| {
+        let color: Vec<f64> = (0..dies.len()).map(|i| if i == die { 1.0 } else { 0.0 }).collect();
+        (fixture.emitter(&color), dies[die].clone())
+    };
+    (0..dies.len()).map(alone).collect()
+}
+
+/// The levels of all dies whenever one changes.
+fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
+    let mut next = vec![0; dies.len()];
+    let mut levels = vec![0.0; dies.len()];
+    let mut moments = Vec::new();
+    loop {
+        let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
+        let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
+            return moments;
+        };
+        for (die, changes) in dies.iter().enumerate() {
+            while let Some(change) = changes.get(next[die]).filter(|c| c.time_s <= time_s) {
+                levels[die] = change.level;
+                next[die] += 1;
+            }
+        }
+        moments.push((time_s, levels.clone()));
+    }
+}
+
+/// Levels as shares of the highest.
+fn color_of(levels: &[f64]) -> Vec<f64> {
+    let most = most(levels);
+    levels.iter().map(|level| if most > 0.0 { level / most } else { 0.0 }).collect()
+}
+
+fn most(levels: &[f64]) -> f64 {
+    levels.iter().copied().fold(0.0, f64::max)
 }

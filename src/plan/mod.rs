@@ -20,9 +20,6 @@ mod tour;
 pub use relight::relight;
 pub use replay::{Replay, replay};
 
-/// The light channel of the two forward lamps of the LED-ring deck.
-const HEADLIGHTS: &str = "headlights";
-
 /// What is sent to the drone, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
@@ -76,6 +73,9 @@ impl Setpoint {
 pub struct PlanOptions {
     /// Which part of the flight is planned.
     pub extent: Extent,
+    /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or what the
+    /// scene's lamps listen to.
+    pub lights: Vec<String>,
     /// Speed along every leg.
     pub stroke_speed_m_s: f64,
     /// Time between two setpoints on a leg; the drone holds each until the next.
@@ -110,6 +110,7 @@ impl Default for PlanOptions {
     fn default() -> Self {
         Self {
             extent: Extent::Whole,
+            lights: vec!["headlights".to_owned()],
             stroke_speed_m_s: 0.2,
             setpoint_interval_s: 0.1,
             step_m: 0.1,

@@ -4,10 +4,12 @@
 //! on. The setpoints are laid over the moves in order: a setpoint belongs to the first move, from
 //! the one before on, that it lies on without running backward.
 
-use super::HEADLIGHTS;
 use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
 use crate::letters::{Move, Strokes};
+
+/// The light channel that the team's letters drive.
+const HEADLIGHTS: &str = "headlights";
 
 /// A setpoint this near a move lies on it. Logs round to a millimetre and skip setpoints; letters'
 /// strokes lie centimetres apart.

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Extent, HEADLIGHTS, Plan, PlanOptions, Setpoint};
+use super::{Extent, Plan, PlanOptions, Setpoint};
 use crate::flight::table::on_grid;
 use crate::letters::{Glyph, Strokes};
 
@@ -20,7 +20,8 @@ struct Tour<'a> {
 
 /// Plans the flight that writes `strokes`.
 pub(super) fn tour(strokes: &Strokes, options: &PlanOptions) -> Plan {
-    let plan = Plan { lights: [(HEADLIGHTS.to_owned(), Vec::new())].into(), ..Plan::default() };
+    let channels = options.lights.iter().map(|channel| (channel.clone(), Vec::new()));
+    let plan = Plan { lights: channels.collect(), ..Plan::default() };
     let mut tour = Tour { options, plan, time_s: 0.0, letter: None };
     let whole = options.extent == Extent::Whole;
     if whole {

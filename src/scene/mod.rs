@@ -92,7 +92,8 @@ impl Scene {
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let alone: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
-        let scene = alone.preset.under(toml);
+        let mut scene = alone.preset.under(toml);
+        scene.light.fixtures = Some(scene.light.fixtures());
         scene.check().map_err(|error| text::with_line(error, toml, file))?;
         Ok(scene)
     }
@@ -169,7 +170,7 @@ mod tests {
         let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
         scene.camera.shutter_close_s = Some(0.1 + 0.2);
         scene.vehicle.mass_kg = 0.1 / 3.0;
-        scene.light.emitters.pop();
+        scene.light.fixtures.as_mut().unwrap().pop();
         assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
     }
 

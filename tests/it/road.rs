@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::light::RingEffect;
 use noctograph::photo::develop;
 use noctograph::scene::Scene;
 use noctograph::{letters, light, plan, score, sim};
@@ -22,7 +23,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light).unwrap();
+    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend, ..scene.expose };
     let film = expose(&trace, &camera, &options).unwrap().film;
     let photo = develop(&film, &camera);
@@ -35,7 +36,8 @@ fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
 }
 
 impl Taken {
-    /// Exposed pixels in a box of the word's plane: their count and mean x, in metres.
+    /// Saturated pixels in a box of the word's plane: their count and mean x, in metres. In green
+    /// only the headlights saturate.
     fn lit(&self, x_m: RangeInclusive<f64>, z_m: RangeInclusive<f64>) -> (usize, f64) {
         let width = self.film.width_px as usize;
         let saturation_lx_s = self.camera.saturation_lx_s();
@@ -47,7 +49,7 @@ impl Taken {
         for index in 0..width * self.film.height_px as usize {
             let x = ((index % width) as f64 + 0.5 - origin.x_px) * m_per_px;
             let z = (origin.y_px - (index / width) as f64 - 0.5) * m_per_px;
-            let lit = || self.film.exposure_lx_s(1, index) > 0.2 * saturation_lx_s;
+            let lit = || self.film.exposure_lx_s(1, index) > saturation_lx_s;
             if x_m.contains(&x) && z_m.contains(&z) && lit() {
                 n += 1;
                 sum_m += x;
@@ -82,18 +84,48 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 #[test]
 fn a_dark_flight_reads_as_nothing() {
     let taken = on_cpu("NOOR", |scene| {
-        scene.light.emitters.iter_mut().for_each(|emitter| emitter.intensity_cd = 0.0);
+        let fixtures = scene.light.fixtures.iter_mut().flatten();
+        fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
     });
     assert!(!taken.verdict.legible && taken.verdict.read == "????", "{:?}", taken.verdict);
 }
 
 #[test]
 fn clean_previews_of_the_teams_letters_read() {
-    // Every letter once; W and X as flawed as the team flew them.
+    // Every letter once; W and X as flawed as the team flew them. The board's LEDs are lit, the
+    // ring is turned off: with its spinner above the camera, FED reads as PED.
     for word in ["NOOR", "CAB", "FED", "GHI", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
-        let verdict = on_cpu(word, |_| {}).verdict;
+        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict;
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
+}
+
+#[test]
+fn noor_reads_through_all_the_light_that_the_team_left_on() {
+    let verdict = on_cpu("NOOR", |_| {}).verdict;
+    assert!(verdict.legible && verdict.read == "NOOR", "{verdict:#?}");
+}
+
+#[test]
+fn the_light_of_the_board_shows_the_way_between_letters() {
+    // The way from the take-off to the first letter, where the headlights are dark: blue power
+    // LEDs, red status and link LEDs, no green.
+    let light_lx_s = |led_bitmask| {
+        let taken = on_cpu("NOOR", |scene| scene.light.led_bitmask = led_bitmask);
+        let at = |x, z| taken.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();
+        let (from, to) = (at(-0.45, 0.35), at(-0.1, 0.0));
+        let width = taken.film.width_px as usize;
+        let inside = (0..width * taken.film.height_px as usize).filter(|index| {
+            let (x, y) = ((index % width) as f64, (index / width) as f64);
+            (from.x_px..to.x_px).contains(&x) && (from.y_px..to.y_px).contains(&y)
+        });
+        let inside: Vec<usize> = inside.collect();
+        let sum = |channel| inside.iter().map(|&i| taken.film.exposure_lx_s(channel, i)).sum();
+        [sum(0), sum(1), sum(2)]
+    };
+    let [red, green, blue]: [f64; 3] = light_lx_s(0);
+    assert!(blue > 5.0 * red && red > 0.0 && green < 0.05 * blue, "{red} {green} {blue}");
+    assert_eq!(light_lx_s(128), [0.0; 3], "led.bitmask 128 leaves this way dark");
 }
 
 #[test]

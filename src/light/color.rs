@@ -1,0 +1,49 @@
+//! Color: chromaticities of LEDs become linear sRGB with luminance 1.
+
+/// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
+pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
+    [x / y, 1.0, (1.0 - x - y) / y]
+}
+
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
+/// at its faces.
+///
+/// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
+/// saturation: a film holds no negative light.
+pub(super) fn rgb(xyz: [f64; 3]) -> [f64; 3] {
+    let row = |[x, y, z]: [f64; 3]| (x * xyz[0] + y * xyz[1] + z * xyz[2]).max(0.0);
+    let [r, g, b] = RGB_FROM_XYZ.map(row);
+    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    [r / luminance, g / luminance, b / luminance]
+}
+
+/// Linear sRGB from XYZ (IEC 61966-2-1).
+const RGB_FROM_XYZ: [[f64; 3]; 3] = [
+    [3.240_454_2, -1.537_138_5, -0.498_531_4],
+    [-0.969_266_0, 1.876_010_8, 0.041_556_0],
+    [0.055_643_4, -0.204_025_9, 1.057_225_2],
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_have_luminance_one_and_no_negative_light() {
+        for chromaticity in [[0.7, 0.29], [0.15, 0.75], [0.13, 0.05], [0.3127, 0.329], [0.4, 0.4]] {
+            let [r, g, b] = rgb(xyz(chromaticity));
+            assert!(r >= 0.0 && g >= 0.0 && b >= 0.0, "{chromaticity:?}: {r} {g} {b}");
+            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            assert!((luminance - 1.0).abs() < 1e-12, "{chromaticity:?}: luminance {luminance}");
+        }
+    }
+
+    #[test]
+    fn daylight_is_white_and_a_blue_led_is_the_blue_primary() {
+        for share in rgb(xyz([0.3127, 0.329])) {
+            assert!((share - 1.0).abs() < 1e-3, "D65 is white: {share}");
+        }
+        let [r, g, b] = rgb(xyz([0.131, 0.05]));
+        assert!(r == 0.0 && g < 0.02 && b > 13.7, "{r} {g} {b}");
+    }
+}

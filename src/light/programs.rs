@@ -1,0 +1,211 @@
+//! Programs: what each die of a lamp does during a flight.
+
+use std::cell::OnceCell;
+
+use super::chance::Chance;
+use super::radio::{Change, Timer, arrivals};
+use super::ring::{Frame, frames};
+use super::{ColorLedLevels, Drive, Fixture, LightOptions, Pwm};
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+
+/// What drives the lamps of one drone during one flight.
+#[derive(Debug)]
+pub(super) struct Programs<'a> {
+    pub(super) flight: &'a Flight,
+    pub(super) options: &'a LightOptions,
+    pub(super) seed: u64,
+    pub(super) drone: u64,
+    begin_s: f64,
+    end_s: f64,
+    /// What the ring shows, once somebody asks.
+    ring: OnceCell<Vec<(f64, Frame)>>,
+}
+
+/// Length of the stretches over which flickering is averaged.
+const FLICKER_S: f64 = 0.1;
+
+/// Period of the task that sends colors to the color LED deck (`color_led_deck.c`).
+const COLOR_LED_TICK_S: f64 = 0.01;
+
+/// The plan's channel that switches the color LED deck; without it the deck is on.
+pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
+
+/// Light of the color LED deck's dies in lm, white, red, green, blue, as the firmware evens them
+/// out (`color_led_deck.h`).
+const COLOR_LED_LM: [u32; 4] = [250, 139, 210, 50];
+
+/// Most pulses of a lamp that are drawn: some 100 MB.
+const MAX_PULSES: f64 = 1e6;
+
+impl<'a> Programs<'a> {
+    pub(super) fn new(
+        flight: &'a Flight,
+        options: &'a LightOptions,
+        seed: u64,
+        drone: u64,
+    ) -> Self {
+        let begin_s = flight.samples.first().map_or(0.0, |first| first.time_s);
+        let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+        Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
+    }
+
+    /// Levels of each die from their time on; dark before.
+    pub(super) fn changes(&self, fixture: &Fixture) -> Result<Vec<Vec<Change>>> {
+        let alike = |changes: Vec<Change>| vec![changes; fixture.dies.len()];
+        let dies = match (&fixture.drive, self.bitmask(fixture)) {
+            (_, Some(level)) => alike(self.steady(level)),
+            (Drive::Always, _) => alike(self.steady(1.0)),
+            (Drive::Command(channel), _) => alike(self.commanded(channel)),
+            (Drive::Blink { on_s, period_s, phase_s }, _) => {
+                alike(self.blink(*on_s, *period_s, *phase_s))
+            }
+            (Drive::Flicker { flashes_hz, flash_s }, _) => {
+                alike(self.flicker(&fixture.name, *flashes_hz, *flash_s))
+            }
+            (Drive::Ring(led), _) => (0..3).map(|die| self.ring(*led, die)).collect(),
+            (Drive::ColorLed, _) => self.color_led(),
+        };
+        match self.options.pwm {
+            Pwm::On if fixture.pwm_hz > 0.0 => {
+                dies.iter().map(|changes| self.pulses(changes, fixture)).collect()
+            }
+            _ => Ok(dies),
+        }
+    }
+
+    fn steady(&self, level: f64) -> Vec<Change> {
+        vec![Change { time_s: self.begin_s, level }]
+    }
+
+    /// What `led.bitmask` makes of a lamp, where it rules.
+    fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
+        let mask = self.options.led_bitmask;
+        let bit = fixture.bitmask_bit.filter(|_| mask & 0x80 != 0)?;
+        Some(f64::from(mask >> bit & 1))
+    }
+
+    fn commanded(&self, channel: &str) -> Vec<Change> {
+        let chance = Chance::new(self.seed, self.drone, channel);
+        let arrivals = arrivals(self.flight, channel, 0.0, self.options, &chance);
+        let LightOptions { tick_s, tick_phase_s, .. } = self.options;
+        Timer { period_s: *tick_s, phase_s: *tick_phase_s }.hold(&arrivals)
+    }
+
+    fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
+        let timer = Timer { period_s, phase_s };
+        let mut changes = Vec::new();
+        let mut number = timer.next(self.begin_s - on_s);
+        while timer.tick_s(number) < self.end_s {
+            let time_s = timer.tick_s(number);
+            let from_s = time_s.max(self.begin_s);
+            changes.push(Change { time_s: from_s, level: 1.0 });
+            changes.push(Change { time_s: (time_s + on_s).max(from_s), level: 0.0 });
+            number += 1.0;
+        }
+        changes
+    }
+
+    fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
+        let chance = Chance::new(self.seed, self.drone, name);
+        let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
+        (0..)
+            .map(|index: u32| (u64::from(index), timer.tick_s(f64::from(index))))
+            .take_while(|(_, time_s)| *time_s < self.end_s)
+            .map(|(index, time_s)| {
+                let flashes = f64::from(chance.poisson(index, flashes_hz * FLICKER_S));
+                Change { time_s, level: (flashes * flash_s / FLICKER_S).min(1.0) }
+            })
+            .collect()
+    }
+
+    fn ring(&self, led: usize, die: usize) -> Vec<Change> {
+        let frames = self.ring.get_or_init(|| {
+            let chance = Chance::new(self.seed, self.drone, "ring");
+            frames(self.flight, self.options, &chance)
+        });
+        let mut changes: Vec<Change> = Vec::new();
+        for (time_s, frame) in frames {
+            let level = f64::from(frame[led][die]) / 255.0;
+            if changes.last().map_or(0.0, |last| last.level) != level {
+                changes.push(Change { time_s: *time_s, level });
+            }
+        }
+        changes
+    }
+
+    fn color_led(&self) -> Vec<Vec<Change>> {
+        let switched = self.flight.lights.get(COLOR_LED_CHANNEL).map(|levels| {
+            let chance = Chance::new(self.seed, self.drone, COLOR_LED_CHANNEL);
+            let at_first = levels.first().copied().unwrap_or(0.0);
+            let arrivals =
+                arrivals(self.flight, COLOR_LED_CHANNEL, at_first, self.options, &chance);
+            let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
+            let mut changes = self.steady(at_first);
+            changes.extend(timer.hold(&arrivals));
+            changes
+        });
+        let switched = switched.unwrap_or_else(|| self.steady(1.0));
+        let levels = color_led_levels(self.options.color_led_wrgb, self.options.color_led_levels);
+        let die = |full: f64| {
+            let level = |on: f64| if on > 0.0 { full } else { 0.0 };
+            switched.iter().map(|c| Change { level: level(c.level), ..*c }).collect()
+        };
+        levels.into_iter().map(die).collect()
+    }
+
+    /// A lamp's levels as pulses of full level; 0 and 1 stay what they are.
+    fn pulses(&self, changes: &[Change], fixture: &Fixture) -> Result<Vec<Change>> {
+        let timer = Timer { period_s: 1.0 / fixture.pwm_hz, phase_s: 0.0 };
+        let ends = changes.iter().skip(1).map(|next| next.time_s).chain([self.end_s]);
+        let dimmed = |level: f64| level > 0.0 && level < 1.0;
+        let spans: Vec<(Change, f64)> = changes.iter().copied().zip(ends).collect();
+
+        let lit = spans.iter().filter(|(change, _)| dimmed(change.level));
+        let pulses = lit.map(|(c, end_s)| (end_s - c.time_s) * fixture.pwm_hz).sum::<f64>();
+        if pulses > MAX_PULSES {
+            return Err(Error::input(
+                "light.pwm",
+                format!("on, with {pulses:.0} pulses of `{}`", fixture.name),
+                format!("at most {MAX_PULSES:.0} pulses of a lamp"),
+                "set light.pwm = \"off\", or a lower pwm_hz in light.fixtures",
+            ));
+        }
+
+        let mut out = Vec::new();
+        for (change, end_s) in spans {
+            if !dimmed(change.level) {
+                out.push(change);
+                continue;
+            }
+            let on_s = change.level * timer.period_s;
+            let mut number = timer.next(change.time_s - on_s);
+            while timer.tick_s(number) < end_s {
+                let time_s = timer.tick_s(number);
+                let from_s = time_s.max(change.time_s);
+                out.push(Change { time_s: from_s, level: 1.0 });
+                out.push(Change { time_s: (time_s + on_s).min(end_s).max(from_s), level: 0.0 });
+                number += 1.0;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Levels of the color LED deck's dies, 0 to 1 (facts from `color_led_deck.c`; whole numbers).
+fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
+    let weakest_lm = COLOR_LED_LM.into_iter().min().unwrap_or(1);
+    std::array::from_fn(|die| {
+        let value = match levels {
+            ColorLedLevels::Plain => f64::from(wrgb[die]),
+            ColorLedLevels::Corrected => {
+                match u32::from(wrgb[die]) * weakest_lm / COLOR_LED_LM[die] {
+                    0 => 0.0,
+                    even => (3.0 + 252.0 * (f64::from(even) / 255.0) * (f64::from(even) / 255.0))
+                        .round(),
+                }
+            }
+        };
+        value / 255.0
+    })
+}

@@ -1,0 +1,311 @@
+//! Claims about flights that are lit as a whole.
+
+use super::*;
+use crate::flight::FlightSample;
+use crate::geometry::Attitude;
+
+/// 0.2 m/s along x for 4 s at 100 Hz, with the named channels commanded on from 0.5 s to 2.5 s.
+fn flight(channels: &[&str]) -> Flight {
+    let sample = |i: i32| FlightSample {
+        time_s: f64::from(i) * 0.01,
+        position_m: Vector3::new(f64::from(i) * 0.002, 0.0, 1.0),
+        attitude: Attitude::default(),
+        velocity_body_m_s: Vector3::x() * 0.2,
+        rate_body_rad_s: Vector3::zeros(),
+        estimate_m: Vector3::zeros(),
+        design_m: Vector3::zeros(),
+        motors: [0.0; 4],
+        letter: Some(0),
+    };
+    let levels = |_| (0..=400).map(|i| if (50..250).contains(&i) { 1.0 } else { 0.0 }).collect();
+    Flight {
+        samples: (0..=400).map(sample).collect(),
+        lights: channels.iter().map(|name| ((*name).to_owned(), levels(name))).collect(),
+        ..Flight::default()
+    }
+}
+
+#[test]
+fn no_light_crosses_a_hole_of_the_log() {
+    let mut flight = flight(&["headlights"]);
+    let lit_s = |flight: &Flight| -> f64 {
+        let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
+        let samples = &trace.lamps.iter().find(|l| l.emitter.name.contains("headlight")).unwrap();
+        let mean = |p: &[LightSample]| 0.5 * (p[0].level + p[1].level);
+        samples.samples.windows(2).map(|p| mean(p) * (p[1].time_s - p[0].time_s)).sum()
+    };
+    let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < 1.3 - 1e-9;
+    let whole_s = lit_s(&flight);
+    let levels = flight.lights.get_mut("headlights").unwrap();
+    let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
+    *levels = kept.map(|(_, level)| *level).collect();
+    flight.samples.retain(|s| !hole(s));
+    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "bridged where no gap is told");
+    flight.gaps = vec![[1.1, 1.3]];
+    assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
+}
+
+fn lit(options: &LightOptions, channels: &[&str]) -> LightTrace {
+    light(&flight(channels), options, 0, 0).unwrap()
+}
+
+/// The lit stretches of a lamp: from sample to sample, with both levels.
+fn stretches(lamp: &Lamp) -> Vec<(LightSample, LightSample)> {
+    let pairs = lamp.samples.windows(2).map(|pair| (pair[0], pair[1]));
+    pairs.filter(|(a, b)| b.time_s > a.time_s && (a.level > 0.0 || b.level > 0.0)).collect()
+}
+
+/// Level of a lamp at a time, 0 where it has no samples.
+fn level(lamp: &Lamp, time_s: f64) -> f64 {
+    let around = stretches(lamp).into_iter().find(|(a, b)| (a.time_s..b.time_s).contains(&time_s));
+    around.map_or(0.0, |(a, b)| {
+        a.level + (b.level - a.level) * (time_s - a.time_s) / (b.time_s - a.time_s)
+    })
+}
+
+/// Light of all lamps of a name at a time towards straight below, in cd.
+fn down_cd(trace: &LightTrace, name: &str, time_s: f64) -> f64 {
+    let lamps = trace.lamps.iter().filter(|lamp| lamp.emitter.name.starts_with(name));
+    lamps.map(|lamp| level(lamp, time_s) * lamp.emitter.intensity_cd(1.0)).sum()
+}
+
+fn named<'a>(trace: &'a LightTrace, name: &str) -> &'a Lamp {
+    trace.lamps.iter().find(|lamp| lamp.emitter.name == name).expect("a lamp of that name")
+}
+
+#[test]
+fn the_default_drone_is_never_dark() {
+    let trace = lit(&LightOptions::default(), &["headlights"]);
+    let names = ["headlight left", "headlight right", "power M2", "status M1", "link M4"];
+    for name in names.into_iter().chain(["ring 0", "ring 11"]) {
+        assert!(!named(&trace, name).samples.is_empty(), "{name}");
+    }
+    for time_s in [0.001, 1.0, 3.99] {
+        assert_eq!(level(named(&trace, "power M3"), time_s), 1.0, "always lit");
+    }
+}
+
+#[test]
+fn the_status_led_writes_a_dot_of_50_ms_every_10_cm() {
+    let trace = lit(&LightOptions::default(), &["headlights"]);
+    let dots: Vec<[LightSample; 2]> = {
+        let samples = &named(&trace, "status M1").samples;
+        let on = samples.windows(2).filter(|p| p[0].level < p[1].level).map(|p| p[1]);
+        let off = samples.windows(2).filter(|p| p[0].level > p[1].level).map(|p| p[0]);
+        on.zip(off).map(|(on, off)| [on, off]).collect()
+    };
+    assert_eq!(dots.len(), 8, "two a second for 4 s");
+    for dot in &dots {
+        assert!((dot[1].time_s - dot[0].time_s - 0.05).abs() < 1e-9, "50 ms: {dot:?}");
+    }
+    for pair in dots.windows(2) {
+        let apart_m = pair[1][0].position_m.x - pair[0][0].position_m.x;
+        assert!((apart_m - 0.1).abs() < 1e-6, "{apart_m} m");
+    }
+}
+
+#[test]
+fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
+    let names = |led_bitmask| -> Vec<String> {
+        let options =
+            LightOptions { led_bitmask, deck: Deck::None, fixtures: None, ..Default::default() };
+        lit(&options, &[]).lamps.into_iter().map(|lamp| lamp.emitter.name).collect()
+    };
+    assert_eq!(names(0).len(), 4, "{:?}", names(0));
+    assert_eq!(names(128), Vec::<String>::new());
+    assert_eq!(names(128 | 1 << 4 | 1), ["power M3", "status M1"]);
+    assert_eq!(names(1 << 4).len(), 4, "without bit 7 the firmware rules");
+}
+
+#[test]
+fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
+    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let trace = lit(&options, &["headlights"]);
+    let ring_cd = down_cd(&trace, "ring", 2.0);
+    // 12 LEDs of 1.28 cd at 20/255.
+    assert!((ring_cd - 1.2047).abs() < 1e-3, "{ring_cd} cd");
+    let lamps = trace.lamps.iter().filter(|lamp| lamp.emitter.name.starts_with("ring")).count();
+    assert_eq!(lamps, 12, "one color, one lamp an LED");
+}
+
+#[test]
+fn a_switched_ring_fades_in_over_a_second_of_ticks() {
+    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let trace = lit(&options, &["ring"]);
+    // Commanded at 0.5 s, received after 20 to 30 ms, seen by the timer at 0.55 s.
+    assert_eq!(down_cd(&trace, "ring", 0.549), 0.0);
+    let share = |time_s| down_cd(&trace, "ring", time_s) / 1.2047;
+    assert!((share(0.551) - 0.05).abs() < 1e-3, "first of 20 steps: {}", share(0.551));
+    assert!((share(1.001) - 0.5).abs() < 1e-3, "half after half a second: {}", share(1.001));
+    assert!((share(1.501) - 1.0).abs() < 1e-3, "full after 20 steps: {}", share(1.501));
+    assert!(share(1.499) < 0.96, "not before: {}", share(1.499));
+    assert_eq!(down_cd(&trace, "ring", 2.551), 0.0, "off at once");
+}
+
+#[test]
+fn a_fading_ring_keeps_its_light_however_many_colors_it_shows() {
+    let mut flight = flight(&["headlights"]);
+    let red = (0..=400).map(|i| if i < 100 { 0.0 } else { 1.0 }).collect();
+    flight.lights.insert("ring.red".to_owned(), red);
+    let options = LightOptions {
+        ring_effect: RingEffect::Fade,
+        ring_color: [0, 255, 0],
+        ring_fade_s: 1.0,
+        radio_jitter_s: 0.0,
+        ..LightOptions::default()
+    };
+    let trace = light(&flight, &options, 0, 0).unwrap();
+    let [before, middle, after] = [0.9, 1.551, 3.0].map(|t| down_cd(&trace, "ring", t));
+    assert!((before - 12.0 * 0.69).abs() < 1e-9, "green: {before} cd");
+    assert!((after - 12.0 * 1.09).abs() < 1e-9, "green and red: {after} cd");
+    assert!((middle - 12.0 * (0.69 + 0.2)).abs() < 0.05, "half way: {middle} cd");
+}
+
+#[test]
+fn commands_take_the_radio_the_jitter_and_the_tick() {
+    let untimed = LightOptions { tick_s: 0.0, radio_jitter_s: 0.0, ..LightOptions::default() };
+    let on_s = |options: &LightOptions, seed| {
+        let trace = light(&flight(&["headlights"]), options, seed, 0).unwrap();
+        named(&trace, "headlight left").samples[0].time_s
+    };
+    assert!((on_s(&untimed, 0) - 0.52).abs() < 1e-12, "the radio alone");
+    let jitter = LightOptions { radio_jitter_s: 0.01, ..untimed.clone() };
+    let late: Vec<f64> = (0..20).map(|seed| on_s(&jitter, seed) - 0.52).collect();
+    assert!(late.iter().all(|late_s| (0.0..0.01).contains(late_s)), "{late:?}");
+    assert!(late[1] != late[0] && on_s(&jitter, 1) == on_s(&jitter, 1), "by the seed");
+    assert!((on_s(&LightOptions::default(), 0) - 0.55).abs() < 1e-12, "the next tick");
+}
+
+#[test]
+fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
+    let options =
+        LightOptions { rise_s: 0.1, decay_s: 0.3, radio_jitter_s: 0.0, ..LightOptions::default() };
+    let trace = lit(&options, &["headlights"]);
+    let lamp = named(&trace, "headlight left");
+    for (time_s, wanted) in [(0.6, 0.5), (0.66, 1.0), (2.549, 1.0), (2.7, 0.5), (2.86, 0.0)] {
+        assert!((level(lamp, time_s) - wanted).abs() < 1e-6, "at {time_s} s");
+    }
+}
+
+#[test]
+fn pulses_leave_the_light_of_their_mean() {
+    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let pulsed = LightOptions { pwm: Pwm::On, ring_color: [20, 60, 200], ..options.clone() };
+    let mean = LightOptions { ring_color: [20, 60, 200], ..options };
+    let light_cd_s = |options| {
+        let trace = lit(options, &["headlights"]);
+        let ring = trace.lamps.iter().filter(|lamp| lamp.emitter.name == "ring 3");
+        let of = |lamp: &Lamp| {
+            let levels = stretches(lamp).into_iter();
+            let light = levels.map(|(a, b)| 0.5 * (a.level + b.level) * (b.time_s - a.time_s));
+            light.sum::<f64>() * lamp.emitter.intensity_cd
+        };
+        (ring.clone().count(), ring.map(of).sum::<f64>())
+    };
+    let ((_, by_pulses), (lamps, by_mean)) = (light_cd_s(&pulsed), light_cd_s(&mean));
+    assert!((by_pulses / by_mean - 1.0).abs() < 1e-9, "{by_pulses} and {by_mean} cd s");
+    assert_eq!(lamps, 1, "a steady mixture is one lamp");
+}
+
+#[test]
+fn the_color_led_follows_its_firmwares_curve() {
+    let options = |color_led_levels| LightOptions {
+        deck: Deck::ColorLed,
+        fixtures: None,
+        color_led_wrgb: [0, 0, 0, 255],
+        color_led_levels,
+        ..LightOptions::default()
+    };
+    let cd = |levels, wrgb| {
+        let options = LightOptions { color_led_wrgb: wrgb, ..options(levels) };
+        down_cd(&lit(&options, &[]), "color LED", 1.0)
+    };
+    assert!((cd(ColorLedLevels::Corrected, [0, 0, 0, 255]) - 15.9).abs() < 1e-9);
+    // White 255 is evened out to 51 and squared to 13 of 255.
+    assert!((cd(ColorLedLevels::Corrected, [255, 0, 0, 0]) - 79.6 * 13.0 / 255.0).abs() < 1e-9);
+    assert!((cd(ColorLedLevels::Plain, [255, 0, 0, 0]) - 79.6).abs() < 1e-9);
+    let switched = lit(&options(ColorLedLevels::Corrected), &["color-led"]);
+    assert_eq!(down_cd(&switched, "color LED", 0.4), 0.0);
+    assert!(down_cd(&switched, "color LED", 1.0) > 15.0, "switched on by its channel");
+}
+
+#[test]
+fn the_body_hides_a_lamp_beyond_its_cone() {
+    let trace = lit(&LightOptions::default(), &["headlights"]);
+    let headlight = &named(&trace, "headlight left").emitter;
+    assert!((headlight.intensity_cd(1.0) - 1.8).abs() < 1e-12, "on the axis");
+    assert!((headlight.intensity_cd(0.0) - 0.09).abs() < 1e-12, "spill to the side");
+    assert_eq!(headlight.intensity_cd(-0.51), 0.0, "from behind");
+    let ring = &named(&trace, "ring 0").emitter;
+    assert!(ring.intensity_cd(0.1) > 0.0 && ring.intensity_cd(-0.01) == 0.0, "from above");
+}
+
+#[test]
+fn lamps_turn_with_the_body() {
+    let mut flight = flight(&["headlights"]);
+    for sample in &mut flight.samples {
+        sample.attitude.yaw_rad = std::f64::consts::FRAC_PI_2;
+    }
+    let trace = light(&flight, &LightOptions::default(), 0, 0).unwrap();
+    let sample = named(&trace, "headlight left").samples[0];
+    assert!((sample.axis - Vector3::y()).norm() < 1e-12, "forward is now world y");
+    let offset = sample.position_m - Vector3::new(0.2 * sample.time_s, 0.0, 1.0);
+    assert!((offset - Vector3::new(-0.01, 0.016, -0.01)).norm() < 1e-9, "{offset}");
+}
+
+#[test]
+fn samples_that_are_left_out_lie_on_the_lamps_way() {
+    let mut flight = flight(&["headlights"]);
+    for (i, sample) in (0..).zip(&mut flight.samples) {
+        let t = f64::from(i) * 0.01;
+        sample.position_m.z = 1.0 + 0.01 * libm::sin(2.0 * t);
+        sample.attitude.pitch_rad = 0.02 * libm::cos(2.0 * t);
+    }
+    let trace = light(&flight, &LightOptions::default(), 0, 0).unwrap();
+    let lamp = named(&trace, "power M2");
+    assert!(lamp.samples.len() < 300, "{} of 401 samples", lamp.samples.len());
+    let on_body_m = Vector3::new(-0.03, -0.03, 0.0);
+    for sample in &flight.samples[1..400] {
+        let truth_m = sample.position_m + sample.attitude.world_from_body() * on_body_m;
+        let after = lamp.samples.partition_point(|s| s.time_s < sample.time_s);
+        let (a, b) = (lamp.samples[after - 1], lamp.samples[after]);
+        let part = (sample.time_s - a.time_s) / (b.time_s - a.time_s);
+        let off_m = (a.position_m.lerp(&b.position_m, part) - truth_m).norm();
+        assert!(off_m <= 10e-6, "{off_m} m at {} s", sample.time_s);
+    }
+}
+
+#[test]
+fn drones_are_lit_alike_but_by_their_own_chance_and_add_up() {
+    let lit = |drone| light(&flight(&["headlights"]), &LightOptions::default(), 0, drone).unwrap();
+    let (mut both, second) = (lit(0), lit(1));
+    let flicker = |trace: &LightTrace| named(trace, "link M4").samples.clone();
+    assert_ne!(flicker(&both), flicker(&second));
+    assert_eq!(named(&both, "ring 2"), named(&second, "ring 2"));
+    let n = both.lamps.len();
+    both.append(second.clone());
+    assert_eq!(both.lamps[n..], second.lamps);
+}
+
+#[test]
+fn a_flight_without_light_columns_is_refused_where_lamps_listen() {
+    let error = light(&flight(&[]), &LightOptions::default(), 0, 0).unwrap_err().to_string();
+    assert!(error.contains("light.headlights"), "{error}");
+    let dark = LightOptions { deck: Deck::None, fixtures: None, ..LightOptions::default() };
+    assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the board's lamps listen to nobody");
+}
+
+#[test]
+fn rows_that_cannot_be_are_refused_with_their_name() {
+    let refused = |change: fn(&mut Fixture)| {
+        let mut fixtures = Deck::LedRing.fixtures();
+        change(&mut fixtures[2]);
+        let options = LightOptions { fixtures: Some(fixtures), ..LightOptions::default() };
+        options.check().unwrap_err().to_string()
+    };
+    assert!(refused(|row| row.drive = Drive::Ring(12)).contains("ring 0"));
+    assert!(refused(|row| row.dies.truncate(2)).contains("3 dies"));
+    assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures `ring 0`: spill"));
+    assert!(refused(|row| row.dies[0].chromaticity = [0.7, 0.0]).contains("chromaticity y"));
+    assert!(refused(|row| row.visible_cos = 1.5).contains("visible_cos"));
+}

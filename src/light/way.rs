@@ -1,0 +1,252 @@
+//! The lamp's way while it is lit: its levels over time meet the flight.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::radio::Change;
+use super::{Fixture, LightOptions, LightSample};
+use crate::flight::{Flight, FlightSample};
+
+/// Where the body is at a sample of the flight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose {
+    time_s: f64,
+    position_m: Vector3<f64>,
+    world_from_body: Matrix3<f64>,
+}
+
+/// How far a lamp may lie from its way between two of its samples: a hundredth of a pixel where a
+/// pixel shows a millimetre. Less makes more samples and no better picture.
+pub(super) const FINE_M: f64 = 10e-6;
+
+/// The same for a row that shows several colors in turn, such as a spinner's LED: its dashes are
+/// short, and a drone carries many of them.
+pub(super) const COARSE_M: f64 = 60e-6;
+
+/// Arm by which a turning body moves a lamp: sum of its distances along the body's axes.
+const ARM_M: f64 = 0.07;
+
+/// The poses of a flight that its lamps need, made once for all of them: those between run straight
+/// and evenly, to the tolerance. A hole in a real log parts one stretch of poses from the next.
+pub(super) fn stretches(flight: &Flight, tolerance_m: f64) -> Vec<Vec<Pose>> {
+    let mut rest = &flight.samples[..];
+    let mut stretches = Vec::new();
+    for gap in &flight.gaps {
+        let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap[1]));
+        stretches.push(poses(before, tolerance_m));
+        rest = after;
+    }
+    stretches.push(poses(rest, tolerance_m));
+    stretches
+}
+
+fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
+    let mut kept: Vec<Pose> = Vec::new();
+    let mut run: Option<Run> = None;
+    for sample in samples {
+        let pose = Pose {
+            time_s: sample.time_s,
+            position_m: sample.position_m,
+            world_from_body: sample.attitude.world_from_body(),
+        };
+        let Some(open) = &mut run else {
+            kept.push(pose);
+            run = Some(Run::new(pose, pose));
+            continue;
+        };
+        if !open.takes(&pose, tolerance_m) {
+            kept.push(open.last);
+            *open = Run::new(open.last, pose);
+        }
+    }
+    kept.extend(run.filter(|run| run.last.time_s > run.first.time_s).map(|run| run.last));
+    kept
+}
+
+/// Place and turn of a pose as lengths.
+type Lengths = [f64; 12];
+
+/// Poses that are one straight stretch so far. For each pose that is skipped, the stretch must pass
+/// close by: that bounds its speed from both sides.
+struct Run {
+    first: Pose,
+    last: Pose,
+    start: Lengths,
+    /// Of `last`.
+    end: Lengths,
+    slowest: Lengths,
+    fastest: Lengths,
+}
+
+impl Run {
+    fn new(first: Pose, last: Pose) -> Self {
+        let (start, end) = (first.lengths(), last.lengths());
+        let (slowest, fastest) = ([f64::NEG_INFINITY; 12], [f64::INFINITY; 12]);
+        Self { first, last, start, end, slowest, fastest }
+    }
+
+    /// Moves the run's end to the next pose if it stays straight with it.
+    fn takes(&mut self, next: &Pose, tolerance_m: f64) -> bool {
+        // Half the tolerance an axis, and as much for the turn, keep their sum within it.
+        let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
+        let skipped_s = self.last.time_s - self.first.time_s;
+        let whole_s = next.time_s - self.first.time_s;
+        if skipped_s == 0.0 {
+            // Nothing is skipped: the run has only its first pose.
+            (self.last, self.end) = (*next, next.lengths());
+            return true;
+        }
+        let end = next.lengths();
+        let mut straight = true;
+        for (i, (to, from)) in end.iter().zip(&self.start).enumerate() {
+            let way = self.end[i] - from;
+            self.slowest[i] = self.slowest[i].max((way - slack) / skipped_s);
+            self.fastest[i] = self.fastest[i].min((way + slack) / skipped_s);
+            let speed = (to - from) / whole_s;
+            straight &= self.slowest[i] <= speed && speed <= self.fastest[i];
+        }
+        if straight {
+            (self.last, self.end) = (*next, end);
+        }
+        straight
+    }
+}
+
+impl Pose {
+    fn lengths(&self) -> Lengths {
+        std::array::from_fn(|i| match i.checked_sub(3) {
+            None => self.position_m[i],
+            Some(turn) => self.world_from_body[turn] * ARM_M,
+        })
+    }
+}
+
+/// A level at a time; levels run evenly from knot to knot, two knots at one time are a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Knot {
+    time_s: f64,
+    level: f64,
+}
+
+/// The samples of a lamp over a flight; none where it is never lit.
+///
+/// While dark, a lamp leaves no samples: each lit run begins and ends at level 0. It is dark between
+/// two stretches, where nobody knows where it was.
+pub(super) fn shine(
+    stretches: &[Vec<Pose>],
+    fixture: &Fixture,
+    changes: &[Change],
+    options: &LightOptions,
+) -> Vec<LightSample> {
+    let knots = knots(changes, options);
+    let mut samples = Vec::new();
+    // Knots up to `next` have passed.
+    let mut next = 0;
+    for poses in stretches {
+        let start = samples.len();
+        shine_along(poses, fixture, &knots, &mut next, &mut samples);
+        if let Some(first) = samples.get(start).copied().filter(|first| first.level > 0.0) {
+            samples.insert(start, LightSample { level: 0.0, ..first });
+        }
+        if let Some(last) = samples.last().copied().filter(|last| last.level > 0.0) {
+            samples.push(LightSample { level: 0.0, ..last });
+        }
+    }
+    samples
+}
+
+/// The samples of a lamp over one stretch; knots in the hole before it take effect at its start.
+fn shine_along(
+    poses: &[Pose],
+    fixture: &Fixture,
+    knots: &[Knot],
+    next: &mut usize,
+    samples: &mut Vec<LightSample>,
+) {
+    let mut before: Option<&Pose> = None;
+    for pose in poses {
+        let first = *next;
+        while knots.get(*next).is_some_and(|knot| knot.time_s <= pose.time_s) {
+            *next += 1;
+        }
+        if first < *next {
+            let here = lamp(pose, fixture);
+            let start = before.map_or(here, |before| lamp(before, fixture));
+            for index in first..*next {
+                if lit_beside(knots, index) {
+                    let Knot { time_s, level } = knots[index];
+                    samples.push(LightSample { level, ..between(start, here, time_s) });
+                }
+            }
+        }
+        let level = level_at(knots, *next, pose.time_s);
+        let on_knot = *next > 0 && knots[*next - 1].time_s == pose.time_s;
+        if level > 0.0 && !on_knot {
+            samples.push(LightSample { level, ..lamp(pose, fixture) });
+        }
+        before = Some(pose);
+    }
+}
+
+/// The levels as knots: a change is a step, or a ramp where the lamp takes time to rise or decay.
+/// A ramp that the next change cuts short goes on from where it is.
+fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
+    let mut knots: Vec<Knot> = Vec::with_capacity(2 * changes.len());
+    let mut level = 0.0;
+    for (index, change) in changes.iter().enumerate() {
+        let gap = change.level - level;
+        if gap == 0.0 {
+            continue;
+        }
+        let full_s = if gap > 0.0 { options.rise_s } else { options.decay_s };
+        let ramp_s = full_s * gap.abs();
+        let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
+        let end_s = (change.time_s + ramp_s).min(until_s);
+        knots.push(Knot { time_s: change.time_s, level });
+        level = if ramp_s > 0.0 {
+            level + gap * (end_s - change.time_s) / ramp_s
+        } else {
+            change.level
+        };
+        knots.push(Knot { time_s: end_s, level });
+    }
+    knots
+}
+
+/// Whether a lamp is lit at a knot, just before or just after it.
+fn lit_beside(knots: &[Knot], index: usize) -> bool {
+    let first = index.saturating_sub(1);
+    knots[first..(index + 2).min(knots.len())].iter().any(|knot| knot.level > 0.0)
+}
+
+/// The level between the knots before and after `next`.
+fn level_at(knots: &[Knot], next: usize, time_s: f64) -> f64 {
+    let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
+    match knots.get(next) {
+        Some(after) if after.level != last.level => {
+            let part = (time_s - last.time_s) / (after.time_s - last.time_s);
+            last.level + (after.level - last.level) * part
+        }
+        _ => last.level,
+    }
+}
+
+fn lamp(pose: &Pose, fixture: &Fixture) -> LightSample {
+    let axis = Vector3::from(fixture.axis_body).normalize();
+    LightSample {
+        time_s: pose.time_s,
+        position_m: pose.position_m + pose.world_from_body * Vector3::from(fixture.position_body_m),
+        axis: pose.world_from_body * axis,
+        level: 0.0,
+    }
+}
+
+fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
+    let span_s = b.time_s - a.time_s;
+    let part = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+    LightSample {
+        time_s: time_s.clamp(a.time_s, b.time_s),
+        position_m: a.position_m.lerp(&b.position_m, part),
+        axis: a.axis.lerp(&b.axis, part).normalize(),
+        level: 0.0,
+    }
+}
