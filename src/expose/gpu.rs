@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::record::Record;
-use super::tables::TABLES;
+use super::tables::BELL;
 use crate::error::{Error, Result};
 
 /// The shader.
@@ -159,8 +159,7 @@ impl Gpu {
             })
         };
         let storage = wgpu::BufferUsages::STORAGE;
-        let step = filled("step", bytemuck::cast_slice(&TABLES.step), storage);
-        let bell = filled("bell", bytemuck::cast_slice(&TABLES.bell), storage);
+        let bell = filled("bell", bytemuck::cast_slice(&BELL[..]), storage);
 
         let touches = |r: &&Record| r.y < first_row + rows && first_row < r.y + r.height;
         let touching: Vec<Record> = records.iter().filter(touches).copied().collect();
@@ -170,9 +169,9 @@ impl Gpu {
             let params = Params { width, first_row, rows, records: n };
             let params = filled("params", bytemuck::bytes_of(&params), wgpu::BufferUsages::UNIFORM);
             let records = filled("records", bytemuck::cast_slice(chunk), storage);
-            let entries = [&params, &records, &step, &bell, &film];
-            let entries = std::array::from_fn::<_, 5, _>(|i| wgpu::BindGroupEntry {
-                binding: [0, 1, 2, 3, 4][i],
+            let entries = [&params, &records, &bell, &film];
+            let entries = std::array::from_fn::<_, 4, _>(|i| wgpu::BindGroupEntry {
+                binding: [0, 1, 2, 3][i],
                 resource: entries[i].as_entire_binding(),
             });
             let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -42,10 +42,17 @@ pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
     /// Where the spot is then, in px.
     pub(super) at_px: [DVec2; 2],
-    /// Light of the whole stretch: mean of its ends times its duration, in lx s px².
-    pub(super) light: f64,
+    /// How bright the spot is then; in between it changes evenly.
+    pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
+}
+
+impl Interval {
+    /// Light of the whole stretch, in lx s px².
+    pub(super) fn light(&self) -> f64 {
+        0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
+    }
 }
 
 /// One instant of a lamp in the picture.
@@ -80,14 +87,13 @@ pub(super) fn intervals<'a>(
         let to = lens.see(&second);
         last = Some((second, to));
         let (from, to) = (from?, to?);
-        let duration_s = second.time_s - first.time_s;
-        let light = 0.5 * (from.light_lx_px2 + to.light_lx_px2) * duration_s;
-        (light > 0.0).then_some(Interval {
+        let interval = Interval {
             time_s: [first.time_s, second.time_s],
             at_px: [from.at_px, to.at_px],
-            light,
+            light_lx_px2: [from.light_lx_px2, to.light_lx_px2],
             sigma_px: 0.5 * (from.sigma_px + to.sigma_px),
-        })
+        };
+        (interval.light() > 0.0).then_some(interval)
     })
 }
 

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result, within};
 use crate::flight::Flight;
 
+pub mod csv;
 mod switching;
 
 /// Lamps moving through the world.
