@@ -184,7 +184,7 @@ impl<const N: usize> Row<'_, N> {
             dither = dither.wrapping_add(DITHER[0].wrapping_mul(LANES as u32));
             if white {
                 let counts = counts(&weights, amplitude[0], shift);
-                [red, green, blue].map(|pixels| add(pixels, &counts));
+                [red, green, blue].into_iter().for_each(|pixels| add(pixels, &counts));
             } else {
                 for (pixels, amplitude) in [red, green, blue].into_iter().zip(amplitude) {
                     if amplitude != 0 {

@@ -19,7 +19,7 @@
 //! the smeared gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
 //! Not modelled: occlusion by drone or hands, ambient light, pulse-width dimming, rolling shutter,
-//! distortion, depth-dependent focus, light of lamps nearer than 0.1 m. Between two samples the
+//! light of lamps nearer than 0.1 m. Between two samples the
 //! lamp's picture moves evenly and its brightness changes evenly. Glare and noise come after, in
 //! `photo`.
 
@@ -282,6 +282,11 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     within("camera: blur_m", camera.blur_m, 0.0, 1.0)?;
     within("camera: shutter_open_s", camera.shutter_open_s, -1e9, 1e9)?;
     within("camera: shutter_close_s", camera.shutter_close_s, camera.shutter_open_s, 1e9)?;
+    within("camera: vignetting", camera.vignetting, 0.0, 1.0)?;
+    within("camera: focus_m", camera.focus_m.unwrap_or(1.0), 1e-3, 1e9)?;
+    for value in camera.distortion {
+        within("camera: distortion", value, -1e3, 1e3)?;
+    }
     for value in camera.position_m.iter().chain(camera.camera_from_world.iter()) {
         within("camera: position and attitude", *value, -1e9, 1e9)?;
     }

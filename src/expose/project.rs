@@ -195,8 +195,13 @@ impl<'a> Lens<'a> {
         let cos_lens = image.depth_m / distance_m;
         let cos_beam = sample.axis.dot(&to_camera_m) / (sample.axis.norm() * distance_m);
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
-        let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2;
-        let variance = self.blur_px2 + self.disc_at_1m_px2 / (image.depth_m * image.depth_m);
+        let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
+            * self.camera.unvignetted(image.x_px, image.y_px);
+        // A disc of radius R has R²/4 along each axis.
+        let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
+        let variance = self.blur_px2
+            + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)
+            + defocus_px * defocus_px / 16.0;
         Some(Spot {
             at_px,
             light_lx_px2: if light.is_finite() { light } else { 0.0 },

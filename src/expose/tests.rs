@@ -16,6 +16,10 @@ pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
         f_number: 8.0,
         transmission: 0.9,
         blur_m: 20e-6,
+        focus_m: None,
+        distortion: [0.0; 4],
+        vignetting: 0.0,
+        white_balance: [1.0; 3],
         iso: 100.0,
         shutter_open_s: 0.0,
         shutter_close_s: 100.0,
@@ -88,7 +92,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
                     libm::exp(-0.5 * u * u) / (sigma * std::f64::consts::TAU.sqrt())
                 };
                 let across = libm::exp(-0.5 * v * v) / (sigma * std::f64::consts::TAU.sqrt());
-                plane[y * width + x] += interval.light * smear * across;
+                plane[y * width + x] += interval.light() * smear * across;
             }
         }
     }
@@ -193,7 +197,7 @@ proptest! {
         let timed = places.iter().enumerate().map(|(i, p)| (i as f64 * step_s, [p.0, p.1, p.2]));
         let mut lamp = lamp(timed);
         lamp.emitter.rgb = rgb;
-        let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light).sum();
+        let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light()).sum();
         let found = film(&[lamp], &camera, merge_tolerance_px, None);
         for (channel, share) in rgb.iter().enumerate() {
             let error = found.light_lx_s_px2(channel) / (sent * share) - 1.0;
@@ -265,7 +269,7 @@ fn no_pixel_overflows_and_few_bits_are_wasted() {
     let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
     let lamps = [hover, figure(500)];
     let sent: f64 =
-        lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light).sum();
+        lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light()).sum();
     let found = film(&lamps, &camera, 0.0, None);
     let error = found.light_lx_s_px2(2) / sent - 1.0;
     assert!(error.abs() < 1e-6, "an overflow would lose 2^32 counts: off by {error:e}");
