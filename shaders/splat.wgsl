@@ -92,8 +92,8 @@ fn weight(record: Record, along: vec4u, j: u32) -> u32 {
     var sum = Wide(0u, 0u);
     for (var k = 0u; k < record.spots; k++) {
         // Curve times share, 2^30 for 1, rounded to nearest.
-        let shared = plus(times(across[k] << (31u - BELL_BITS), record.share[k]), Wide(0u, 1u << 31u));
-        sum = plus(sum, times(along[k], shared.high));
+        let part = plus(times(across[k] << (31u - BELL_BITS), record.share[k]), Wide(0u, 1u << 31u));
+        sum = plus(sum, times(along[k], part.high));
     }
     return right(plus(sum, Wide(2u, 0u)), BELL_BITS + 30u - WEIGHT_BITS);
 }

@@ -296,7 +296,8 @@ mod tests {
     fn a_camera_of_a_skyc_file_looks_where_its_quaternion_says() {
         // A quarter turn about x raises the view from down (-z) to along y.
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let posed = CameraOptions::default().at_pose([0.15, -3.0, 0.75], [half, half, 0.0, 0.0], 35.0);
+        let posed =
+            CameraOptions::default().at_pose([0.15, -3.0, 0.75], [half, half, 0.0, 0.0], 35.0);
         let aimed = CameraOptions { framing: Framing::Fixed, ..CameraOptions::default() };
         let [posed, aimed] = [posed, aimed].map(|options| options.camera(NOOR_M, 1.0).unwrap());
         let off = (posed.camera_from_world - aimed.camera_from_world).norm();

@@ -5,8 +5,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-pub(crate) use framing::check_size;
 pub use bodies::{Body, BodyName, Lens, LensName};
+pub(crate) use framing::check_size;
 pub use framing::{CameraOptions, Framing, MAX_PIXELS, MAX_SIDE_PX};
 pub use outside::Outside;
 
@@ -103,8 +103,10 @@ impl Camera {
     #[must_use]
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let f = self.focal_length_px();
-        let wanted =
-            [(x_px - f64::from(self.width_px) / 2.0) / f, (y_px - f64::from(self.height_px) / 2.0) / f];
+        let wanted = [
+            (x_px - f64::from(self.width_px) / 2.0) / f,
+            (y_px - f64::from(self.height_px) / 2.0) / f,
+        ];
         let mut at = wanted;
         for _ in 0..200 {
             let found = self.distorted(at)?;

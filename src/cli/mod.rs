@@ -13,6 +13,7 @@ use crate::error::Result;
 mod expose;
 mod fly;
 mod inputs;
+mod meter;
 mod outputs;
 mod plan;
 mod preview;
@@ -43,6 +44,8 @@ enum Verb {
     Fly(fly::FlyArgs),
     /// Expose a flight: its long-exposure photograph as PNG
     Expose(expose::ExposeArgs),
+    /// Measure a flight's light: stops over saturation, hot spots, and what to set
+    Meter(meter::MeterArgs),
     /// Read a photograph, and say whether its word is legible
     Score(score::ScoreArgs),
     /// Print the default scene file, every key with its meaning and unit
@@ -70,6 +73,7 @@ pub fn main() -> ExitCode {
         Verb::Plan(args) => plan::run(&args),
         Verb::Fly(args) => fly::run(&args),
         Verb::Expose(args) => expose::run(&args),
+        Verb::Meter(args) => meter::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };

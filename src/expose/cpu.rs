@@ -108,7 +108,8 @@ impl pulp::NullaryFnOnce for Band<'_> {
             }
             for (curve, u) in curves.iter_mut().zip(record.u).take(record.spots as usize) {
                 curve.clear();
-                let along = (0..record.width.cast_signed()).map(|i| bell(nodes, u + i * record.step));
+                let along =
+                    (0..record.width.cast_signed()).map(|i| bell(nodes, u + i * record.step));
                 curve.extend(along);
                 // Beyond the box there is no light, whatever the lanes do there.
                 curve.resize(record.width as usize + LANES, 0);
@@ -126,7 +127,12 @@ impl pulp::NullaryFnOnce for Band<'_> {
 impl Band<'_> {
     /// Adds the light of a record of `N` spots to some rows.
     #[inline(always)]
-    fn add<const N: usize>(&mut self, record: &Record, rows: Range<u32>, curves: &[Vec<u32>; SPOTS]) {
+    fn add<const N: usize>(
+        &mut self,
+        record: &Record,
+        rows: Range<u32>,
+        curves: &[Vec<u32>; SPOTS],
+    ) {
         let nodes = &**BELL;
         let curves: [&[u32]; N] = std::array::from_fn(|k| &curves[k][..]);
         let chords = Chords::new::<N>(record);
@@ -139,7 +145,10 @@ impl Band<'_> {
                 u64::from(mul_hi(bell, record.share[k]))
             });
             let [from, to] = chords.on_row(v);
-            let chunks = to.saturating_sub(from).div_ceil(LANES);
+            if from >= to {
+                continue;
+            }
+            let chunks = (to - from).div_ceil(LANES);
             let along = curves.map(|curve| &curve[from..from + chunks * LANES]);
             let dither = DITHER[0].wrapping_mul(from as u32);
             let dither = dither.wrapping_add(DITHER[1].wrapping_mul(j.cast_unsigned()));
@@ -149,7 +158,8 @@ impl Band<'_> {
             let end = place.end;
             if let [red, green, blue] = &mut self.planes[..] {
                 if end <= red.len() {
-                    let [red, green, blue] = [red, green, blue].map(|plane| &mut plane[place.clone()]);
+                    let [red, green, blue] =
+                        [red, green, blue].map(|plane| &mut plane[place.clone()]);
                     light.add(white, [red, green, blue]);
                 } else {
                     // The last lanes stand behind the last row.

@@ -24,6 +24,8 @@ pub(super) struct Segment {
     pub(super) ramp: f64,
     /// When the lamp is at the first end.
     pub(super) start_s: f64,
+    /// How long it takes to the other.
+    pub(super) duration_s: f64,
 }
 
 impl Segment {
@@ -163,6 +165,7 @@ impl Run {
             light: rgb.map(|share| share * self.light),
             ramp: (last - first) / (last + first),
             start_s: self.start_s,
+            duration_s: self.end_s - self.start_s,
         }
     }
 }

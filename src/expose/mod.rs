@@ -26,6 +26,7 @@
 mod cpu;
 mod gpu;
 mod merge;
+pub mod meter;
 mod project;
 mod record;
 mod scale;

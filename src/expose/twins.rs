@@ -2,9 +2,9 @@
 
 use wgpu::naga;
 
+use super::cpu::WEIGHT_BITS;
 use super::gpu::{Gpu, SHADER};
 use super::record::{DITHER, Record};
-use super::cpu::WEIGHT_BITS;
 use super::tables::{BELL_BITS, NODE_BITS};
 use super::tests::{camera, figure, lamp};
 use super::*;
@@ -121,7 +121,8 @@ fn every_mutation_of_the_shader_is_noticed() {
         let mutant = SHADER.replace(from, to);
         assert_ne!(mutant, SHADER, "`{from}` is in the shader");
         let noticed = scenes.iter().any(|(_, size_px, records)| {
-            gpu.splat(records, *size_px, &mutant).expect("splat") != cpu::splat(2, records, *size_px)
+            gpu.splat(records, *size_px, &mutant).expect("splat")
+                != cpu::splat(2, records, *size_px)
         });
         assert!(noticed, "`{to}` for `{from}` went unnoticed");
     }

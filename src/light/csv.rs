@@ -151,7 +151,8 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }
     stretches.push((start..run.len(), brightest));
     if stretches.len() > run.len() / 8 + 2 {
-        let channel = |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
+        let channel =
+            |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
         return (0..3).map(channel).collect();
     }
     let one = |(rows, brightest): (Range<usize>, &Instant)| {
