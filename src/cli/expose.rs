@@ -10,7 +10,7 @@ use super::outputs::Output;
 use super::progress::Busy;
 use super::{Outcome, print, show, tell};
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::{self, BackendChoice, ExposeOptions, Exposure};
 use crate::light::{LightSample, LightTrace};
 use crate::photo::{Photo, develop};
@@ -77,12 +77,41 @@ pub(super) fn shoot(
 ) -> Result<Shot> {
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let options = ExposeOptions { backend, ..scene.expose };
+    check_place(trace, bounds_m, &camera)?;
     warn_outside(trace, bounds_m, &camera);
     let _busy = Busy::new("exposing");
     let exposure = expose::expose(trace, &camera, &options)?;
     let mut photo = develop(&exposure.film, &camera);
     photo.scene_toml = Some(scene.to_toml());
     Ok(Shot { photo, camera, exposure, seed: scene.seed })
+}
+
+/// Nearest that a lit lamp may come to the camera.
+const NEAREST_M: f64 = 0.1;
+
+/// Refuses a camera among the lamps, or behind the word, where it reads mirrored.
+fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camera) -> Result<()> {
+    let hint = "set camera.position_m metres in front of the word, or take --camera auto";
+    let [x, y, z] = camera.position_m.into();
+    if left < right && y > 0.0 {
+        let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        return Err(Error::input("camera.position_m", found, "y below 0, in front of it", hint));
+    }
+    let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
+    for lamp in &trace.lamps {
+        let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < NEAREST_M;
+        if let Some(sample) = lamp.samples.iter().find(near) {
+            let name = &lamp.emitter.name;
+            let found = format!(
+                "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
+                distance_m(sample),
+                sample.time_s
+            );
+            let wanted = format!("at least {NEAREST_M} m from every lit lamp");
+            return Err(Error::input("camera.position_m", found, wanted, hint));
+        }
+    }
+    Ok(())
 }
 
 /// Tells how much of the word and of the light stands out of the picture.

@@ -10,8 +10,8 @@ use std::sync::LazyLock;
 use super::record::{DITHER, Record, SHARE_BITS, SPOTS};
 use super::tables::{BELL, BELL_BITS, SIGMA_BITS, bell};
 
-/// Pixels in the records' boxes that are worth a thread of their own: half a millisecond or so.
-const THREAD_PIXELS: u64 = 1 << 20;
+/// Pixels in the records' boxes that are worth a thread of their own: a quarter of a millisecond or so.
+const THREAD_PIXELS: u64 = 1 << 18;
 
 /// Bits of a pixel's weight, 2^22 for 1; what rounds to 0 is more than 5.64 σ away.
 pub(super) const WEIGHT_BITS: u32 = 22;

@@ -6,13 +6,13 @@ use assert_cmd::Command;
 use predicates::prelude::*;
 
 /// The command in a folder of its own, exposing on the CPU at a small size where it exposes.
-fn noctograph(folder: &Path) -> Command {
+pub(crate) fn noctograph(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("noctograph").unwrap();
     command.current_dir(folder);
     command
 }
 
-fn json(output: &[u8]) -> serde_json::Value {
+pub(crate) fn json(output: &[u8]) -> serde_json::Value {
     serde_json::from_slice(output).expect("one JSON object on stdout")
 }
 
@@ -116,7 +116,7 @@ fn the_printed_scene_is_a_scene() {
 }
 
 /// Runs a command that must fail with exit code 2, naming every text, and leave nothing behind.
-fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) {
+pub(crate) fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     for (name, content) in files {
         std::fs::write(folder.path().join(name), content).unwrap();

@@ -1,7 +1,9 @@
 //! Tests through the front door: the command, the golden images, and claims about the whole road.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod camera;
 mod cli;
 mod compare;
 mod golden;
 mod road;
+mod twins;
