@@ -48,8 +48,8 @@ fn bench(c: &mut Criterion) {
     group.sample_size(30);
     for (name, options) in [("merged", &merged), ("unmerged", &unmerged)] {
         let latent = project(&trace, &camera, options).unwrap();
-        println!("{name}: {} segments", latent.n_segments());
-        group.bench_function(format!("project, {name}"), |b| {
+        let n = latent.n_segments();
+        group.bench_function(format!("project, {name}, to {n} segments"), |b| {
             b.iter(|| project(&trace, &camera, options).unwrap());
         });
         group.bench_function(format!("splat on one core, {name}"), |b| {

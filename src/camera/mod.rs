@@ -34,7 +34,7 @@ pub struct Camera {
     pub blur_m: f64,
     /// Distance that is in focus, along the optical axis; `None` where everything is.
     pub focus_m: Option<f64>,
-    /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as OpenCV has it:
+    /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as `OpenCV` has it:
     /// with x, y the tangents off the axis and r² = x² + y², the lens draws
     /// `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
     /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.

@@ -3,6 +3,10 @@
 //! Every core takes a band of rows; sums of integers are the same in any order. The inner loop
 //! works on [`LANES`] pixels at once, in the widest registers that this processor has (pulp picks
 //! them when the program runs); integers are the same in all of them.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "sides of a picture fit u32, and products of 64 bits are shifted to fit"
+)]
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -10,7 +14,8 @@ use std::sync::LazyLock;
 use super::record::{DITHER, Record, SHARE_BITS, SPOTS};
 use super::tables::{BELL, BELL_BITS, SIGMA_BITS, bell};
 
-/// Pixels in the records' boxes that are worth a thread of their own: a quarter of a millisecond or so.
+/// Pixels in the records' boxes that are worth a thread of their own: a quarter of a millisecond or
+/// so.
 const THREAD_PIXELS: u64 = 1 << 18;
 
 /// Bits of a pixel's weight, 2^22 for 1; what rounds to 0 is more than 5.64 σ away.
@@ -309,12 +314,10 @@ fn weights<const N: usize>(
 /// Amplitude times weight, rounded by the dither.
 #[inline(always)]
 fn counts(weights: &Weights, amplitude: u32, shift: u32) -> [u32; LANES] {
-    let mut counts = [0; LANES];
-    for lane in 0..LANES {
+    std::array::from_fn(|lane| {
         let counted = weights.weight[lane] * u64::from(amplitude) + weights.up[lane];
-        counts[lane] = (counted >> (WEIGHT_BITS + shift)) as u32;
-    }
-    counts
+        (counted >> (WEIGHT_BITS + shift)) as u32
+    })
 }
 
 #[inline(always)]

@@ -191,12 +191,14 @@ impl Gpu {
         }
         self.queue.submit([encoder.finish()]);
         let mut counts = Vec::with_capacity(3 * width as usize * rows as usize);
-        for start in (0..film_bytes).step_by(READ_BYTES as usize) {
+        let mut start = 0;
+        while start < film_bytes {
             let bytes = READ_BYTES.min(film_bytes - start);
             let mut encoder = self.device.create_command_encoder(&Default::default());
             encoder.copy_buffer_to_buffer(&film, start, &out, 0, bytes);
             self.queue.submit([encoder.finish()]);
             self.read(&out, bytes, &mut counts)?;
+            start += bytes;
         }
         Ok(counts)
     }

@@ -6,7 +6,7 @@ use noctograph::expose::{BackendChoice, ExposeOptions, expose};
 use noctograph::light::{Emitter, Lamp, LightSample, LightTrace};
 
 /// A lamp on a figure of eight, sampled at `hz` for `duration_s`, beginning at a phase.
-fn figure(duration_s: f64, hz: f64, phase: f64, rgb: [f64; 3]) -> Lamp {
+fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
     let emitter = Emitter {
         name: "figure".into(),
         channel: "figure".into(),
@@ -18,8 +18,8 @@ fn figure(duration_s: f64, hz: f64, phase: f64, rgb: [f64; 3]) -> Lamp {
         spill: 0.05,
         diameter_m: 0.003,
     };
-    let samples = (0..=(duration_s * hz) as u32).map(|i| {
-        let t = f64::from(i) / hz;
+    let samples = (0..=duration_s * hz).map(|i| {
+        let t = f64::from(i) / f64::from(hz);
         let s = 0.4 * t + phase;
         let position = [1.2 * libm::sin(s), 0.1 * libm::sin(3.1 * s), 0.6 * libm::sin(2.0 * s)];
         let axis = -Vector3::y();
@@ -52,22 +52,22 @@ fn leveled(mut lamp: Lamp, level: impl Fn(f64) -> f64) -> Lamp {
 #[test]
 fn fourteen_scenes_leave_the_same_film_on_both_backends() {
     let usual = || camera(|_| {});
-    let one = || vec![figure(8.0, 250.0, 0.0, WHITE)];
+    let one = || vec![figure(8, 250, 0.0, WHITE)];
     let three = |duration_s, hz| {
         let colors = [[4.7, 0.0, 0.0], [0.0, 1.4, 0.0], [0.3, 0.9, 2.2]];
         let phases = [0.0, 0.7, 1.9];
         colors.iter().zip(phases).map(|(rgb, phase)| figure(duration_s, hz, phase, *rgb)).collect()
     };
-    let pulses = |t: f64| if (t * 20.0) as u32 % 2 == 0 { 1.0 } else { 0.1 };
+    let pulses = |t: f64| if (t * 10.0).fract() < 0.5 { 1.0 } else { 0.1 };
     let scenes: Vec<(&str, Vec<Lamp>, Camera, f64)> = vec![
         ("merged", one(), usual(), 0.005),
         ("unmerged", one(), usual(), 0.0),
         ("coarsely merged", one(), usual(), 0.5),
-        ("three drones", three(8.0, 250.0), usual(), 0.005),
-        ("120 s", three(120.0, 50.0), usual(), 0.005),
+        ("three drones", three(8, 250), usual(), 0.005),
+        ("120 s", three(120, 50), usual(), 0.005),
         ("ramps", vec![leveled(one().remove(0), |t| t / 8.0)], usual(), 0.005),
         ("decay", vec![leveled(one().remove(0), |t| libm::exp(-t))], usual(), 0.0),
-        ("pulses", vec![leveled(three(8.0, 250.0).remove(2), pulses)], usual(), 0.005),
+        ("pulses", vec![leveled(three(8, 250).remove(2), pulses)], usual(), 0.005),
         ("4K", one(), camera(|c| (c.width_px, c.height_px) = (3840, 2160)), 0.005),
         ("clipped", one(), camera(|c| c.target_m = [1.2, 0.0, 0.6]), 0.005),
         ("near", one(), camera(|c| c.position_m = [0.9, -0.4, 0.2]), 0.005),
@@ -93,7 +93,7 @@ fn fourteen_scenes_leave_the_same_film_on_both_backends() {
             expose(&trace, &camera, &options)
         };
         let on_cpu = on(BackendChoice::Cpu).unwrap().film;
-        assert!(on_cpu.light_lx_s_px2(2) > 0.0 || name == "pulses", "{name}: there is light");
+        assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");
         match on(BackendChoice::Wgpu) {
             Ok(on_gpu) => assert!(on_gpu.film == on_cpu, "{name} differs on {}", on_gpu.adapter),
             Err(e) => assert!(!required, "{name}: {e}"),
