@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::Camera;
+use super::{BodyName, Camera, LensName};
 use crate::error::{Error, Result, within};
-use crate::geometry::camera_from_world;
+use crate::geometry::{camera_from_orientation, camera_from_world};
 
 /// Largest width and height of a picture.
 pub const MAX_SIDE_PX: u32 = 16_384;
@@ -26,10 +26,29 @@ pub struct CameraOptions {
     pub position_m: [f64; 3],
     /// Point of the world in the middle of the picture, where the framing is fixed.
     pub target_m: [f64; 3],
+    /// Attitude in the world as a quaternion w, x, y, z, where the framing is fixed; goes before
+    /// the target. As in a `.skyc` file, the unturned camera looks along -z with x to its right.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orientation_wxyz: Option<[f64; 4]>,
+    /// A body by name; its sensor goes before `sensor_width_m`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyName>,
+    /// A lens by name; its focal length and distortion go before those below.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lens: Option<LensName>,
     /// Focal length.
     pub focal_length_m: f64,
     /// Width of the sensor.
     pub sensor_width_m: f64,
+    /// Distance in focus; everything is where it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focus_m: Option<f64>,
+    /// k1, k2, p1, p2: see [`Camera::distortion`].
+    pub distortion: [f64; 4],
+    /// Share of the light that the barrel takes away at the corner.
+    pub vignetting: f64,
+    /// Gains of red, green and blue.
+    pub white_balance: [f64; 3],
     /// Aperture number.
     pub f_number: f64,
     /// Share of light that the lens lets through.
@@ -69,8 +88,15 @@ impl Default for CameraOptions {
             fill_frac: 0.5,
             position_m: [0.15, -3.0, 0.75],
             target_m: [0.15, 0.0, 0.75],
+            orientation_wxyz: None,
+            body: None,
+            lens: None,
             focal_length_m: 0.035,
             sensor_width_m: 0.036,
+            focus_m: None,
+            distortion: [0.0; 4],
+            vignetting: 0.0,
+            white_balance: [1.0; 3],
             f_number: 8.0,
             transmission: 0.9,
             blur_m: 15e-6,
@@ -95,7 +121,26 @@ impl CameraOptions {
         for value in self.position_m.iter().chain(&self.target_m) {
             within("camera.position_m and camera.target_m", *value, -1e4, 1e4)?;
         }
-        if self.framing == Framing::Fixed && self.position_m == self.target_m {
+        if let Some(orientation) = self.orientation_wxyz {
+            let squares: f64 = orientation.iter().map(|value| value * value).sum();
+            within("camera.orientation_wxyz (length squared)", squares, 0.9, 1.1)?;
+        }
+        for value in self.distortion {
+            within("camera.distortion", value, -10.0, 10.0)?;
+        }
+        for value in self.white_balance {
+            within("camera.white_balance", value, 0.01, 100.0)?;
+        }
+        within("camera.vignetting", self.vignetting, 0.0, 1.0)?;
+        if let Some(focus_m) = self.focus_m {
+            within("camera.focus_m", focus_m, 0.01, 1e6)?;
+        }
+        if let Some(lens) = self.lens {
+            let key = "camera.f_number (of this camera.lens)";
+            within(key, self.f_number, lens.lens().min_f_number, 256.0)?;
+        }
+        let aimed = self.orientation_wxyz.is_none();
+        if self.framing == Framing::Fixed && aimed && self.position_m == self.target_m {
             let hint = "put the camera some metres in front of its target";
             let found = format!("{:?}, the camera's own place", self.target_m);
             return Err(Error::input("camera.target_m", found, "a point away from it", hint));
@@ -125,11 +170,23 @@ impl CameraOptions {
             Framing::Word => self.in_front_of(bounds_m),
             Framing::Fixed => (self.position_m.into(), self.target_m.into()),
         };
+        let camera_from_world = match (self.framing, self.orientation_wxyz) {
+            (Framing::Fixed, Some(orientation)) => camera_from_orientation(orientation),
+            _ => camera_from_world(target_m - position_m),
+        };
+        let mut distortion = self.distortion;
+        if let Some(lens) = self.lens {
+            distortion = [lens.lens().k1, 0.0, 0.0, 0.0];
+        }
         Ok(Camera {
             position_m,
-            camera_from_world: camera_from_world(target_m - position_m),
-            focal_length_m: self.focal_length_m,
-            sensor_width_m: self.sensor_width_m,
+            camera_from_world,
+            focal_length_m: self.focal_length_m(),
+            sensor_width_m: self.sensor_width_m(),
+            focus_m: self.focus_m,
+            distortion,
+            vignetting: self.vignetting,
+            white_balance: self.white_balance,
             f_number: self.f_number,
             transmission: self.transmission,
             blur_m: self.blur_m,
@@ -141,11 +198,37 @@ impl CameraOptions {
         })
     }
 
+    /// Takes place, attitude and focal length from a camera of a `.skyc` file.
+    #[must_use]
+    pub fn at_pose(
+        self,
+        position_m: [f64; 3],
+        orientation_wxyz: [f64; 4],
+        focal_length_mm: f64,
+    ) -> Self {
+        Self {
+            framing: Framing::Fixed,
+            position_m,
+            orientation_wxyz: Some(orientation_wxyz),
+            focal_length_m: focal_length_mm / 1000.0,
+            lens: None,
+            ..self
+        }
+    }
+
+    fn focal_length_m(&self) -> f64 {
+        self.lens.map_or(self.focal_length_m, |lens| lens.lens().focal_length_m)
+    }
+
+    fn sensor_width_m(&self) -> f64 {
+        self.body.map_or(self.sensor_width_m, |body| body.body().sensor_width_m)
+    }
+
     /// Place and target of a camera square in front of a word, which fills `fill_frac`.
     fn in_front_of(&self, [left, bottom, right, top]: [f64; 4]) -> (Vector3<f64>, Vector3<f64>) {
         let aspect = f64::from(self.width_px) / f64::from(self.height_px);
         let width_m = (right - left).max((top - bottom) * aspect) / self.fill_frac;
-        let distance_m = width_m * self.focal_length_m / self.sensor_width_m;
+        let distance_m = width_m * self.focal_length_m() / self.sensor_width_m();
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         (middle - Vector3::y() * distance_m, middle)
     }
@@ -207,5 +290,31 @@ mod tests {
         };
         let error = options.check().unwrap_err().to_string();
         assert!(error.contains("camera.shutter_close_s"), "{error}");
+    }
+
+    #[test]
+    fn a_camera_of_a_skyc_file_looks_where_its_quaternion_says() {
+        // A quarter turn about x raises the view from down (-z) to along y.
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let posed =
+            CameraOptions::default().at_pose([0.15, -3.0, 0.75], [half, half, 0.0, 0.0], 35.0);
+        let aimed = CameraOptions { framing: Framing::Fixed, ..CameraOptions::default() };
+        let [posed, aimed] = [posed, aimed].map(|options| options.camera(NOOR_M, 1.0).unwrap());
+        let off = (posed.camera_from_world - aimed.camera_from_world).norm();
+        assert!(off < 1e-12, "{}", posed.camera_from_world);
+        assert_eq!(posed.focal_length_m, aimed.focal_length_m);
+    }
+
+    #[test]
+    fn bodies_and_lenses_go_before_the_numbers() {
+        let options = CameraOptions {
+            body: Some(BodyName::A6400),
+            lens: Some(LensName::Kit16),
+            ..CameraOptions::default()
+        };
+        let camera = options.camera(NOOR_M, 1.0).unwrap();
+        assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
+        let wide_open = CameraOptions { f_number: 2.0, ..options };
+        assert!(wide_open.check().unwrap_err().to_string().contains("camera.f_number"));
     }
 }

@@ -3,23 +3,22 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use nalgebra::Vector3;
 
-use super::inputs::{PictureFlags, SceneFlags, read_flight, strokes};
+use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps};
 use super::outputs::Output;
 use super::progress::Busy;
-use super::{Outcome, print, show};
+use super::{Outcome, print, show, tell};
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::{self, BackendChoice, ExposeOptions, Exposure};
-use crate::flight::Flight;
-use crate::letters::Strokes;
-use crate::light::light;
+use crate::light::{LightSample, LightTrace};
 use crate::photo::{Photo, develop};
 use crate::scene::Scene;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
-    /// Flight to expose, as `noctograph fly` writes it
+    /// Flight to expose, as `noctograph fly` writes it, or a light trace: t,x,y,z,r,g,b
     flight: PathBuf,
     /// Word that the camera frames; the scene's where it is left out
     #[arg(long, value_name = "WORD")]
@@ -39,10 +38,10 @@ pub(super) struct ExposeArgs {
 pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.picture.apply(&mut scene)?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
-    let flight = read_flight(&args.flight)?;
+    let bounds_m = bounds_m(&mut scene, args.word.as_deref())?;
     let output = Output::create(&args.output)?;
-    let shot = shoot(&flight, &strokes, &scene, args.picture.backend.into())?;
+    let (trace, end_s) = lamps(&args.flight, &scene)?;
+    let shot = shoot(&trace, end_s, bounds_m, &scene, args.picture.backend.into())?;
     let png = shot.png();
     let sha256 = show::sha256(&png);
     let path = output.keep(|out| std::io::Write::write_all(out, &png))?;
@@ -68,22 +67,69 @@ pub(super) struct Shot {
     seed: u64,
 }
 
-/// Photographs a flight with a scene's lamps and camera.
+/// Photographs lamps with a scene's camera, and tells what falls outside the picture.
 pub(super) fn shoot(
-    flight: &Flight,
-    strokes: &Strokes,
+    trace: &LightTrace,
+    end_s: f64,
+    bounds_m: [f64; 4],
     scene: &Scene,
     backend: BackendChoice,
 ) -> Result<Shot> {
-    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
+    let camera = scene.camera.camera(bounds_m, end_s)?;
     let options = ExposeOptions { backend, ..scene.expose };
-    let trace = light(flight, &scene.light, scene.seed, 0)?;
+    check_place(trace, bounds_m, &camera)?;
+    warn_outside(trace, bounds_m, &camera);
     let _busy = Busy::new("exposing");
-    let exposure = expose::expose(&trace, &camera, &options)?;
+    let exposure = expose::expose(trace, &camera, &options)?;
     let mut photo = develop(&exposure.film, &camera);
     photo.scene_toml = Some(scene.to_toml());
     Ok(Shot { photo, camera, exposure, seed: scene.seed })
+}
+
+/// Nearest that a lit lamp may come to the camera.
+const NEAREST_M: f64 = 0.1;
+
+/// Refuses a camera among the lamps, or behind the word, where it reads mirrored.
+fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camera) -> Result<()> {
+    let hint = "set camera.position_m metres in front of the word, or take --camera auto";
+    let [x, y, z] = camera.position_m.into();
+    if left < right && y > 0.0 {
+        let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        return Err(Error::input("camera.position_m", found, "y below 0, in front of it", hint));
+    }
+    let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
+    for lamp in &trace.lamps {
+        let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < NEAREST_M;
+        if let Some(sample) = lamp.samples.iter().find(near) {
+            let name = &lamp.emitter.name;
+            let found = format!(
+                "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
+                distance_m(sample),
+                sample.time_s
+            );
+            let wanted = format!("at least {NEAREST_M} m from every lit lamp");
+            return Err(Error::input("camera.position_m", found, wanted, hint));
+        }
+    }
+    Ok(())
+}
+
+/// Tells how much of the word and of the light stands out of the picture.
+fn warn_outside(trace: &LightTrace, [left, bottom, right, top]: [f64; 4], camera: &Camera) {
+    let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
+    let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
+    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
+    let light = samples.map(|sample| sample.position_m);
+    for (what, outside) in [("word", camera.outside(word)), ("light", camera.outside(light))] {
+        if let Some(sides) = outside.in_words() {
+            tell(&format!(
+                "warning: part of the {what} is outside the picture: {sides} (--camera auto frames \
+                 the word; camera.fill_frac sets the margin)"
+            ));
+        }
+    }
 }
 
 impl Shot {

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::tell;
-
+use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::letters::{self, Strokes};
+use crate::light::{LightTrace, csv::is_light_trace, light};
 use crate::logs::{self, ImportOptions};
 use crate::scene::Scene;
 use crate::sim::read_lighthouse_config;
@@ -53,11 +54,24 @@ pub(super) struct PictureFlags {
     /// Size of the picture in pixels, such as 1920x1080; the scene's where it is left out
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
+    /// Where the camera stands; auto: square in front of the word, which it frames with a margin
+    #[arg(long, value_name = "NAME", default_value = "scene")]
+    camera: CameraName,
+}
+
+/// Who places the camera.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum CameraName {
+    Scene,
+    Auto,
 }
 
 impl PictureFlags {
-    /// Puts the size that was typed into the scene.
+    /// Puts the size and the camera's place that were typed into the scene.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let CameraName::Auto = self.camera {
+            scene.camera.framing = Framing::Word;
+        }
         if let Some((width_px, height_px)) = self.size {
             scene.camera.width_px = width_px;
             scene.camera.height_px = height_px;
@@ -108,6 +122,28 @@ pub(super) fn tell_warnings(flight: &Flight, path: &Path) {
     for warning in &flight.warnings {
         tell(&format!("warning: {}: {warning}", path.display()));
     }
+}
+
+/// The lamps of a file: a flight with the scene's emitters, or a light trace as it is; and the time
+/// of its last sample.
+pub(super) fn lamps(path: &Path, scene: &Scene) -> Result<(LightTrace, f64)> {
+    if is_light_trace(path) {
+        let trace = LightTrace::read_csv(path)?;
+        let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
+        let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
+        return Ok((trace, end_s));
+    }
+    let flight = read_flight(path)?;
+    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+    Ok((light(&flight, &scene.light, scene.seed, 0)?, end_s))
+}
+
+/// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.
+pub(super) fn bounds_m(scene: &mut Scene, word: Option<&str>) -> Result<[f64; 4]> {
+    if word.is_none() && scene.word.is_empty() && scene.camera.framing == Framing::Fixed {
+        return Ok([0.0; 4]);
+    }
+    Ok(strokes(scene, word)?.bounds_m())
 }
 
 fn size(text: &str) -> std::result::Result<(u32, u32), String> {

@@ -19,6 +19,7 @@ mod gains;
 mod identify;
 mod import;
 mod inputs;
+mod meter;
 mod outputs;
 mod plan;
 mod preview;
@@ -53,6 +54,8 @@ enum Verb {
     Compare(compare::CompareArgs),
     /// Expose a flight: its long-exposure photograph as PNG
     Expose(expose::ExposeArgs),
+    /// Measure a flight's light: stops over saturation, hot spots, and what to set
+    Meter(meter::MeterArgs),
     /// Read a photograph, and say whether its word is legible
     Score(score::ScoreArgs),
     /// Print the gains of regulator and observer, their poles, and what they stand
@@ -88,6 +91,7 @@ pub fn main() -> ExitCode {
         Verb::Import(args) => import::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Expose(args) => expose::run(&args),
+        Verb::Meter(args) => meter::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Gains(args) => gains::run(&args),
         Verb::Identify(args) => identify::run(&args),

@@ -11,6 +11,7 @@ use super::inputs::{PictureFlags, SceneFlags, strokes};
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
 use crate::error::Result;
+use crate::light::light;
 use crate::plan::plan;
 use crate::score::score;
 
@@ -41,7 +42,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let folder = OutputFolder::create(&args.output)?;
 
     let flight = fly(&plan, &scene)?;
-    let shot = shoot(&flight, &strokes, &scene, args.picture.backend.into())?;
+    let trace = light(&flight, &scene.light, scene.seed, 0)?;
+    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
+    let backend = args.picture.backend.into();
+    let shot = shoot(&trace, end_s, strokes.bounds_m(), &scene, backend)?;
     let verdict = score(&shot.photo, &strokes, &shot.camera, &scene.score)?;
 
     let png = shot.png();

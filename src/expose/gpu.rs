@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::record::Record;
-use super::tables::TABLES;
+use super::tables::BELL;
 use crate::error::{Error, Result};
 
 /// The shader.
@@ -16,6 +16,9 @@ pub(super) const SHADER: &str = include_str!("../../shaders/splat.wgsl");
 
 /// Records in one dispatch, at most: as many as fit the smallest storage binding (128 MiB).
 const CHUNK: usize = 1 << 20;
+
+/// Bytes that are read back at once: the film is then in memory twice, not three times.
+const READ_BYTES: u64 = 1 << 22;
 
 /// Workgroups along x: no device has fewer than 65535.
 const GROUPS_X: u32 = 1 << 15;
@@ -141,16 +144,18 @@ impl Gpu {
         [width, first_row, rows]: [u32; 3],
     ) -> Result<Vec<u32>> {
         let film_bytes = PIXEL_BYTES * u64::from(width) * u64::from(rows);
-        let buffer = |label, usage| {
+        let buffer = |label, size, usage| {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
-                size: film_bytes,
+                size,
                 usage,
                 mapped_at_creation: false,
             })
         };
-        let film = buffer("film", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
-        let out = buffer("film out", wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        let film =
+            buffer("film", film_bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let out = buffer("film out", film_bytes.min(READ_BYTES), read);
         let filled = |label, contents: &[u8], usage| {
             self.device.create_buffer_init(&BufferInitDescriptor {
                 label: Some(label),
@@ -159,8 +164,7 @@ impl Gpu {
             })
         };
         let storage = wgpu::BufferUsages::STORAGE;
-        let step = filled("step", bytemuck::cast_slice(&TABLES.step), storage);
-        let bell = filled("bell", bytemuck::cast_slice(&TABLES.bell), storage);
+        let bell = filled("bell", bytemuck::cast_slice(&BELL[..]), storage);
 
         let touches = |r: &&Record| r.y < first_row + rows && first_row < r.y + r.height;
         let touching: Vec<Record> = records.iter().filter(touches).copied().collect();
@@ -170,9 +174,9 @@ impl Gpu {
             let params = Params { width, first_row, rows, records: n };
             let params = filled("params", bytemuck::bytes_of(&params), wgpu::BufferUsages::UNIFORM);
             let records = filled("records", bytemuck::cast_slice(chunk), storage);
-            let entries = [&params, &records, &step, &bell, &film];
-            let entries = std::array::from_fn::<_, 5, _>(|i| wgpu::BindGroupEntry {
-                binding: [0, 1, 2, 3, 4][i],
+            let entries = [&params, &records, &bell, &film];
+            let entries = std::array::from_fn::<_, 4, _>(|i| wgpu::BindGroupEntry {
+                binding: [0, 1, 2, 3][i],
                 resource: entries[i].as_entire_binding(),
             });
             let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -185,15 +189,24 @@ impl Gpu {
             pass.set_bind_group(0, &bindings, &[]);
             pass.dispatch_workgroups(n.min(GROUPS_X), n.div_ceil(GROUPS_X), 1);
         }
-        encoder.copy_buffer_to_buffer(&film, 0, &out, 0, film_bytes);
         self.queue.submit([encoder.finish()]);
-        self.read(&out)
+        let mut counts = Vec::with_capacity(3 * width as usize * rows as usize);
+        let mut start = 0;
+        while start < film_bytes {
+            let bytes = READ_BYTES.min(film_bytes - start);
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(&film, start, &out, 0, bytes);
+            self.queue.submit([encoder.finish()]);
+            self.read(&out, bytes, &mut counts)?;
+            start += bytes;
+        }
+        Ok(counts)
     }
 
     /// Waits for the device, and takes what it wrote.
-    fn read(&self, out: &wgpu::Buffer) -> Result<Vec<u32>> {
+    fn read(&self, out: &wgpu::Buffer, bytes: u64, counts: &mut Vec<u32>) -> Result<()> {
         let (sender, receiver) = std::sync::mpsc::channel();
-        out.map_async(wgpu::MapMode::Read, .., move |mapped| {
+        out.map_async(wgpu::MapMode::Read, ..bytes, move |mapped| {
             // The receiver is gone only after an error that is reported already.
             let _ = sender.send(mapped);
         });
@@ -206,8 +219,13 @@ impl Gpu {
             .recv()
             .map_err(|e| self.fail(e.to_string()))?
             .map_err(|e| self.fail(e.to_string()))?;
-        let bytes = out.get_mapped_range(..).map_err(|e| self.fail(e.to_string()))?;
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
+        let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e.to_string()))?;
+        let start = counts.len();
+        counts.resize(start + mapped.len() / size_of::<u32>(), 0);
+        bytemuck::cast_slice_mut(&mut counts[start..]).copy_from_slice(&mapped);
+        drop(mapped);
+        out.unmap();
+        Ok(())
     }
 
     fn fail(&self, what: String) -> Error {

@@ -5,9 +5,10 @@
 //! 1. Every stretch of a lamp's way between two samples is projected, in f64: where its spot runs,
 //!    how much light it leaves, how wide the spot is (lens blur ⊕ diffraction ⊕ lamp's disc ⊕
 //!    pixel, as one gaussian). Stretches that run straight and even are merged.
-//! 2. Each becomes an integer record, and each record adds `amplitude · g(v) [Φ(u) - Φ(u - L)]`,
-//!    the exact image of a gaussian spot that moves evenly along a line, to the counts. This runs
-//!    in integers only, on the CPU or on a graphics device: both leave the same bits.
+//! 2. Each becomes an integer record: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a gaussian spot
+//!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
+//!    (quadrature, to 6e-6 of the peak). Each record adds amplitude times weight to the counts, in
+//!    integers only, on the CPU or on a graphics device: both leave the same bits.
 //!
 //! Accuracy: light is kept to 1e-6 of itself (spots at least 0.9 px wide), pixels to 1e-5 of the
 //! brightest unmerged and to 1e-3 merged at 0.005 px. No pixel can overflow: the scale of the
@@ -18,13 +19,14 @@
 //! the smeared gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
 //! Not modelled: occlusion by drone or hands, ambient light, pulse-width dimming, rolling shutter,
-//! distortion, depth-dependent focus, light of lamps nearer than 0.1 m. Between two samples the
-//! lamp's picture moves evenly and its brightness is their mean. Glare and noise come after, in
+//! light of lamps nearer than 0.1 m. Between two samples the
+//! lamp's picture moves evenly and its brightness changes evenly. Glare and noise come after, in
 //! `photo`.
 
 mod cpu;
 mod gpu;
 mod merge;
+pub mod meter;
 mod project;
 mod record;
 mod scale;
@@ -33,6 +35,8 @@ mod tables;
 mod tests;
 #[cfg(test)]
 mod twins;
+
+use std::num::NonZero;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -111,6 +115,14 @@ pub struct Exposure {
     pub backend: Backend,
     /// Name and driver of the graphics device; `CPU` without one.
     pub adapter: String,
+}
+
+/// Light on its way to the film: what is drawn where, before it is added up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Latent {
+    size_px: [u32; 2],
+    scale_log2: i32,
+    records: Vec<Record>,
 }
 
 /// What adds up the light. Both leave the same bits.
@@ -194,6 +206,15 @@ impl Default for ExposeOptions {
 /// the largest picture or [`MAX_SAMPLES`]. [`Error::Infeasible`] where `scale_log2` is too fine for
 /// the light. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
 pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Exposure> {
+    project(trace, camera, options)?.develop(options.backend)
+}
+
+/// The first half of [`expose`]: everything in f64, up to the integers that the backends add up.
+///
+/// # Errors
+///
+/// As [`expose`], but for the device.
+pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
     let stamps = stamps(trace, camera, options.merge_tolerance_px)?;
@@ -206,11 +227,51 @@ pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> R
             hint: format!("set the film's scale_log2 to {finest} or more"),
         });
     }
-    let records: Vec<Record> = stamps.iter().map(|stamp| stamp.record(scale_log2)).collect();
+    let records = stamps.iter().map(|stamp| stamp.record(scale_log2)).collect();
+    Ok(Latent { size_px, scale_log2, records })
+}
 
-    let (counts, backend, adapter) = splat(&records, size_px, options.backend)?;
-    let film = Film { width_px: size_px[0], height_px: size_px[1], counts, scale_log2 };
-    Ok(Exposure { film, backend, adapter })
+impl Latent {
+    /// Adds up the light on a backend.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
+    pub fn develop(&self, choice: BackendChoice) -> Result<Exposure> {
+        let on_cpu = || {
+            let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+            let film = self.develop_on(cores);
+            Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
+        };
+        let on_gpu = || -> Result<_> {
+            let gpu = gpu::Gpu::open()?;
+            let counts = gpu.splat(&self.records, self.size_px, gpu::SHADER)?;
+            Ok(Exposure { film: self.film(counts), backend: Backend::Wgpu, adapter: gpu.adapter })
+        };
+        match choice {
+            BackendChoice::Cpu => Ok(on_cpu()),
+            BackendChoice::Wgpu => on_gpu(),
+            // The twins leave the same bits, so a device that fails costs nothing but time.
+            BackendChoice::Auto => Ok(on_gpu().unwrap_or_else(|_| on_cpu())),
+        }
+    }
+
+    /// Adds up the light on so many cores of this processor, at most.
+    #[must_use]
+    pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
+        self.film(cpu::splat(cores.get() as u64, &self.records, self.size_px))
+    }
+
+    /// Segments that will be drawn.
+    #[must_use]
+    pub fn n_segments(&self) -> usize {
+        self.records.len()
+    }
+
+    fn film(&self, counts: Vec<u32>) -> Film {
+        let [width_px, height_px] = self.size_px;
+        Film { width_px, height_px, counts, scale_log2: self.scale_log2 }
+    }
 }
 
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
@@ -222,6 +283,11 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     within("camera: blur_m", camera.blur_m, 0.0, 1.0)?;
     within("camera: shutter_open_s", camera.shutter_open_s, -1e9, 1e9)?;
     within("camera: shutter_close_s", camera.shutter_close_s, camera.shutter_open_s, 1e9)?;
+    within("camera: vignetting", camera.vignetting, 0.0, 1.0)?;
+    within("camera: focus_m", camera.focus_m.unwrap_or(1.0), 1e-3, 1e9)?;
+    for value in camera.distortion {
+        within("camera: distortion", value, -1e3, 1e3)?;
+    }
     for value in camera.position_m.iter().chain(camera.camera_from_world.iter()) {
         within("camera: position and attitude", *value, -1e9, 1e9)?;
     }
@@ -254,24 +320,4 @@ fn stamps(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Resul
 fn too_many(place: &str, what: &str, found: usize) -> Error {
     let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
     Error::input(place, format!("{found} {what}"), format!("at most {MAX_SAMPLES}"), hint)
-}
-
-/// Adds up the records' light with the chosen backend.
-fn splat(
-    records: &[Record],
-    size_px: [u32; 2],
-    choice: BackendChoice,
-) -> Result<(Vec<u32>, Backend, String)> {
-    let on_cpu = || (cpu::splat(records, size_px), Backend::Cpu, "CPU".to_owned());
-    let on_gpu = || -> Result<_> {
-        let gpu = gpu::Gpu::open()?;
-        let counts = gpu.splat(records, size_px, gpu::SHADER)?;
-        Ok((counts, Backend::Wgpu, gpu.adapter))
-    };
-    match choice {
-        BackendChoice::Cpu => Ok(on_cpu()),
-        BackendChoice::Wgpu => on_gpu(),
-        // The twins leave the same bits, so a device that fails costs nothing but time.
-        BackendChoice::Auto => Ok(on_gpu().unwrap_or_else(|_| on_cpu())),
-    }
 }

@@ -42,10 +42,17 @@ pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
     /// Where the spot is then, in px.
     pub(super) at_px: [DVec2; 2],
-    /// Light of the whole stretch: mean of its ends times its duration, in lx s px².
-    pub(super) light: f64,
+    /// How bright the spot is then; in between it changes evenly.
+    pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
+}
+
+impl Interval {
+    /// Light of the whole stretch, in lx s px².
+    pub(super) fn light(&self) -> f64 {
+        0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
+    }
 }
 
 /// One instant of a lamp in the picture.
@@ -80,14 +87,13 @@ pub(super) fn intervals<'a>(
         let to = lens.see(&second);
         last = Some((second, to));
         let (from, to) = (from?, to?);
-        let duration_s = second.time_s - first.time_s;
-        let light = 0.5 * (from.light_lx_px2 + to.light_lx_px2) * duration_s;
-        (light > 0.0).then_some(Interval {
+        let interval = Interval {
             time_s: [first.time_s, second.time_s],
             at_px: [from.at_px, to.at_px],
-            light,
+            light_lx_px2: [from.light_lx_px2, to.light_lx_px2],
             sigma_px: 0.5 * (from.sigma_px + to.sigma_px),
-        })
+        };
+        (interval.light() > 0.0).then_some(interval)
     })
 }
 
@@ -189,8 +195,13 @@ impl<'a> Lens<'a> {
         let cos_lens = image.depth_m / distance_m;
         let cos_beam = sample.axis.dot(&to_camera_m) / (sample.axis.norm() * distance_m);
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
-        let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2;
-        let variance = self.blur_px2 + self.disc_at_1m_px2 / (image.depth_m * image.depth_m);
+        let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
+            * self.camera.unvignetted(image.x_px, image.y_px);
+        // A disc of radius R has R²/4 along each axis.
+        let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
+        let variance = self.blur_px2
+            + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)
+            + defocus_px * defocus_px / 16.0;
         Some(Spot {
             at_px,
             light_lx_px2: if light.is_finite() { light } else { 0.0 },

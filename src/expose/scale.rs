@@ -12,8 +12,7 @@ const TILE_PX: u32 = 16;
 /// Sum of peaks on a tile stays below this power of two, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Amplitude of a stamp stays below this power of two, in counts: its mantissa has 32 bits, two of
-/// them below the point.
+/// Amplitude of a stamp stays below this power of two, in counts: its mantissa has 32 bits.
 const AMPLITUDE_BITS: i32 = 30;
 
 /// Finest scale: enough for every light that leaves a trace, and far from underflow.
@@ -26,9 +25,8 @@ pub(super) fn finest_scale_log2(stamps: &[Stamp], size_px: [u32; 2]) -> i32 {
     let mut tiles = vec![[0.0_f64; 3]; columns * rows];
     let mut brightest_stamp = 0.0_f64;
     for stamp in stamps {
-        let amplitude = stamp.amplitude_lx_s();
-        let peak = amplitude.map(|a| a * stamp.peak());
-        brightest_stamp = amplitude.into_iter().fold(brightest_stamp, f64::max);
+        let peak = stamp.amplitude_lx_s();
+        brightest_stamp = peak.into_iter().fold(brightest_stamp, f64::max);
         let [x, y, width, height] = stamp.area();
         let tile = |px: u32| (px / TILE_PX) as usize;
         for row in tile(y)..=tile(y + height - 1) {

@@ -16,6 +16,10 @@ pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
         f_number: 8.0,
         transmission: 0.9,
         blur_m: 20e-6,
+        focus_m: None,
+        distortion: [0.0; 4],
+        vignetting: 0.0,
+        white_balance: [1.0; 3],
         iso: 100.0,
         shutter_open_s: 0.0,
         shutter_close_s: 100.0,
@@ -79,14 +83,20 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
                 let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - a;
                 let (u, v) = (p.dot(along) / sigma, along.perp_dot(p) / sigma);
                 let root_2 = std::f64::consts::SQRT_2;
+                let bell = |x: f64| libm::exp(-0.5 * x * x) / std::f64::consts::TAU.sqrt();
                 let smear = if length > 1e-6 {
-                    let end = u - length / sigma;
-                    0.5 * (libm::erf(u / root_2) - libm::erf(end / root_2)) / length
+                    // (a + b u) [Φ(u) - Φ(u - L)] + b [g(u) - g(u - L)], with u and L in σ.
+                    let [first, last] = interval.light_lx_px2;
+                    let ramp = (last - first) / (last + first);
+                    let (l, end) = (length / sigma, u - length / sigma);
+                    let (a, b) = (1.0 - ramp, 2.0 * ramp / l);
+                    let between = 0.5 * (libm::erf(u / root_2) - libm::erf(end / root_2));
+                    ((a + b * u) * between + b * (bell(u) - bell(end))) / length
                 } else {
                     libm::exp(-0.5 * u * u) / (sigma * std::f64::consts::TAU.sqrt())
                 };
                 let across = libm::exp(-0.5 * v * v) / (sigma * std::f64::consts::TAU.sqrt());
-                plane[y * width + x] += interval.light * smear * across;
+                plane[y * width + x] += interval.light() * smear * across;
             }
         }
     }
@@ -164,6 +174,55 @@ fn unmerged_film_is_within_1e_5_of_the_peak_and_merged_within_1e_3() {
 }
 
 #[test]
+fn fades_are_within_1e_5_of_the_peak_merged_and_unmerged() {
+    let camera = camera(320, 200);
+    // A decay sampled coarsely, and a fade from full to nothing over a long way.
+    let mut decay = figure(200);
+    for sample in &mut decay.samples {
+        sample.level = libm::exp(-sample.time_s / 0.05);
+    }
+    let mut fade = lamp([(0.0, [-1.0, 3.0, 0.1]), (4.0, [0.9, 3.0, -0.2])]);
+    fade.samples[1].level = 0.0;
+    for (name, lamp) in [("decay", decay), ("fade", fade)] {
+        let reference = brute_force(&lamp, &camera);
+        let unmerged =
+            error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.0, None), &reference);
+        let merged = error_of_peak(&film(&[lamp], &camera, 0.005, None), &reference);
+        println!("{name}: unmerged {unmerged:.2e}, merged {merged:.2e}");
+        assert!(unmerged < 1e-5 && merged < 1e-3, "{name} errs by {unmerged:e} and {merged:e}");
+    }
+}
+
+#[test]
+fn the_exposure_of_a_trail_does_not_know_the_shutter_time_and_obeys_the_laws() {
+    let trail = |v: f64, d: f64| {
+        lamp((0..=400).map(|i| (f64::from(i) / 100.0, [(f64::from(i) / 100.0 - 2.0) * v, d, 0.0])))
+    };
+    // Light across the trail's middle, in lx s m on the sensor.
+    let across = |v: f64, d: f64, camera: &Camera| {
+        let found = film(&[trail(v, d)], camera, 0.0, None);
+        let column = (0..400).map(|y| found.exposure_lx_s(0, y * 640 + 320));
+        column.sum::<f64>() * camera.pixel_pitch_m()
+    };
+    let usual = Camera { blur_m: 70e-6, shutter_close_s: 4.0, ..camera(640, 400) };
+    let reference = across(0.2, 3.0, &usual);
+    let close = |what: &str, found: f64, factor: f64| {
+        let error = found / reference / factor - 1.0;
+        assert!(error.abs() < 2e-5, "{what}: off by {error:e}");
+    };
+    let longer = Camera { shutter_close_s: 60.0, ..usual.clone() };
+    close("a longer shutter", across(0.2, 3.0, &longer), 1.0);
+    let shorter = Camera { shutter_open_s: 1.0, shutter_close_s: 3.0, ..usual.clone() };
+    close("a shorter shutter", across(0.2, 3.0, &shorter), 1.0);
+    close("twice the speed", across(0.4, 3.0, &usual), 0.5);
+    close("twice the distance", across(0.4, 6.0, &usual), 0.25);
+    let stopped_down = Camera { f_number: 16.0, ..usual.clone() };
+    close("twice the aperture number", across(0.2, 3.0, &stopped_down), 0.25);
+    let iso = Camera { iso: 200.0, ..usual.clone() };
+    assert_eq!(iso.saturation_lx_s() * 2.0, usual.saturation_lx_s(), "one stop of ISO");
+}
+
+#[test]
 fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_1e_5_of_the_peak() {
     let camera = camera(320, 200);
     for (from, to) in [([-9.0, 3.0, -2.0], [9.0, 3.0, 2.5]), ([0.1, 3.0, -8.0], [0.2, 3.0, 8.0])] {
@@ -191,7 +250,7 @@ proptest! {
         let timed = places.iter().enumerate().map(|(i, p)| (i as f64 * step_s, [p.0, p.1, p.2]));
         let mut lamp = lamp(timed);
         lamp.emitter.rgb = rgb;
-        let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light).sum();
+        let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light()).sum();
         let found = film(&[lamp], &camera, merge_tolerance_px, None);
         for (channel, share) in rgb.iter().enumerate() {
             let error = found.light_lx_s_px2(channel) / (sent * share) - 1.0;
@@ -263,7 +322,7 @@ fn no_pixel_overflows_and_few_bits_are_wasted() {
     let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
     let lamps = [hover, figure(500)];
     let sent: f64 =
-        lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light).sum();
+        lamps.iter().flat_map(|l| project::intervals(l, &camera)).map(|i| i.light()).sum();
     let found = film(&lamps, &camera, 0.0, None);
     let error = found.light_lx_s_px2(2) / sent - 1.0;
     assert!(error.abs() < 1e-6, "an overflow would lose 2^32 counts: off by {error:e}");

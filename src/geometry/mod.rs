@@ -57,6 +57,22 @@ pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()])
 }
 
+/// The rotation that turns world vectors into camera vectors (x right, y down, z forward), for a
+/// camera whose attitude is the quaternion `w, x, y, z` and which, unturned, looks along -z with x
+/// to its right and y up (Blender, Skybrush's `.skyc`, glTF).
+///
+/// # Panics
+///
+/// If the quaternion is zero.
+#[must_use]
+pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
+    let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+    assert!(quaternion.norm() > 0.0, "a quaternion of zeros is no attitude");
+    let world_from_viewer = nalgebra::UnitQuaternion::from_quaternion(quaternion);
+    let camera_from_viewer = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+    camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
+}
+
 /// Length of a polyline.
 #[must_use]
 pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {

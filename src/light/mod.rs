@@ -28,6 +28,7 @@ pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingEffect};
 
 mod chance;
 mod color;
+pub mod csv;
 mod fixture;
 mod options;
 mod programs;

@@ -140,8 +140,15 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("camera", "fill_frac", "share of the picture that the word fills (framing = word)"),
     ("camera", "position_m", "entrance pupil (framing = fixed), m"),
     ("camera", "target_m", "point in the middle of the picture (framing = fixed), m"),
+    ("camera", "orientation_wxyz", "attitude instead of target_m; unturned, it looks along -z"),
+    ("camera", "body", "full-frame-24mp, a6400, one-inch or phone; settles sensor_width_m"),
+    ("camera", "lens", "28mm, 35mm, 50mm or kit-16mm; settles focal_length_m and distortion"),
     ("camera", "focal_length_m", "focal length, m"),
     ("camera", "sensor_width_m", "width of the sensor, m"),
+    ("camera", "focus_m", "distance in focus; left out: everything is sharp, m"),
+    ("camera", "distortion", "k1, k2, p1, p2 of Brown and Conrady"),
+    ("camera", "vignetting", "share of light that the barrel takes away at the corner"),
+    ("camera", "white_balance", "gains of red, green and blue"),
     ("camera", "f_number", "aperture number"),
     ("camera", "transmission", "share of light that the lens lets through"),
     ("camera", "blur_m", "standard deviation of the lens's blur on the sensor, m"),
@@ -251,6 +258,10 @@ mod tests {
     fn every_key_is_explained_once() {
         let mut scene = Scene::default();
         scene.camera.shutter_close_s = Some(1.0);
+        scene.camera.orientation_wxyz = Some([1.0, 0.0, 0.0, 0.0]);
+        scene.camera.body = Some(crate::camera::BodyName::Phone);
+        scene.camera.lens = Some(crate::camera::LensName::Wide28);
+        scene.camera.focus_m = Some(3.0);
         let values = toml::Table::try_from(&scene).unwrap();
         let mut keys: Vec<(String, String)> = Vec::new();
         for (name, value) in &values {

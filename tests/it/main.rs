@@ -1,9 +1,11 @@
 //! Tests through the front door: the command, the golden images, and claims about the whole road.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod camera;
 mod cli;
 mod compare;
 mod compare_flights;
 mod coverage;
 mod golden;
 mod road;
+mod twins;

@@ -1,0 +1,286 @@
+//! Exposure advice: how far each lamp's trail lies over or under saturation, and what would put it
+//! where it is wanted.
+//!
+//! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`Reading`] for each emitter. The
+//! exposure in the middle of a trail is summed up from the lamp's own light nearby, in f64, as
+//! `expose` draws it; light of other lamps, glare and ambient light come on top.
+
+use super::merge::{self, Segment};
+use super::project;
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::light::LightTrace;
+
+/// Samples that lie this close to a segment are one with it: the meter needs no fine lines.
+const MERGE_PX: f64 = 0.05;
+
+/// Light farther along or across than this many σ counts for nothing.
+const REACH_SIGMA: f64 = 5.0;
+
+/// A place is hot where its exposure is this much over the lamp's median: domain knowledge has a
+/// stop as the bound of an even stroke.
+const HOT_STOPS: f64 = 2.0;
+
+/// A stretch is a streak where the lamp is this many times as fast in the picture as usual.
+const STREAK_SPEED: f64 = 2.0;
+
+/// How the trail of an emitter is exposed. Stops are over saturation (ISO 12232, 78 / ISO lx s),
+/// under it where negative, for a lamp's luminance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// The emitter's name.
+    pub name: String,
+    /// How long it is lit in the picture.
+    pub lit_s: f64,
+    /// Median over the length of its trail.
+    pub median_stops: f64,
+    /// Of twenty parts of the length, one is darker than this.
+    pub p5_stops: f64,
+    /// Of twenty parts of the length, one is brighter than this.
+    pub p95_stops: f64,
+    /// Where it lingers: two stops and more over the median.
+    pub hot_spots: Vec<HotSpot>,
+    /// How long it is lit while it moves more than twice as fast as usual.
+    pub streak_s: f64,
+}
+
+/// A place where a lamp lingers while it is lit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HotSpot {
+    /// When it begins.
+    pub time_s: f64,
+    /// How long it lasts.
+    pub duration_s: f64,
+    /// Where, in the picture.
+    pub at_px: [f64; 2],
+    /// Its brightest part, over saturation.
+    pub stops: f64,
+}
+
+/// What would put a trail where it is wanted, each alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Advice {
+    /// Aperture number.
+    pub f_number: f64,
+    /// Sensitivity.
+    pub iso: f64,
+    /// Level of the lamp, of its level now.
+    pub level: f64,
+}
+
+impl Reading {
+    /// How uneven the trail is: brightest less darkest twentieth of its length.
+    #[must_use]
+    pub fn evenness_stops(&self) -> f64 {
+        self.p95_stops - self.p5_stops
+    }
+
+    /// What would put the median at `target_stops` over saturation.
+    #[must_use]
+    pub fn advice(&self, camera: &Camera, target_stops: f64) -> Advice {
+        let more = target_stops - self.median_stops;
+        Advice {
+            f_number: camera.f_number * libm::exp2(-0.5 * more),
+            iso: camera.iso * libm::exp2(more),
+            level: libm::exp2(more),
+        }
+    }
+}
+
+/// Exposure on the sensor of a lamp that passes square to the axis, in lx s, spread evenly over a
+/// trail of width `width_m`: `I τ π f / (4 N² d v w)`.
+#[must_use]
+pub fn trail_exposure_lx_s(
+    intensity_cd: f64,
+    camera: &Camera,
+    distance_m: f64,
+    speed_m_s: f64,
+    width_m: f64,
+) -> f64 {
+    let Camera { focal_length_m, f_number, transmission, .. } = camera;
+    intensity_cd * transmission * std::f64::consts::PI * focal_length_m
+        / (4.0 * f_number * f_number * distance_m * speed_m_s * width_m)
+}
+
+/// Reads the exposure of each lamp of a trace; lamps that leave no light in the picture are left
+/// out.
+///
+/// # Errors
+///
+/// [`Error::Input`], as [`super::expose`].
+pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
+    super::check(trace, camera, &super::ExposeOptions::default())?;
+    let readings = trace.lamps.iter().filter_map(|lamp| {
+        let mut segments = Vec::new();
+        let luminance = [0.2126, 0.7152, 0.0722];
+        let share: f64 = lamp.emitter.rgb.iter().zip(luminance).map(|(c, y)| c * y).sum();
+        let intervals = project::intervals(lamp, camera);
+        merge::merge(intervals, [share; 3], MERGE_PX, &mut segments);
+        let inside = |s: &Segment| {
+            let middle = s.ends_px[0].midpoint(s.ends_px[1]);
+            let size = glam::DVec2::new(camera.width_px.into(), camera.height_px.into());
+            middle.cmpge(glam::DVec2::ZERO).all() && middle.cmple(size).all()
+        };
+        segments.retain(inside);
+        reading(&lamp.emitter.name, &segments, camera)
+    });
+    let readings: Vec<Reading> = readings.collect();
+    if readings.is_empty() {
+        let hint = "look at the light of the flight, the shutter and where the camera stands";
+        let found = "no lamp that is lit in the picture";
+        return Err(Error::input("light", found, "light to measure", hint));
+    }
+    Ok(readings)
+}
+
+fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading> {
+    let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
+    let length = |s: &Segment| s.ends_px[0].distance(s.ends_px[1]);
+    let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
+    let mut by_brightness: Vec<(f64, f64)> =
+        all.iter().zip(segments).map(|(stops, s)| (*stops, length(s).max(1e-9))).collect();
+    by_brightness.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let median_stops = quantile(&by_brightness, 0.5)?;
+
+    let mut speeds: Vec<(f64, f64)> =
+        segments.iter().map(|s| (length(s) / s.duration_s, s.duration_s)).collect();
+    speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let usual = quantile(&speeds, 0.5)?;
+    let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
+
+    let mut hot_spots: Vec<HotSpot> = Vec::new();
+    let mut open = false;
+    for (segment, stops) in segments.iter().zip(&all) {
+        let hot = *stops > median_stops + HOT_STOPS;
+        match hot_spots.last_mut().filter(|_| open && hot) {
+            Some(spot) => {
+                spot.duration_s = segment.start_s + segment.duration_s - spot.time_s;
+                spot.stops = spot.stops.max(*stops);
+            }
+            None if hot => hot_spots.push(HotSpot {
+                time_s: segment.start_s,
+                duration_s: segment.duration_s,
+                at_px: segment.ends_px[0].midpoint(segment.ends_px[1]).to_array(),
+                stops: *stops,
+            }),
+            None => {}
+        }
+        open = hot;
+    }
+    Some(Reading {
+        name: name.to_owned(),
+        lit_s: segments.iter().map(|s| s.duration_s).sum(),
+        median_stops,
+        p5_stops: quantile(&by_brightness, 0.05)?,
+        p95_stops: quantile(&by_brightness, 0.95)?,
+        hot_spots,
+        streak_s: streaks.map(|(_, duration_s)| duration_s).sum(),
+    })
+}
+
+/// The value below which a share of the weight lies; values in order, each with its weight.
+fn quantile(values: &[(f64, f64)], share: f64) -> Option<f64> {
+    let all: f64 = values.iter().map(|(_, weight)| weight).sum();
+    let mut below = 0.0;
+    values
+        .iter()
+        .find(|(_, weight)| {
+            below += weight;
+            below >= share * all
+        })
+        .map(|(value, _)| *value)
+}
+
+/// Exposure in the middle of a segment, from itself and from what joins it, before and after.
+fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
+    let at = segments[i].ends_px[0].midpoint(segments[i].ends_px[1]);
+    let near = |s: &&Segment| {
+        let reach = REACH_SIGMA * s.sigma_px;
+        s.ends_px[0].distance(at).min(s.ends_px[1].distance(at)) < reach
+    };
+    let after = segments[i + 1..].iter().take_while(near);
+    let before = segments[..i].iter().rev().take_while(near);
+    after.chain(before).chain([&segments[i]]).map(|s| left_by(s, at)).sum()
+}
+
+/// What a segment leaves at a place, in lx s.
+fn left_by(segment: &Segment, at: glam::DVec2) -> f64 {
+    let Segment { ends_px: [start, end], sigma_px: sigma, light, .. } = *segment;
+    let root_tau = std::f64::consts::TAU.sqrt();
+    let length = start.distance(end);
+    let along = if length > 0.0 { (end - start) / length } else { glam::DVec2::X };
+    let (u, v) = ((at - start).dot(along) / sigma, along.perp_dot(at - start) / sigma);
+    let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
+    let below = |x: f64| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2);
+    let smear = if length > 1e-3 * sigma {
+        (below(u) - below(u - length / sigma)) / length
+    } else {
+        libm::exp(-0.5 * u * u) / (sigma * root_tau)
+    };
+    light[0] * smear * across
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{camera, lamp};
+    use super::*;
+
+    #[test]
+    fn the_exposure_table_of_the_field_comes_out() {
+        // Intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s, ISO 100 and a
+        // source of 3 mm: 35 µm on the sensor.
+        let table = [
+            (1.8, 8.0, 33.1, 5.4),
+            (1.8, 22.0, 4.38, 2.5),
+            (15.4, 8.0, 283.0, 8.5),
+            (1.2, 8.0, 22.0, 4.8),
+            (0.4, 22.0, 0.98, 0.3),
+            (0.02, 8.0, 0.37, -1.1),
+        ];
+        for (intensity_cd, f_number, wanted_lx_s, wanted_stops) in table {
+            let camera = Camera { f_number, ..camera(640, 400) };
+            let found = trail_exposure_lx_s(intensity_cd, &camera, 3.0, 0.2, 35e-6);
+            let error = found / wanted_lx_s - 1.0;
+            assert!(error.abs() < 0.01, "{intensity_cd} cd at f/{f_number}: {found} lx s");
+            let stops = libm::log2(found / camera.saturation_lx_s());
+            assert!((stops - wanted_stops).abs() < 0.06, "{intensity_cd} cd: {stops} stops");
+        }
+    }
+
+    #[test]
+    fn a_reading_is_the_exposure_of_a_trail_as_wide_as_its_spot() {
+        let path =
+            (0..=400).map(|i| (f64::from(i) / 100.0, [f64::from(i) * 0.002 - 0.4, 3.0, 0.0]));
+        let lamp = lamp(path);
+        let camera = Camera { blur_m: 70e-6, ..camera(640, 400) };
+        let sigma_m =
+            project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
+        let found = meter(&LightTrace { lamps: vec![lamp] }, &camera).unwrap();
+        // The gaussian's peak is that of a trail of even brightness, √(2π) σ wide; at the ends of
+        // the trail the lamp is off the axis.
+        let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
+        let wanted = trail_exposure_lx_s(1.8, &camera, 3.0, 0.2, width_m);
+        let wanted = libm::log2(wanted / camera.saturation_lx_s());
+        assert!((found[0].median_stops - wanted).abs() < 0.02, "{found:?}, wanted {wanted}");
+        assert!(found[0].hot_spots.is_empty() && found[0].evenness_stops() < 0.2, "{found:?}");
+
+        let advice = found[0].advice(&camera, 0.0);
+        assert!((advice.iso / 100.0 - libm::exp2(-wanted)).abs() < 0.02, "{advice:?}");
+        let stops = -2.0 * libm::log2(advice.f_number / camera.f_number);
+        assert!((stops + wanted).abs() < 0.02, "{advice:?}");
+    }
+
+    #[test]
+    fn a_lit_dwell_is_a_hot_spot_of_7_stops() {
+        let stop = |t: f64| t.min(2.0) + (t - 4.0).max(0.0);
+        let path = (0..=600).map(|i| {
+            let t = f64::from(i) / 100.0;
+            (t, [(stop(t) - 2.0) * 0.2, 3.0, 0.0])
+        });
+        let found = meter(&LightTrace { lamps: vec![lamp(path)] }, &camera(1920, 1080)).unwrap();
+        let [spot] = found[0].hot_spots[..] else { panic!("{found:?}") };
+        assert!((spot.time_s - 2.0).abs() < 0.1 && (spot.duration_s - 2.0).abs() < 0.2, "{spot:?}");
+        let over = spot.stops - found[0].median_stops;
+        assert!((6.0..9.0).contains(&over), "{over} stops over the stroke");
+    }
+}

@@ -1,0 +1,257 @@
+//! A light trace as a plain table: where a lamp is and what it sends out, at each instant.
+//!
+//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd towards every
+//! side); more columns are allowed. This is how other programs hand over a trail without a drone;
+//! what a beam's direction would add is not in the table.
+
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::{Emitter, Lamp, LightSample, LightTrace};
+use crate::error::{Error, Result};
+use crate::flight::table::{Table, on_grid, write_table};
+
+/// Columns of the file.
+const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
+
+/// Last digit of an intensity: two rows whose colors differ by no more have one color.
+const DIGIT_CD: f64 = 1e-5;
+
+/// Whether a file's first line is the header of a light trace.
+#[must_use]
+pub fn is_light_trace(path: &Path) -> bool {
+    let mut line = [0; 256];
+    let length = std::fs::File::open(path).and_then(|mut file| file.read(&mut line)).unwrap_or(0);
+    let line = String::from_utf8_lossy(&line[..length]);
+    let header: Vec<&str> = line.lines().next().unwrap_or("").split(',').map(str::trim).collect();
+    COLUMNS.iter().all(|column| header.contains(column))
+}
+
+impl LightTrace {
+    /// Reads a light trace.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
+    /// cell is no number, time falls, or a lamp sends out less than nothing.
+    pub fn read_csv(path: &Path) -> Result<Self> {
+        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
+        Self::parse_csv(file, &path.display().to_string())
+    }
+
+    /// Reads the text of a light trace; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read_csv`].
+    pub fn parse_csv(text: impl Read, file: &str) -> Result<Self> {
+        let table = Table::parse(text, file)?;
+        let mut columns: [&[f64]; 7] = [&[]; 7];
+        for (column, name) in columns.iter_mut().zip(COLUMNS) {
+            *column = table.column(name)?;
+        }
+        let [t, x, y, z, r, g, b] = columns;
+        let refused = |row: usize, column: &str, found: f64, wanted: &str| {
+            let place = format!("{file}:{}: column {column}", row + 2);
+            Err(Error::input(place, found, wanted, "mend the file, or write it again"))
+        };
+        if let Some(row) = t.windows(2).position(|pair| pair[1] < pair[0]) {
+            return refused(row + 1, "t", t[row + 1], "a time not before the last");
+        }
+        for (name, column) in [("r", r), ("g", g), ("b", b)] {
+            if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
+                return refused(row, name, column[row], "a number from 0 to 1e6");
+            }
+        }
+        let instants: Vec<Instant> = (0..t.len())
+            .map(|i| Instant {
+                time_s: t[i],
+                position_m: Vector3::new(x[i], y[i], z[i]),
+                rgb_cd: [r[i], g[i], b[i]],
+            })
+            .collect();
+        let lamps = lit_runs(&instants).into_iter().flat_map(lamps).collect();
+        Ok(Self { lamps })
+    }
+
+    /// Writes the trace as a plain table: its lamps one after another in the order of their times.
+    /// A lamp that does not shine evenly to all sides is written with its intensity on the axis.
+    ///
+    /// # Errors
+    ///
+    /// What the writer says, and [`std::io::ErrorKind::InvalidInput`] where two lamps shine at one
+    /// time: one table has one lamp.
+    pub fn write_csv(&self, mut out: impl std::io::Write) -> std::io::Result<()> {
+        let times = |lamp: &Lamp| Some((lamp.samples.first()?.time_s, lamp.samples.last()?.time_s));
+        let mut lamps: Vec<(f64, f64, &Lamp)> =
+            self.lamps.iter().filter_map(|lamp| times(lamp).map(|(a, b)| (a, b, lamp))).collect();
+        lamps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if lamps.windows(2).any(|pair| pair[1].0 < pair[0].1) {
+            let what = "lamps that shine at one time do not fit one table";
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
+        }
+        let rows = lamps.iter().flat_map(|(_, _, lamp)| {
+            lamp.samples.iter().map(|LightSample { time_s, position_m: p, level, .. }| {
+                let [r, g, b] = lamp.emitter.rgb.map(|c| c * lamp.emitter.intensity_cd * level);
+                [*time_s, p.x, p.y, p.z, r, g, b].map(on_grid)
+            })
+        });
+        write_table(&mut out, &COLUMNS.map(str::to_owned), rows)
+    }
+}
+
+/// A row of the table.
+struct Instant {
+    time_s: f64,
+    position_m: Vector3<f64>,
+    rgb_cd: [f64; 3],
+}
+
+impl Instant {
+    fn strength_cd(&self) -> f64 {
+        self.rgb_cd.into_iter().fold(0.0, f64::max)
+    }
+}
+
+/// Stretches with light, each with the dark instants at its ends.
+fn lit_runs(instants: &[Instant]) -> Vec<&[Instant]> {
+    let lit = |i: usize| instants[i].rgb_cd != [0.0; 3];
+    let mut runs = Vec::new();
+    let mut start = None;
+    for i in 0..instants.len() {
+        match start {
+            None if lit(i) => start = Some(i.saturating_sub(1)),
+            Some(first) if !lit(i) => {
+                runs.push(&instants[first..=i]);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    runs.extend(start.map(|first| &instants[first..]));
+    runs
+}
+
+/// The lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
+/// each channel where the color changes all the time.
+fn lamps(run: &[Instant]) -> Vec<Lamp> {
+    let mut stretches = Vec::new();
+    let (mut start, mut brightest) = (0, &run[0]);
+    for (i, instant) in run.iter().enumerate() {
+        if !same_color(brightest, instant) {
+            stretches.push((start..i, brightest));
+            (start, brightest) = (i, instant);
+        }
+        if instant.strength_cd() > brightest.strength_cd() {
+            brightest = instant;
+        }
+    }
+    stretches.push((start..run.len(), brightest));
+    if stretches.len() > run.len() / 8 + 2 {
+        let channel =
+            |c: usize| lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, i| i.rgb_cd[c]);
+        return (0..3).map(channel).collect();
+    }
+    let one = |(rows, brightest): (Range<usize>, &Instant)| {
+        let rgb = brightest.rgb_cd.map(|c| c / brightest.strength_cd());
+        let first = rows.start.saturating_sub(1);
+        let level = |i, instant: &Instant| {
+            if rows.contains(&(first + i)) { instant.strength_cd() } else { 0.0 }
+        };
+        lamp(&run[first..(rows.end + 1).min(run.len())], rgb, level)
+    };
+    stretches.into_iter().map(one).collect()
+}
+
+/// Whether two rows have one color, as far as the digits of the file tell.
+fn same_color(a: &Instant, b: &Instant) -> bool {
+    let (of_a, of_b) = (a.strength_cd(), b.strength_cd());
+    let off = |(x, y): (&f64, &f64)| (x * of_b - y * of_a).abs();
+    a.rgb_cd.iter().zip(&b.rgb_cd).all(|pair| off(pair) <= DIGIT_CD * (of_a + of_b))
+}
+
+/// A lamp that shines evenly to all sides, so bright as it is at its brightest.
+fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
+    let all_cd: Vec<f64> = run.iter().enumerate().map(|(i, instant)| cd(i, instant)).collect();
+    let intensity_cd = all_cd.iter().copied().fold(0.0, f64::max);
+    let samples = run.iter().zip(&all_cd).map(|(instant, cd)| LightSample {
+        time_s: instant.time_s,
+        position_m: instant.position_m,
+        axis: -Vector3::y(),
+        level: if intensity_cd > 0.0 { cd / intensity_cd } else { 0.0 },
+    });
+    let emitter = Emitter {
+        name: "trace".into(),
+        intensity_cd,
+        rgb,
+        beam_exponent: 1.0,
+        spill: 1.0,
+        visible_cos: -1.0,
+        diameter_m: 0.0,
+    };
+    Lamp { emitter, samples: samples.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: &str = "t,x,y,z,r,g,b,u\n0,0,0,1,0,0,0,9\n0.5,0.1,0,1,1,0.5,0,9\n\
+                         1,0.2,0,1,0.5,0.25,0,9\n1.5,0.3,0,1,0,0,0,9\n2,0.4,0,1,0,0,0,9\n\
+                         2.5,0.5,0,1,0,0,2,9\n3,0.6,0,1,0,1,0,9\n";
+
+    #[test]
+    fn a_color_is_a_lamp_and_fades_into_the_next() {
+        let trace = LightTrace::parse_csv(TABLE.as_bytes(), "light.csv").unwrap();
+        let found: Vec<_> = trace
+            .lamps
+            .iter()
+            .map(|l| (l.emitter.rgb, l.samples.iter().map(|s| s.level).collect::<Vec<_>>()))
+            .collect();
+        let wanted = [
+            ([1.0, 0.5, 0.0], vec![0.0, 1.0, 0.5, 0.0]),
+            ([0.0, 0.0, 1.0], vec![0.0, 1.0, 0.0]),
+            ([0.0, 1.0, 0.0], vec![0.0, 1.0]),
+        ];
+        assert_eq!(found, wanted);
+        assert_eq!(trace.lamps[1].emitter.intensity_cd, 2.0, "2 cd of blue");
+        assert_eq!(trace.lamps[0].emitter.intensity_cd(-0.7), 1.0, "to all sides");
+    }
+
+    #[test]
+    fn a_color_that_changes_all_the_time_is_three_lamps() {
+        let mut text = "t,x,y,z,r,g,b\n".to_owned();
+        for i in 0..40 {
+            text += &format!("{i},0,0,1,{},{},0.5\n", 0.9 - f64::from(i) * 0.02, i);
+        }
+        let trace = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap();
+        assert_eq!(trace.lamps.len(), 3, "red, green, blue");
+    }
+
+    #[test]
+    fn a_trace_of_one_color_reads_back() {
+        let text: String = TABLE.lines().take(5).map(|line| line.to_owned() + "\n").collect();
+        let trace = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap();
+        let mut file = Vec::new();
+        trace.write_csv(&mut file).unwrap();
+        assert_eq!(LightTrace::parse_csv(&file[..], "again.csv").unwrap(), trace);
+        let two = LightTrace { lamps: [trace.lamps.clone(), trace.lamps].concat() };
+        assert!(two.write_csv(&mut Vec::new()).is_err(), "two lamps at one time");
+    }
+
+    #[test]
+    fn what_is_broken_is_named_by_line_and_column() {
+        let cases = [
+            ("t,x,y,z,r,g,b\n0,0,0,1,1,1,1\n1,0,NaN,1,1,1,1\n", ":3: column y"),
+            ("t,x,y,z,r,g,b\n0,0,0,1,1,1,1\n1,0,0,1,1,-1,1\n", ":3: column g"),
+            ("t,x,y,z,r,g,b\n1,0,0,1,1,1,1\n0,0,0,1,1,1,1\n", ":3: column t"),
+        ];
+        for (text, place) in cases {
+            let error = LightTrace::parse_csv(text.as_bytes(), "light.csv").unwrap_err();
+            assert!(error.to_string().contains(&format!("light.csv{place}")), "{error}");
+        }
+    }
+}

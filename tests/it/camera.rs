@@ -1,0 +1,98 @@
+//! Cameras as a person sets them: what is refused, what is warned of, what the meter says.
+
+use predicates::prelude::*;
+
+use crate::cli::{fails, json, noctograph};
+
+/// Two seconds along x at the height of the word.
+fn streak() -> String {
+    let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+    for i in 0..=200 {
+        let t = f64::from(i) / 100.0;
+        csv += &format!("{t},{:.4},0,0.75,1,1,1\n", 0.2 * t);
+    }
+    csv
+}
+
+const FIXED: &str = "[camera]\nframing = \"fixed\"\nwidth_px = 320\nheight_px = 180\n";
+
+#[test]
+fn cameras_that_cannot_be_are_refused_and_leave_nothing() {
+    let broken = [
+        ("f_number = 0", "camera.f_number"),
+        ("iso = -1", "camera.iso"),
+        ("shutter_open_s = 5.0\nshutter_close_s = 3.0", "camera.shutter_close_s"),
+        ("position_m = [0.2, -0.02, 0.75]\ntarget_m = [0.2, 9.0, 0.75]", "from lamp `trace`"),
+        ("target_m = [0.15, -3.0, 0.75]", "camera.target_m"),
+        ("position_m = [nan, 0.0, 0.0]", "camera.position_m"),
+        ("orientation_wxyz = [0.0, 0.0, 0.0, 0.0]", "camera.orientation_wxyz"),
+        ("focus_m = 0.0", "camera.focus_m"),
+        ("distortion = [inf, 0.0, 0.0, 0.0]", "camera.distortion"),
+        ("lens = \"kit-16mm\"\nf_number = 2.0", "camera.f_number"),
+        ("body = \"obscura\"", "obscura"),
+    ];
+    for (keys, text) in broken {
+        let scene = format!("{FIXED}{keys}\n");
+        let files = [("a.csv", &*streak()), ("s.toml", &*scene)];
+        let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml"];
+        fails(&arguments, &files, &[text]);
+    }
+}
+
+#[test]
+fn a_camera_behind_the_word_is_refused() {
+    let scene = format!("{FIXED}position_m = [0.15, 3.0, 0.75]\n");
+    let files = [("a.csv", &*streak()), ("s.toml", &*scene)];
+    let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml", "--word", "NO"];
+    fails(&arguments, &files, &["camera.position_m", "behind the word", "mirrored"]);
+}
+
+#[test]
+fn a_light_trace_with_nan_is_refused_with_line_and_column() {
+    let broken = streak().replacen("0.0200,0,", "0.0200,NaN,", 1);
+    let scene = ("s.toml", FIXED);
+    let arguments = ["expose", "a.csv", "--scene", "s.toml"];
+    fails(&arguments, &[("a.csv", &broken), scene], &["a.csv:12", "column y", "NaN"]);
+}
+
+#[test]
+fn what_falls_outside_is_told_by_side_and_centimetres_and_auto_mends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.csv"), streak()).unwrap();
+    let scene = format!("{FIXED}position_m = [1.84, -3.0, 0.75]\ntarget_m = [1.84, 0.0, 0.75]\n");
+    std::fs::write(folder.path().join("s.toml"), scene).unwrap();
+    let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml", "--word", "I"];
+    let run = || {
+        let mut command = noctograph(folder.path());
+        command.args(arguments);
+        command
+    };
+    let told = predicate::str::contains("light is outside the picture: 30 cm on the left");
+    run().assert().success().stderr(told);
+    let outside = predicate::str::contains("word is outside");
+    run().args(["--camera", "auto"]).assert().success().stderr(outside.not());
+}
+
+#[test]
+fn the_meter_says_how_much_to_stop_down() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.csv"), streak()).unwrap();
+    std::fs::write(folder.path().join("s.toml"), FIXED).unwrap();
+    let meter = |more: &[&str]| {
+        let mut command = noctograph(folder.path());
+        command.args(["meter", "--flight", "a.csv", "--scene", "s.toml"]).args(more);
+        command.assert().success().get_output().stdout.clone()
+    };
+    let json = json(&meter(&["--json", "--target-stops", "1"]));
+    let lamp = &json["lamps"][0];
+    let stops = lamp["median_stops"].as_f64().unwrap();
+    // Twice the aperture number is two stops less light.
+    let f_number = lamp["advice"]["f_number"].as_f64().unwrap();
+    assert!((2.0 * libm::log2(f_number / 8.0) - (stops - 1.0)).abs() < 1e-9, "{lamp}");
+
+    let scene = format!("{FIXED}f_number = {f_number}\n");
+    std::fs::write(folder.path().join("s.toml"), scene).unwrap();
+    let table = String::from_utf8(meter(&[])).unwrap();
+    assert!(table.lines().all(|line| line.len() <= 80), "{table}");
+    assert!(table.contains("+1.0"), "where it was asked for: {table}");
+}

@@ -1,0 +1,100 @@
+//! Both backends leave the same bits: whole scenes through the public door.
+
+use nalgebra::Vector3;
+use noctograph::camera::{Camera, CameraOptions, Framing};
+use noctograph::expose::{BackendChoice, ExposeOptions, expose};
+use noctograph::light::{Emitter, Lamp, LightSample, LightTrace};
+
+/// A lamp on a figure of eight, sampled at `hz` for `duration_s`, beginning at a phase.
+fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
+    let emitter = Emitter {
+        name: "figure".into(),
+        intensity_cd: 1.8,
+        rgb,
+        beam_exponent: 1.0,
+        spill: 0.05,
+        visible_cos: -1.0,
+        diameter_m: 0.003,
+    };
+    let samples = (0..=duration_s * hz).map(|i| {
+        let t = f64::from(i) / f64::from(hz);
+        let s = 0.4 * t + phase;
+        let position = [1.2 * libm::sin(s), 0.1 * libm::sin(3.1 * s), 0.6 * libm::sin(2.0 * s)];
+        let axis = -Vector3::y();
+        LightSample { time_s: t, position_m: position.into(), axis, level: 1.0 }
+    });
+    Lamp { emitter, samples: samples.collect() }
+}
+
+fn camera(change: impl FnOnce(&mut CameraOptions)) -> Camera {
+    let mut options = CameraOptions {
+        framing: Framing::Fixed,
+        position_m: [0.0, -4.0, 0.0],
+        target_m: [0.0; 3],
+        width_px: 480,
+        height_px: 270,
+        ..CameraOptions::default()
+    };
+    change(&mut options);
+    options.camera([0.0; 4], 120.0).unwrap()
+}
+
+const WHITE: [f64; 3] = [1.0; 3];
+
+/// The level of each sample as a function of its time.
+fn leveled(mut lamp: Lamp, level: impl Fn(f64) -> f64) -> Lamp {
+    lamp.samples.iter_mut().for_each(|sample| sample.level = level(sample.time_s));
+    lamp
+}
+
+#[test]
+fn fourteen_scenes_leave_the_same_film_on_both_backends() {
+    let usual = || camera(|_| {});
+    let one = || vec![figure(8, 250, 0.0, WHITE)];
+    let three = |duration_s, hz| {
+        let colors = [[4.7, 0.0, 0.0], [0.0, 1.4, 0.0], [0.3, 0.9, 2.2]];
+        let phases = [0.0, 0.7, 1.9];
+        colors.iter().zip(phases).map(|(rgb, phase)| figure(duration_s, hz, phase, *rgb)).collect()
+    };
+    let pulses = |t: f64| if (t * 10.0).fract() < 0.5 { 1.0 } else { 0.1 };
+    let scenes: Vec<(&str, Vec<Lamp>, Camera, f64)> = vec![
+        ("merged", one(), usual(), 0.005),
+        ("unmerged", one(), usual(), 0.0),
+        ("coarsely merged", one(), usual(), 0.5),
+        ("three drones", three(8, 250), usual(), 0.005),
+        ("120 s", three(120, 50), usual(), 0.005),
+        ("ramps", vec![leveled(one().remove(0), |t| t / 8.0)], usual(), 0.005),
+        ("decay", vec![leveled(one().remove(0), |t| libm::exp(-t))], usual(), 0.0),
+        ("pulses", vec![leveled(three(8, 250).remove(2), pulses)], usual(), 0.005),
+        ("4K", one(), camera(|c| (c.width_px, c.height_px) = (3840, 2160)), 0.005),
+        ("clipped", one(), camera(|c| c.target_m = [1.2, 0.0, 0.6]), 0.005),
+        ("near", one(), camera(|c| c.position_m = [0.9, -0.4, 0.2]), 0.005),
+        ("out of focus", one(), camera(|c| (c.focus_m, c.f_number) = (Some(0.5), 2.0)), 0.005),
+        (
+            "distorted, dark corners",
+            one(),
+            { camera(|c| (c.distortion, c.vignetting) = ([-0.2, 0.05, 0.002, -0.001], 0.7)) },
+            0.005,
+        ),
+        (
+            "a moment",
+            one(),
+            camera(|c| (c.shutter_open_s, c.shutter_close_s) = (1.0, Some(1.0101))),
+            0.005,
+        ),
+    ];
+    let required = std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some();
+    for (name, lamps, camera, merge_tolerance_px) in scenes {
+        let trace = LightTrace { lamps };
+        let on = |backend| {
+            let options = ExposeOptions { backend, merge_tolerance_px, ..Default::default() };
+            expose(&trace, &camera, &options)
+        };
+        let on_cpu = on(BackendChoice::Cpu).unwrap().film;
+        assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");
+        match on(BackendChoice::Wgpu) {
+            Ok(on_gpu) => assert!(on_gpu.film == on_cpu, "{name} differs on {}", on_gpu.adapter),
+            Err(e) => assert!(!required, "{name}: {e}"),
+        }
+    }
+}
