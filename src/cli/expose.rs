@@ -81,7 +81,7 @@ pub(super) fn shoot(
     let trace = light(flight, &scene.light)?;
     let _busy = Busy::new("exposing");
     let exposure = expose::expose(&trace, &camera, &options)?;
-    let mut photo = develop(&exposure.film, &camera);
+    let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
     photo.scene_toml = Some(scene.to_toml());
     Ok(Shot { photo, camera, exposure, seed: scene.seed })
 }
@@ -102,7 +102,7 @@ impl Shot {
             ("noctograph.seed", self.seed.to_string()),
         ];
         let mut png = Vec::new();
-        self.photo.write_png(&mut png, &notes).expect("a checked photo fits into a PNG in memory");
+        self.photo.write_png(&mut png, Some(&self.camera), &notes).expect("a checked photo fits into a PNG in memory");
         png
     }
 }

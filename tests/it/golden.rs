@@ -31,7 +31,7 @@ fn preview(word: &str, size_px: [u32; 2]) -> (Exposure, Photo) {
     let trace = light::light(&flight, &scene.light).unwrap();
     let options = ExposeOptions { backend: backend(), ..scene.expose };
     let exposure = expose(&trace, &camera, &options).unwrap();
-    let photo = develop(&exposure.film, &camera);
+    let photo = develop(&exposure.film, &camera, &scene.photo, scene.seed).unwrap();
     (exposure, photo)
 }
 
@@ -52,7 +52,7 @@ fn hold(file: &str, size_px: [u32; 2], max_bytes: usize) {
     if std::env::var_os(BLESS).is_some() {
         refuse_other_than_lavapipe(&exposure.adapter);
         let mut png = Vec::new();
-        photo.write_png(&mut png, &[]).unwrap();
+        photo.write_png(&mut png, None, &[]).unwrap();
         assert!(png.len() <= max_bytes, "a golden of {} bytes is too large", png.len());
         std::fs::write(&path, png).unwrap();
     }

@@ -25,7 +25,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     let trace = light::light(&flight, &scene.light).unwrap();
     let options = ExposeOptions { backend, ..scene.expose };
     let film = expose(&trace, &camera, &options).unwrap().film;
-    let photo = develop(&film, &camera);
+    let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
     let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
     Taken { film, camera, verdict }
 }

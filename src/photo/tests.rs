@@ -1,0 +1,1 @@
+//! Tests of the chain from film to photo.
