@@ -4,9 +4,7 @@ use std::io::{Seek, Write};
 
 use exr::math::Vec2;
 use exr::meta::attribute::{Chromaticities, Text};
-use exr::prelude::{
-    Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16,
-};
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16};
 
 use super::{Readout, metadata};
 use crate::camera::Camera;

@@ -1,6 +1,6 @@
 //! Veiling glare and halo: the lens scatters a share of all light, in integers.
 //!
-//! The scatter `1 / (1 + (r/r0)²)^1.1` (ABg, Harvey) becomes a sum of octaves: bell-shaped blurs of
+//! The scatter `1 / (1 + (r/r0)²)^1.1` (Harvey) becomes a sum of octaves: bell-shaped blurs of
 //! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
 //! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. What the
 //! scatter leaves within 4 px stays where it is. Light is kept to the count.
@@ -34,7 +34,12 @@ pub(super) struct Glare {
 
 impl Glare {
     /// Scatters a film's light; `None` where the lens scatters nothing that a pixel could show.
-    pub(super) fn new(film: &Film, camera: &Camera, glare_frac: f64, radius_m: f64) -> Option<Self> {
+    pub(super) fn new(
+        film: &Film,
+        camera: &Camera,
+        glare_frac: f64,
+        radius_m: f64,
+    ) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
         let octaves = octaves(size_px, glare_frac, radius_m / camera.pixel_pitch_m());
         let share: u32 = octaves.iter().sum();
@@ -75,21 +80,19 @@ impl Glare {
                 *sum += QUADRUPLE.part(value, part);
             }
         }
-        scratch.pixels.clear();
-        scratch.pixels.resize(pixels.len(), 0);
-        QUADRUPLE.along(&scratch.cells, &mut scratch.pixels);
-        for ((out, &count), &halo) in out.iter_mut().zip(pixels).zip(&scratch.pixels) {
-            let sum = u64::from(count - scattered(count, self.share)) + halo;
-            *out = u32::try_from(sum).unwrap_or(u32::MAX);
+        for (out, &count) in out.iter_mut().zip(pixels) {
+            *out = count - scattered(count, self.share);
         }
+        QUADRUPLE.along(&scratch.cells, out, |out, light| {
+            *out = out.saturating_add(u32::try_from(light).unwrap_or(u32::MAX));
+        });
     }
 }
 
-/// Rows that are filled anew for every row of the picture.
+/// A row that is filled anew for every row of the picture.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     cells: Vec<u64>,
-    pixels: Vec<u64>,
 }
 
 #[inline(always)]
@@ -112,11 +115,17 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
             let last = (rows.end * CELL_PX * width).min(plane.len());
             for (y, row) in plane[first..last].chunks_exact(width).enumerate() {
                 let sums = &mut band[y / CELL_PX * columns..][..columns];
-                for (sum, pixels) in sums.iter_mut().zip(row.chunks(CELL_PX)) {
-                    if pixels.iter().fold(0, |any, count| any | count) != 0 {
-                        let light = pixels.iter().map(|&count| scattered(count, share));
-                        *sum += light.map(u64::from).sum::<u64>();
+                let light = |pixels: &[u32]| -> u64 {
+                    pixels.iter().map(|&count| u64::from(scattered(count, share))).sum()
+                };
+                let (whole, rest) = row.as_chunks::<CELL_PX>();
+                for (sum, pixels) in sums.iter_mut().zip(whole) {
+                    if pixels[0] | pixels[1] | pixels[2] | pixels[3] != 0 {
+                        *sum += light(pixels);
                     }
+                }
+                if !rest.is_empty() {
+                    sums[columns - 1] += light(rest);
                 }
             }
         });
@@ -127,9 +136,8 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
 /// Shares of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
 fn octaves([width, height]: [usize; 2], glare_frac: f64, radius_px: f64) -> Vec<u32> {
     // Share of the scatter within r, of all within the picture's diagonal.
-    let within = |r_px: f64| {
-        1.0 - libm::pow(1.0 + (r_px / radius_px) * (r_px / radius_px), 1.0 - EXPONENT)
-    };
+    let within =
+        |r_px: f64| 1.0 - libm::pow(1.0 + (r_px / radius_px) * (r_px / radius_px), 1.0 - EXPONENT);
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();

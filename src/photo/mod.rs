@@ -79,12 +79,7 @@ pub struct Readout {
 ///
 /// [`Error::Input`] where an option is out of range or camera and film differ in size; what
 /// [`Photo::read_png`] says about the background.
-pub fn develop(
-    film: &Film,
-    camera: &Camera,
-    options: &PhotoOptions,
-    seed: u64,
-) -> Result<Photo> {
+pub fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
     let levels = Levels8::new(options.tone);
     let (_, rgb8) = take(film, camera, options, seed, |rows, out: &mut [u8]| {
         for_pixels(rows, out, |rgb| options.tone.mix(rgb).map(|light| levels.of(light)));

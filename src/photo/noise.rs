@@ -15,6 +15,8 @@ pub(super) const POISSON_BELOW: f32 = 25.0;
 pub(super) enum Source {
     /// All noise of a bright pixel; the photons of a dark one.
     Shot,
+    /// The photons of a dark pixel beyond those of a round mean.
+    Rest,
     /// What is left of a dark pixel's noise: reading, PRNU.
     Read,
     /// Which photosites of a row are hot, and how hot.
@@ -152,38 +154,81 @@ fn quantile(p: f64) -> f64 {
     }
 }
 
-/// A Poisson number of mean `mean`, which is below 25, by inverting its distribution.
-pub(super) fn poisson(mean: f32, bits: u32) -> f32 {
-    let mean = f64::from(mean);
-    poisson_from(mean, exp_minus(mean), bits) as f32
-}
-
-/// The same for any mean up to 500.
-pub(super) fn poisson_any(mean: f64, bits: u32) -> u32 {
-    poisson_from(mean, libm::exp(-mean), bits)
-}
-
-fn poisson_from(mean: f64, none: f64, bits: u32) -> u32 {
+/// A Poisson number of any mean up to 500, by inverting its distribution.
+pub(super) fn poisson(mean: f64, bits: u32) -> u32 {
     let uniform = (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
-    let (mut number, mut share, mut until) = (0_u32, none, none);
+    let mut share = libm::exp(-mean);
+    let (mut number, mut until) = (0, share);
     while uniform > until && number < 1000 {
         number += 1;
-        share *= mean * INVERSE.get(number as usize).copied().unwrap_or(1.0 / f64::from(number));
+        share *= mean / f64::from(number);
         until += share;
     }
     number
 }
 
-/// 1/n, 0 < n < 80.
-static INVERSE: LazyLock<[f64; 80]> =
-    LazyLock::new(|| std::array::from_fn(|n| 1.0 / (n as f64).max(1.0)));
+/// Poisson numbers of means below [`POISSON_BELOW`], quickly: that of the mean rounded down to a
+/// quarter by a table, plus that of the rest. Poisson numbers add up to a Poisson number.
+#[derive(Debug)]
+pub(super) struct Poisson {
+    /// For each quarter: 2^32 times the share of numbers up to and with each.
+    until: Vec<[u32; NUMBERS]>,
+    /// For each quarter: the number that the smallest uniform with each 8 upper bits gives.
+    start: Vec<[u8; 256]>,
+}
 
-/// `exp(-x)` for x from 0 to 25: a table of 64 steps to 1, and a series between them.
-fn exp_minus(x: f64) -> f64 {
-    static STEPS: LazyLock<Vec<f64>> =
-        LazyLock::new(|| (0..=1600).map(|i| libm::exp(-f64::from(i) / 64.0)).collect());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1600")]
-    let step = (x * 64.0) as usize;
-    let d = x - step as f64 / 64.0;
-    STEPS[step.min(1600)] * (1.0 - d * (1.0 - d * (0.5 - d * (1.0 / 6.0 - d / 24.0))))
+/// Numbers above have a share below 2^-32, with a mean of 25.
+const NUMBERS: usize = 64;
+
+pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
+
+impl Poisson {
+    fn new() -> Self {
+        let until: Vec<[u32; NUMBERS]> = (0..100)
+            .map(|quarter| {
+                let mean = f64::from(quarter) / 4.0;
+                let (mut share, mut sum) = (libm::exp(-mean), 0.0);
+                std::array::from_fn(|number| {
+                    sum += share;
+                    share *= mean / (number + 1) as f64;
+                    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+                    #[expect(clippy::cast_sign_loss, reason = "a share")]
+                    let until = (sum * 4_294_967_296.0) as u32;
+                    if number + 1 == NUMBERS { u32::MAX } else { until }
+                })
+            })
+            .collect();
+        let start = |until: &[u32; NUMBERS]| {
+            std::array::from_fn(|upper| {
+                let number = until.partition_point(|until| ((*until >> 24) as usize) < upper);
+                u8::try_from(number).expect("there are 64 numbers")
+            })
+        };
+        Self { start: until.iter().map(start).collect(), until }
+    }
+
+    /// The number of a mean and two uniforms.
+    #[inline(always)]
+    pub(super) fn of(&self, mean: f32, bits: u32, more_bits: u32) -> f32 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 100")]
+        let quarter = ((mean * 4.0) as usize).min(99);
+        let until = &self.until[quarter];
+        let mut number = self.start[quarter][(bits >> 24) as usize];
+        while until[usize::from(number)] < bits {
+            number += 1;
+        }
+        // The rest is below 1/4: e^-x as a series that errs by less than 1e-8.
+        let x = f64::from(mean) - quarter as f64 / 4.0;
+        let none = 1.0
+            - x * (1.0
+                - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
+        let uniform = (f64::from(more_bits) + 0.5) * (1.0 / 4_294_967_296.0);
+        let (mut share, mut sum, mut rest) = (none, none, 0.0_f32);
+        while uniform > sum && rest < 12.0 {
+            rest += 1.0;
+            share *= x / f64::from(rest);
+            sum += share;
+        }
+        f32::from(number) + rest
+    }
 }

@@ -64,12 +64,12 @@ pub enum Noise {
 }
 
 impl Default for PhotoOptions {
-    /// A lens of 3 % glare and 7 blades in a dark room, a full-frame sensor of 24 megapixels looked at
+    /// A lens of 4.5 % glare and 7 blades in a dark room, a full-frame sensor of 24 megapixels looked at
     /// pixel by pixel (full well, read noise), PRNU as in JPEG XL's noise model.
     fn default() -> Self {
         Self {
             tone: Tone::Camera,
-            glare_frac: 0.03,
+            glare_frac: 0.045,
             glare_radius_m: 40e-6,
             aperture_blades: 7,
             ambient_cd_m2: 0.02,

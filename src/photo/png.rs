@@ -149,6 +149,7 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::CameraOptions;
 
     fn photo() -> Photo {
         let rgb8 = (0..5 * 4 * 3).map(|i| u8::try_from(i * 4 % 251).unwrap()).collect();
@@ -165,6 +166,35 @@ mod tests {
         std::fs::write(&path, &file).unwrap();
         assert_eq!(Photo::read_png(&path).unwrap(), photo());
         assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
+    }
+
+    #[test]
+    fn a_photo_says_how_it_was_taken_at_8_and_16_bits() {
+        let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
+        let mut eight = Vec::new();
+        photo().write_png(&mut eight, Some(&camera), &[]).unwrap();
+        let rgb = (0..5 * 4 * 3).map(|i| i as f32 / 59.0).collect();
+        let readout = Readout { width_px: 5, height_px: 4, rgb, white_lx_s: 0.78 };
+        let mut sixteen = Vec::new();
+        readout.write_png16(&mut sixteen, Tone::Linear, &camera, &[], Some("seed = 7")).unwrap();
+        for file in [eight, sixteen] {
+            let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
+            let exif = reader.info().exif_metadata.clone().unwrap();
+            let exif = exif::Reader::new().read_raw(exif.into_owned()).unwrap();
+            let exposure = exif.get_field(exif::Tag::ExposureTime, exif::In::PRIMARY).unwrap();
+            assert_eq!(exposure.display_value().to_string(), "46");
+            let xmp = reader.info().utf8_text.iter().find(|text| text.keyword == XMP_KEYWORD);
+            assert!(xmp.unwrap().get_text().unwrap().contains("algorithmicMedia"));
+            assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
+            if reader.info().bit_depth == png::BitDepth::Sixteen {
+                let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+                reader.next_frame(&mut bytes).unwrap();
+                let levels: Vec<u16> =
+                    bytes.chunks(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+                assert_eq!(levels, readout.rgb16(Tone::Linear));
+                assert_eq!((levels[0], levels[59]), (0, 65535));
+            }
+        }
     }
 
     #[test]

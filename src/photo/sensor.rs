@@ -10,7 +10,7 @@
 //! A picture shows noise and pattern in one: PRNU joins the variance. Not modelled: rounding of the
 //! converter, the mosaic of colours, banding, cosmic rays.
 
-use super::noise::{NORMAL, Normal, POISSON_BELOW, Source, Stream, poisson, poisson_any};
+use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream, poisson};
 use super::options::{Noise, PhotoOptions};
 use crate::camera::Camera;
 
@@ -30,6 +30,7 @@ pub(super) struct Sensor {
 struct Noisy {
     seed: u64,
     normal: &'static Normal,
+    poisson: &'static Poisson,
     /// Electrons of each colour at white.
     at_white: [f32; 3],
     /// Where each pixel clips.
@@ -61,6 +62,7 @@ impl Sensor {
         let noisy = || Noisy {
             seed,
             normal: &NORMAL,
+            poisson: &POISSON,
             at_white: options.response.map(|r| ((clip - dark) * r / largest) as f32),
             clip: clip as f32,
             dark: dark as f32,
@@ -123,11 +125,13 @@ impl Noisy {
             }
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
             if fewest < POISSON_BELOW {
-                let read = Stream::new(self.seed, y, channel, Source::Read);
+                let [read, rest] = [Source::Read, Source::Rest]
+                    .map(|source| Stream::new(self.seed, y, channel, source));
                 for ((x, mean), &bits) in (0..).zip(row.iter_mut()).zip(&*bits) {
                     *mean = if *mean < POISSON_BELOW {
                         let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-                        poisson(*mean, bits) + spread.sqrt() * self.normal.of(read.bits(x))
+                        self.poisson.of(*mean, bits, rest.bits(x))
+                            + spread.sqrt() * self.normal.of(read.bits(x))
                     } else {
                         self.bright(*mean, bits)
                     };
@@ -155,7 +159,7 @@ impl Noisy {
     fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
         out.clear();
         let stream = Stream::new(self.seed, y, 0, Source::Hot);
-        let number = poisson_any(self.hot_in_row, stream.bits(0));
+        let number = poisson(self.hot_in_row, stream.bits(0));
         for index in 0..number {
             let place = u64::from(stream.bits(1 + 2 * index)) * (3 * width as u64);
             let place = usize::try_from(place >> 32).expect("a photosite of a row");

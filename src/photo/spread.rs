@@ -14,28 +14,28 @@ pub(super) struct Plane {
 
 /// How a cell's light spreads along an axis; values must stay below 2^58.
 #[derive(Debug)]
-pub(super) struct Spread {
+pub(super) struct Spread<const PARTS: usize> {
     /// Places per cell.
     pub(super) step: usize,
     /// First place of cell 0.
     first: isize,
     /// Shares up to and with each part, in units of `2^-shift`.
-    cumulative: &'static [u64],
+    cumulative: [u64; PARTS],
     shift: u32,
 }
 
 /// 1-2-1.
-pub(super) const BLUR: Spread = Spread { step: 1, first: -1, cumulative: &[1, 3, 4], shift: 2 };
+pub(super) const BLUR: Spread<3> = Spread { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
 /// Cells twice as wide to cells, 1-3-3-1.
-pub(super) const DOUBLE: Spread =
-    Spread { step: 2, first: -1, cumulative: &[1, 4, 7, 8], shift: 3 };
+pub(super) const DOUBLE: Spread<4> =
+    Spread { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
 
 /// Cells four pixels wide to pixels, 1-3-5-7-7-5-3-1.
-pub(super) const QUADRUPLE: Spread =
-    Spread { step: 4, first: -2, cumulative: &[1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
+pub(super) const QUADRUPLE: Spread<8> =
+    Spread { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
-impl Spread {
+impl<const PARTS: usize> Spread<PARTS> {
     /// Light of one part of a cell.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
@@ -55,29 +55,33 @@ impl Spread {
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
-            for part in 0..self.cumulative.len() {
+            for part in 0..PARTS {
                 sources[self.place(cell, part, n)].push((cell, part));
             }
         }
         sources
     }
 
-    /// Adds the light of a row of cells to a row of places.
+    /// Light of all parts of a cell.
     #[inline(always)]
-    pub(super) fn along(&self, cells: &[u64], out: &mut [u64]) {
-        let (parts, n) = (self.cumulative.len(), out.len());
+    fn parts(&self, value: u64) -> [u64; PARTS] {
+        let until = self.cumulative.map(|share| (value * share) >> self.shift);
+        std::array::from_fn(|part| until[part] - if part == 0 { 0 } else { until[part - 1] })
+    }
+
+    /// Adds the light of a row of cells to a row of places, with `add`.
+    #[inline(always)]
+    pub(super) fn along<T>(&self, cells: &[u64], out: &mut [T], add: impl Fn(&mut T, u64)) {
+        let n = out.len();
         for (cell, &value) in cells.iter().enumerate() {
-            if value == 0 {
-                continue;
-            }
-            let start = (self.step * cell).cast_signed() + self.first;
-            let inside = usize::try_from(start).ok().filter(|start| start + parts <= n);
-            let mut before = 0;
-            for (part, &share) in self.cumulative.iter().enumerate() {
-                let until = (value * share) >> self.shift;
-                let place = inside.map_or_else(|| self.place(cell, part, n), |start| start + part);
-                out[place] += until - before;
-                before = until;
+            let parts = self.parts(value);
+            let start = (self.step * cell).wrapping_add_signed(self.first);
+            if let Some(out) = out.get_mut(start..start.wrapping_add(PARTS)) {
+                out.iter_mut().zip(parts).for_each(|(out, part)| add(out, part));
+            } else {
+                for (part, light) in parts.into_iter().enumerate() {
+                    add(&mut out[self.place(cell, part, n)], light);
+                }
             }
         }
     }
@@ -90,7 +94,7 @@ impl Plane {
 
     /// Adds the light spread along both axes to `out`.
     #[inline(always)]
-    fn spread_into(&self, spread: &Spread, out: &mut Self) {
+    fn spread_into<const PARTS: usize>(&self, spread: &Spread<PARTS>, out: &mut Self) {
         let mut row = vec![0; self.width];
         for (y, sources) in spread.sources(self.height, out.height).iter().enumerate() {
             row.fill(0);
@@ -100,7 +104,8 @@ impl Plane {
                     *sum += spread.part(value, part);
                 }
             }
-            spread.along(&row, &mut out.values[y * out.width..][..out.width]);
+            let places = &mut out.values[y * out.width..][..out.width];
+            spread.along(&row, places, |place, light| *place += light);
         }
     }
 
@@ -161,7 +166,7 @@ mod tests {
         fine.add_doubled(&plane);
         assert!(fine.values.iter().all(|value| *value == 16), "{fine:?}");
         let mut pixels = vec![0; 24];
-        QUADRUPLE.along(&[32; 6], &mut pixels);
+        QUADRUPLE.along(&[32; 6], &mut pixels, |pixel, light| *pixel += light);
         assert_eq!(pixels, [8; 24]);
     }
 }

@@ -103,7 +103,8 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<P
                 continue;
             }
             let around = |reach: usize| {
-                (y - reach..=y + reach).flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
+                (y - reach..=y + reach)
+                    .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
             // The first of equals is the point.
             let is_top = around(margin)
@@ -177,7 +178,8 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
             if !(INNER_PX..=OUTER_PX).contains(&u) {
                 continue;
             }
-            let across = libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
+            let across =
+                libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
             #[expect(clippy::cast_possible_truncation, reason = "counts of a film, below 2^53")]
             let counts = light.map(|light| (light / (u * u) * across) as i64);
             let mut at = [0; 2];

@@ -66,8 +66,7 @@ fn camera(light: f64) -> f64 {
     };
     let rise = CONTRAST * stops.abs();
     let straight_end = CONTRAST * end;
-    let limit = straight_end
-        / libm::pow(libm::pow(straight_end / level, bend) - 1.0, 1.0 / bend);
+    let limit = straight_end / libm::pow(libm::pow(straight_end / level, bend) - 1.0, 1.0 / bend);
     let bent = rise / libm::pow(1.0 + libm::pow(rise / limit, bend), 1.0 / bend);
     (GREY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
 }
@@ -159,7 +158,7 @@ impl Levels16 {
         Self { nodes: (0..nodes).map(|node| tone.encode(light(node).min(1.0))).collect() }
     }
 
-    /// The nearest level, within a twentieth of one.
+    /// The nearest level, or the one beside it.
     pub(super) fn of(&self, light: f32) -> u16 {
         let encoded = if light < DARK {
             // From the first node straight to 0, as sRGB runs there.
@@ -173,5 +172,60 @@ impl Levels16 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
         let level = (encoded * 65535.0 + 0.5) as u16;
         level
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TONES: [Tone; 3] = [Tone::Camera, Tone::Neutral, Tone::Linear];
+
+    #[test]
+    fn tables_give_the_nearest_level_of_the_curve() {
+        for tone in TONES {
+            let (eight, sixteen) = (Levels8::new(tone), Levels16::new(tone));
+            for step in 0..200_000_u32 {
+                let light = f32::from_bits(step.wrapping_mul(20_411) % 1.01_f32.to_bits());
+                let wanted = tone.encode(f64::from(light).min(1.0));
+                #[expect(clippy::cast_possible_truncation, reason = "a level")]
+                #[expect(clippy::cast_sign_loss, reason = "a level")]
+                let level = (wanted * 255.0 + 0.5) as u8;
+                assert_eq!(eight.of(light), level, "{tone:?} {light}");
+                let off = f64::from(sixteen.of(light)) - wanted * 65535.0;
+                assert!(off.abs() < 1.5, "{tone:?} {light}: {off}");
+            }
+            assert_eq!((eight.of(-1.0), eight.of(7.0)), (0, 255));
+            assert_eq!((sixteen.of(-1.0), sixteen.of(7.0)), (0, 65535));
+        }
+    }
+
+    #[test]
+    fn the_cameras_curve_passes_grey_and_white_with_its_contrast() {
+        assert_eq!((camera(GREY), camera(1.0)), (GREY_LEVEL, 1.0));
+        assert_eq!(camera(GREY / 256.0), 0.0);
+        let per_stop = camera(GREY * 1.01) - camera(GREY / 1.01);
+        let per_stop = per_stop / (2.0 * libm::log2(1.01));
+        assert!((per_stop - CONTRAST).abs() < 2e-3, "{per_stop}");
+        let steps = (0..3000).map(|i| camera(libm::exp2(f64::from(i) / 250.0 - 12.0)));
+        let steps: Vec<f64> = steps.collect();
+        assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "it never falls");
+    }
+
+    #[test]
+    fn neutral_is_the_published_formula() {
+        // By hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
+        let cases = [
+            ([0.5, 0.5, 0.5], [0.46, 0.46, 0.46]),
+            ([0.04, 0.2, 0.3], [0.01, 0.17, 0.27]),
+            ([1.0, 1.0, 1.0], [0.869_091, 0.869_091, 0.869_091]),
+            ([4.0, 0.0, 0.0], [0.983_448, 0.306_367, 0.306_367]),
+        ];
+        for (light, wanted) in cases {
+            let found = neutral(light);
+            for (found, wanted) in found.into_iter().zip(wanted) {
+                assert!((found - wanted).abs() < 2e-6, "{light:?} became {found}, not {wanted}");
+            }
+        }
     }
 }
