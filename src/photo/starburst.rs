@@ -172,9 +172,9 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
         let middle = from[side] + r * along[side];
         let first = (middle - 4.0 * WIDTH_PX).max(0.0);
         for side_px in (0..size[side]).skip(whole(first)).take(8) {
-            let offset = [u_main, side_px as f64 + 0.5 - from[side]];
-            let u = offset[main] * along[main] + offset[side] * along[side];
-            let v = offset[main] * along[side] - offset[side] * along[main];
+            let u_side = side_px as f64 + 0.5 - from[side];
+            let u = u_main * along[main] + u_side * along[side];
+            let v = u_main * along[side] - u_side * along[main];
             if !(INNER_PX..=OUTER_PX).contains(&u) {
                 continue;
             }
