@@ -106,7 +106,7 @@ fn a_flight_becomes_pictures_of_every_kind() {
     let expose = ["expose", "flight.csv", "--word", "I", "--backend", "cpu", "--size", "192x108"];
     let pixels = 192 * 108 * 3;
     let kinds = [
-        ("a.png", "png16", &b"\x89PNG"[..], 0),
+        ("a.png", "png16", &b"\x89PNG"[..], pixels / 2),
         ("b.exr", "exr", b"\x76\x2f\x31\x01", 4 * pixels),
         ("c.exr", "exr-half", b"\x76\x2f\x31\x01", 2 * pixels),
     ];
@@ -114,7 +114,7 @@ fn a_flight_becomes_pictures_of_every_kind() {
         run(&[&expose[..], &["-o", name, "--format", format]].concat());
         let bytes = std::fs::read(folder.path().join(name)).unwrap();
         assert!(bytes.starts_with(magic), "{name}");
-        assert!((least_bytes..least_bytes + pixels).contains(&bytes.len()), "{name}");
+        assert!((least_bytes..least_bytes + 2 * pixels).contains(&bytes.len()), "{name}");
         run(&[&expose[..], &["-o", name, "--format", format]].concat());
         assert!(bytes == std::fs::read(folder.path().join(name)).unwrap(), "{name} twice");
     }
@@ -130,7 +130,6 @@ fn a_missing_background_and_an_effect_out_of_range_are_named() {
     fails(&arguments, &[("s.toml", scene)], &["nowhere/room.png"]);
     let scene = "[photo]\nglare_frac = 2.0\n";
     fails(&arguments, &[("s.toml", scene)], &["s.toml:2: photo.glare_frac", "from 0 to 0.5"]);
-    fails(&["expose", "a.csv", "-o", "nowhere/a.exr"], &[], &["a.csv"]);
 }
 
 #[test]

@@ -81,10 +81,17 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 
 #[test]
 fn a_dark_flight_reads_as_nothing() {
-    let taken = on_cpu("NOOR", |scene| {
+    let dark = |scene: &mut Scene| {
         scene.light.emitters.iter_mut().for_each(|emitter| emitter.intensity_cd = 0.0);
+    };
+    // The reader takes hot photosites for light; it must not take them for the word.
+    let hot = on_cpu("NOOR", dark).verdict;
+    assert!(!hot.legible && hot.probability < 0.01, "{hot:?}");
+    let cold = on_cpu("NOOR", |scene| {
+        dark(scene);
+        scene.photo.hot_pixel_frac = 0.0;
     });
-    assert!(!taken.verdict.legible && taken.verdict.read == "????", "{:?}", taken.verdict);
+    assert!(!cold.verdict.legible && cold.verdict.read == "????", "{:?}", cold.verdict);
 }
 
 #[test]
