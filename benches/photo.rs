@@ -1,6 +1,6 @@
 //! How long a film of 1920 × 1080 takes to develop: with every effect off, with each alone, with
 //! all, and to encode. `cargo bench --bench photo`.
-#![expect(missing_docs, reason = "criterion writes the entry point")]
+#![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 
 use std::hint::black_box;
 
