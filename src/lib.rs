@@ -21,7 +21,7 @@
 //! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
 //! let trace = light::light(&flight, &scene.light, scene.seed, 0)?;
 //! let exposure = expose::expose(&trace, &camera, &scene.expose)?;
-//! let photo = photo::develop(&exposure.film, &camera);
+//! let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
 //! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
 //! println!("{} reads as {}", verdict.word, verdict.read);
 //! # Ok(())

@@ -1,14 +1,48 @@
-//! Photo: film becomes a picture of 8 bits a channel, with all that is needed to make it again.
+//! Photo: film becomes a picture, with all that is needed to make it again.
 //!
-//! Product in: [`Film`]. Product out: [`Photo`]. The sensor saturates at `78 / ISO` lx s per
-//! channel (ISO 12232, saturation based) and the sRGB curve (IEC 61966-2-1) encodes what is below.
-//! Not modelled yet: glare, noise, crosstalk, white balance and a film-like shoulder.
+//! Product in: [`Film`]. Product out: [`Photo`], or the sensor's [`Readout`] in linear light.
+//!
+//! Light takes the way of a camera: the lens scatters some of it ([`PhotoOptions::glare_frac`]) and
+//! diffracts some into spikes, room and background join, the sensor makes electrons with their
+//! noise, clips and reads them (EMVA 1288, ISO 12232), and a tone curve makes levels. Whatever of
+//! this is switched off leaves the light as it was.
+//!
+//! Counts stay integers through the lens; what follows is f32 in `+ - × ÷ √` only, pixel by pixel,
+//! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
+//! number of threads.
+//!
+//! Not modelled: the glow of the floor under the lamps, ghosts, glare of the background (a photo
+//! has its own), the mosaic of colours, JPEG.
 
 use crate::camera::Camera;
+use crate::error::{Error, Result};
 use crate::expose::Film;
 
+pub use metadata::Metadata;
+pub use options::{Noise, PhotoOptions};
+pub use tone::Tone;
+
+use backdrop::Backdrop;
+use glare::Glare;
+use sensor::Sensor;
+use starburst::Change;
+use tone::{Levels8, Levels16};
+
+mod backdrop;
+mod bands;
+pub mod exr;
+mod glare;
+mod metadata;
+mod noise;
+mod options;
 pub mod png;
+mod sensor;
+mod spread;
 pub mod srgb;
+mod starburst;
+#[cfg(test)]
+mod tests;
+mod tone;
 
 /// A photograph. A rendered one and a real one meet here; the judge can't tell them apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,66 +57,149 @@ pub struct Photo {
     pub scene_toml: Option<String>,
 }
 
+/// What the sensor read, before the tone curve: scene-linear light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readout {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// Red, green, blue by pixel, row by row from the top left: linear sRGB, 1 where the sensor
+    /// saturates. Noise and matrix lead below 0 and a little above 1.
+    pub rgb: Vec<f32>,
+    /// Luminous exposure that 1 stands for.
+    pub white_lx_s: f64,
+}
+
 /// Develops a film.
-#[must_use]
-pub fn develop(film: &Film, camera: &Camera) -> Photo {
-    let thresholds = thresholds(film, camera);
-    let n = film.width_px as usize * film.height_px as usize;
-    let mut rgb8 = vec![0; 3 * n];
-    for (channel, plane) in film.counts.chunks_exact(n.max(1)).enumerate() {
-        for (pixel, &count) in rgb8.chunks_exact_mut(3).zip(plane) {
-            if count >= thresholds[0] {
-                let reached = thresholds.partition_point(|&threshold| threshold <= count);
-                pixel[channel] = u8::try_from(reached).expect("there are 255 thresholds");
+///
+/// The same film, camera, options and seed make the same photo, to the bit.
+///
+/// # Errors
+///
+/// [`Error::Input`] where an option is out of range or camera and film differ in size; what
+/// [`Photo::read_png`] says about the background.
+pub fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
+    let levels = Levels8::new(options.tone);
+    let (_, rgb8) = take(film, camera, options, seed, |rows, out: &mut [u8]| {
+        for_pixels(rows, out, |rgb| options.tone.mix(rgb).map(|light| levels.of(light)));
+    })?;
+    Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
+}
+
+/// What the sensor reads of a film, as [`develop`] has it before the tone curve.
+///
+/// # Errors
+///
+/// As [`develop`].
+pub fn read_out(
+    film: &Film,
+    camera: &Camera,
+    options: &PhotoOptions,
+    seed: u64,
+) -> Result<Readout> {
+    let (white_lx_s, rgb) = take(film, camera, options, seed, |rows, out: &mut [f32]| {
+        for_pixels(rows, out, |rgb| rgb);
+    })?;
+    Ok(Readout { width_px: film.width_px, height_px: film.height_px, rgb, white_lx_s })
+}
+
+impl Readout {
+    /// The picture at 16 bits a channel, as [`develop`] makes it at 8.
+    #[must_use]
+    pub fn rgb16(&self, tone: Tone) -> Vec<u16> {
+        let levels = Levels16::new(tone);
+        let pixels = self.rgb.chunks_exact(3);
+        pixels.flat_map(|p| tone.mix([p[0], p[1], p[2]]).map(|light| levels.of(light))).collect()
+    }
+}
+
+/// Takes the picture row by row; `finish` makes of each row's channels what the product wants.
+/// Returns the luminous exposure that is white, too.
+fn take<T: Copy + Default + Send>(
+    film: &Film,
+    camera: &Camera,
+    options: &PhotoOptions,
+    seed: u64,
+    finish: impl Fn(&[Vec<f32>; 3], &mut [T]) + Sync,
+) -> Result<(f64, Vec<T>)> {
+    options.check()?;
+    if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
+        let found = format!("{}x{}", film.width_px, film.height_px);
+        let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
+        return Err(Error::input("film", found, wanted, "develop with the camera that exposed"));
+    }
+    let sensor = Sensor::new(camera, options, seed);
+    let backdrop = Backdrop::new(camera, options, sensor.white_lx_s)?;
+    let glare = Glare::new(film, camera, options.glare_frac, options.glare_radius_m);
+    let spikes = match options.aperture_blades {
+        0 => Vec::new(),
+        blades => {
+            let cells = glare::cells(film, glare::WHOLE);
+            starburst::starburst(film, camera, blades, &cells, glare::WHOLE)
+        }
+    };
+
+    let (width, height) = (film.width_px as usize, film.height_px as usize);
+    let lens = Lens { film, glare, spikes };
+    #[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
+    let of_count = (libm::exp2(f64::from(film.scale_log2)) / sensor.white_lx_s) as f32;
+    let mut out = vec![T::default(); 3 * width * height];
+    bands::rows(width * height, 3 * width, &mut out, |rows, out| {
+        let mut light: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; width]);
+        let mut counts = vec![0; width];
+        let mut scattered = glare::Scratch::default();
+        let mut reading = sensor::Scratch::default();
+        for (y, out) in rows.zip(out.chunks_exact_mut(3 * width)) {
+            for (channel, light) in light.iter_mut().enumerate() {
+                lens.row(channel, y, &mut scattered, &mut counts);
+                for (light, &count) in light.iter_mut().zip(&counts) {
+                    *light = count as f32 * of_count;
+                }
             }
+            backdrop.add(y, &mut light);
+            sensor.read(y, &mut light, &mut reading);
+            finish(&light, out);
+        }
+    });
+    Ok((sensor.white_lx_s, out))
+}
+
+/// A film behind its lens.
+struct Lens<'a> {
+    film: &'a Film,
+    glare: Option<Glare>,
+    spikes: Vec<Change>,
+}
+
+impl Lens<'_> {
+    /// Counts of a row once the lens has scattered and diffracted.
+    fn row(&self, channel: usize, y: usize, scratch: &mut glare::Scratch, out: &mut [u32]) {
+        let width = out.len();
+        let first = y * width;
+        let film = &self.film.counts[channel * self.film.counts.len() / 3 + first..][..width];
+        match &self.glare {
+            Some(glare) => glare.row(channel, y, film, scratch, out),
+            None => out.copy_from_slice(film),
+        }
+        let start = self.spikes.partition_point(|change| change.index < first);
+        let changes = self.spikes[start..].iter();
+        for change in changes.take_while(|change| change.index < first + width) {
+            let count = &mut out[change.index - first];
+            let sum = i64::from(*count) + change.counts[channel];
+            *count = u32::try_from(sum.max(0)).unwrap_or(u32::MAX);
         }
     }
-    Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None }
 }
 
-/// The least count that gives each level 1…255: integers, so that developing compares and never
-/// rounds.
-fn thresholds(film: &Film, camera: &Camera) -> [u32; 255] {
-    let counts_per_lx_s = libm::exp2(-f64::from(film.scale_log2));
-    std::array::from_fn(|index| {
-        #[expect(clippy::cast_precision_loss, reason = "levels are below 256")]
-        let encoded = (index as f64 + 0.5) / 255.0;
-        let exposure_lx_s = srgb::linear_from_encoded(encoded) * camera.saturation_lx_s();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let count = (exposure_lx_s * counts_per_lx_s).ceil() as u32;
-        count.max(1)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::camera::CameraOptions;
-
-    fn film(counts: Vec<u32>, scale_log2: i32) -> Film {
-        Film { width_px: 2, height_px: 1, counts, scale_log2 }
-    }
-
-    #[test]
-    fn saturation_is_white_and_the_curve_is_srgb() {
-        let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 1.0).unwrap();
-        // ISO 100 saturates at 0.78 lx s; 18 % of that is sRGB 118, half is 188.
-        let scale_log2 = -20;
-        #[expect(clippy::cast_possible_truncation, reason = "far below u32::MAX")]
-        let count = |share: f64| (share * 0.78 * libm::exp2(20.0)) as u32;
-        let counts = vec![count(1.0), 0, count(0.5), u32::MAX, count(0.18), count(0.000_15)];
-        let photo = develop(&film(counts, scale_log2), &camera);
-        assert_eq!(photo.rgb8, [255, 188, 118, 0, 255, 0], "r g b, r g b");
-    }
-
-    #[test]
-    fn one_stop_of_iso_is_one_stop_of_light() {
-        let camera = |iso| CameraOptions { iso, ..CameraOptions::default() };
-        let camera = |iso| camera(iso).camera([0.0, 0.5, 1.0, 1.0], 1.0).unwrap();
-        let counts: Vec<u32> = vec![1 << 18, 1 << 10, 1 << 15, 0, 1 << 19, 1 << 12];
-        let doubled = counts.iter().map(|count| count * 2).collect();
-        let at_100 = develop(&film(doubled, -20), &camera(100.0));
-        let at_200 = develop(&film(counts, -20), &camera(200.0));
-        assert_eq!(at_100, at_200);
+/// Makes the pixels of a row from its channels.
+#[inline(always)]
+fn for_pixels<T>(rows: &[Vec<f32>; 3], out: &mut [T], pixel: impl Fn([f32; 3]) -> [T; 3]) {
+    let [red, green, blue] = rows;
+    let channels = red.iter().zip(green).zip(blue);
+    for (out, ((&r, &g), &b)) in out.chunks_exact_mut(3).zip(channels) {
+        for (out, value) in out.iter_mut().zip(pixel([r, g, b])) {
+            *out = value;
+        }
     }
 }

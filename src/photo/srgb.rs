@@ -6,6 +6,16 @@ pub fn linear_from_encoded(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
 }
 
+/// Encoded value 0…1 for linear light 0…1.
+#[must_use]
+pub fn encoded_from_linear(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 {
+        12.92 * linear
+    } else {
+        1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055
+    }
+}
+
 /// Linear light 0…1 for each 8-bit level.
 #[must_use]
 pub fn linear_from_level() -> [f32; 256] {
@@ -24,5 +34,14 @@ mod tests {
         assert_eq!((light[0], light[255]), (0.0, 1.0));
         assert!((light[128] - 0.215_86).abs() < 1e-5, "mid level: {}", light[128]);
         assert!(light.windows(2).all(|pair| pair[0] < pair[1]), "it rises");
+    }
+
+    #[test]
+    fn encoding_undoes_decoding() {
+        for step in 0..=1000 {
+            let encoded = f64::from(step) / 1000.0;
+            let back = encoded_from_linear(linear_from_encoded(encoded));
+            assert!((back - encoded).abs() < 1e-7, "{encoded} became {back}");
+        }
     }
 }

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
 use crate::letters::LetterOptions;
 use crate::light::LightOptions;
+use crate::photo::PhotoOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::sim::{
@@ -59,6 +60,8 @@ pub struct Scene {
     pub camera: CameraOptions,
     /// How finely the exposure is computed.
     pub expose: ExposeOptions,
+    /// How lens and sensor treat the light, and the tone curve.
+    pub photo: PhotoOptions,
     /// When a word counts as read.
     pub score: ScoreOptions,
 }
@@ -151,6 +154,7 @@ impl Scene {
         self.light.check()?;
         self.camera.check()?;
         self.expose.check()?;
+        self.photo.check()?;
         self.score.check()
     }
 }

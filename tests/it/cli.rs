@@ -96,6 +96,43 @@ fn the_stages_alone_make_the_photo_of_the_preview() {
 }
 
 #[test]
+fn a_flight_becomes_pictures_of_every_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        noctograph(folder.path()).args(arguments).assert().success();
+    };
+    run(&["plan", "I"]);
+    run(&["fly", "plan.csv"]);
+    let expose = ["expose", "flight.csv", "--word", "I", "--backend", "cpu", "--size", "192x108"];
+    let pixels = 192 * 108 * 3;
+    let kinds = [
+        ("a.png", "png16", &b"\x89PNG"[..], pixels / 2),
+        ("b.exr", "exr", b"\x76\x2f\x31\x01", 4 * pixels),
+        ("c.exr", "exr-half", b"\x76\x2f\x31\x01", 2 * pixels),
+    ];
+    for (name, format, magic, least_bytes) in kinds {
+        run(&[&expose[..], &["-o", name, "--format", format]].concat());
+        let bytes = std::fs::read(folder.path().join(name)).unwrap();
+        assert!(bytes.starts_with(magic), "{name}");
+        assert!((least_bytes..least_bytes + 2 * pixels).contains(&bytes.len()), "{name}");
+        run(&[&expose[..], &["-o", name, "--format", format]].concat());
+        assert!(bytes == std::fs::read(folder.path().join(name)).unwrap(), "{name} twice");
+    }
+    run(&[&expose[..], &["-o", "d.exr"]].concat());
+    let [named, meant] = ["b.exr", "d.exr"].map(|name| std::fs::read(folder.path().join(name)));
+    assert!(named.unwrap() == meant.unwrap(), "the name says the kind");
+}
+
+#[test]
+fn a_missing_background_and_an_effect_out_of_range_are_named() {
+    let scene = "[photo]\nbackground = \"nowhere/room.png\"\n";
+    let arguments = ["preview", "I", "--scene", "s.toml", "--backend", "cpu", "--size", "64x36"];
+    fails(&arguments, &[("s.toml", scene)], &["nowhere/room.png"]);
+    let scene = "[photo]\nglare_frac = 2.0\n";
+    fails(&arguments, &[("s.toml", scene)], &["s.toml:2: photo.glare_frac", "from 0 to 0.5"]);
+}
+
+#[test]
 fn a_photo_of_another_word_exits_with_1() {
     let folder = tempfile::tempdir().unwrap();
     noctograph(folder.path()).args(["preview", "LOG"]).args(SMALL).assert().success();

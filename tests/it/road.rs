@@ -26,7 +26,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend, ..scene.expose };
     let film = expose(&trace, &camera, &options).unwrap().film;
-    let photo = develop(&film, &camera);
+    let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
     let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
     Taken { film, camera, verdict }
 }
@@ -83,11 +83,18 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 
 #[test]
 fn a_dark_flight_reads_as_nothing() {
-    let taken = on_cpu("NOOR", |scene| {
+    let dark = |scene: &mut Scene| {
         let fixtures = scene.light.fixtures.iter_mut().flatten();
         fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
+    };
+    // The reader takes hot photosites for light; it must not take them for the word.
+    let hot = on_cpu("NOOR", dark).verdict;
+    assert!(!hot.legible && hot.probability < 0.01, "{hot:?}");
+    let cold = on_cpu("NOOR", |scene| {
+        dark(scene);
+        scene.photo.hot_pixel_frac = 0.0;
     });
-    assert!(!taken.verdict.legible && taken.verdict.read == "????", "{:?}", taken.verdict);
+    assert!(!cold.verdict.legible && cold.verdict.read == "????", "{:?}", cold.verdict);
 }
 
 #[test]

@@ -1,0 +1,79 @@
+//! How long a film of 1920 × 1080 takes to develop: with every effect off, with each alone, with
+//! all, and to encode. `cargo bench --bench photo`.
+#![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use noctograph::camera::Camera;
+use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::photo::exr::Precision;
+use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
+use noctograph::scene::Scene;
+use noctograph::{letters, light, plan, sim};
+
+/// NOOR as the default scene writes it.
+fn noor() -> (Film, Camera) {
+    let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
+    let strokes = letters::write("NOOR", &scene.letters).unwrap();
+    let plan = plan::plan(&strokes, &scene.plan).unwrap();
+    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
+    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
+    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
+    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
+    (expose(&trace, &camera, &options).unwrap().film, camera)
+}
+
+fn photo(c: &mut Criterion) {
+    let (film, camera) = noor();
+    let plain = PhotoOptions::plain;
+    let all = PhotoOptions::default();
+    let room = all.ambient_cd_m2;
+    let cases = [
+        ("everything off", plain()),
+        ("glare", PhotoOptions { glare_frac: all.glare_frac, ..plain() }),
+        ("starburst", PhotoOptions { aperture_blades: 7, ..plain() }),
+        ("room", PhotoOptions { ambient_cd_m2: room, ..plain() }),
+        (
+            "noise in a lit room",
+            PhotoOptions { noise: Noise::Emva1288, ambient_cd_m2: room, ..plain() },
+        ),
+        ("noise in the dark", PhotoOptions { noise: Noise::Emva1288, ..plain() }),
+        ("camera tone", PhotoOptions { tone: Tone::Camera, ..plain() }),
+        ("neutral tone", PhotoOptions { tone: Tone::Neutral, ..plain() }),
+        ("everything", all.clone()),
+    ];
+    let mut develops = c.benchmark_group("develop");
+    for (name, options) in &cases {
+        develops.bench_function(*name, |b| {
+            b.iter(|| develop(black_box(&film), &camera, options, 0).unwrap());
+        });
+    }
+    develops.finish();
+
+    let photo = develop(&film, &camera, &all, 0).unwrap();
+    let readout = read_out(&film, &camera, &all, 0).unwrap();
+    let mut encodes = c.benchmark_group("encode");
+    encodes.bench_function("png 8", |b| {
+        b.iter(|| photo.write_png(std::io::Cursor::new(Vec::new()), Some(&camera), &[]).unwrap());
+    });
+    encodes.bench_function("png 16", |b| {
+        let out = || std::io::Cursor::new(Vec::new());
+        b.iter(|| readout.write_png16(out(), all.tone, &camera, &[], None).unwrap());
+    });
+    encodes.bench_function("exr 32", |b| {
+        let out = || std::io::Cursor::new(Vec::new());
+        b.iter(|| readout.write_exr(out(), &camera, Precision::Float, &[]).unwrap());
+    });
+    encodes.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(std::time::Duration::from_millis(300))
+        .measurement_time(std::time::Duration::from_secs(1));
+    targets = photo
+}
+criterion_main!(benches);

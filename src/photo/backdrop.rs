@@ -1,0 +1,123 @@
+//! What is in the picture besides the lamps: the light of the room, and a background picture.
+
+use std::path::Path;
+
+use super::options::PhotoOptions;
+use super::{Photo, srgb};
+use crate::camera::Camera;
+use crate::error::Result;
+
+/// The light of room and background, by row, in shares of white.
+#[derive(Debug)]
+pub(super) struct Backdrop {
+    /// Light of the room at the picture's middle.
+    room: [f32; 3],
+    /// Square of the lens's focal length in pixels.
+    focal_sq_px2: f32,
+    center_px: [f32; 2],
+    picture: Option<Picture>,
+}
+
+/// A background picture.
+#[derive(Debug)]
+struct Picture {
+    photo: Photo,
+    /// Light of each level.
+    light: [f32; 256],
+    /// Pixels of the picture per pixel of the photo.
+    scale: f64,
+    /// The columns that each pixel takes, and the share of the second.
+    columns: Vec<([usize; 2], f32)>,
+}
+
+impl Backdrop {
+    /// The backdrop in shares of `white_lx_s`.
+    ///
+    /// Luminance L leaves `π τ L t cos⁴ / (4 N²)` lx s on the sensor.
+    pub(super) fn new(camera: &Camera, options: &PhotoOptions, white_lx_s: f64) -> Result<Self> {
+        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
+        let of_luminance = std::f64::consts::FRAC_PI_4 * camera.transmission * exposure_s
+            / (camera.f_number * camera.f_number);
+        let [red, green, blue] = options.ambient_rgb;
+        let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+        let room = of_luminance * options.ambient_cd_m2 / luminance / white_lx_s;
+        let focal_px = narrow(camera.focal_length_px());
+        let picture = match &options.background[..] {
+            "" => None,
+            path => Some(Picture::read(Path::new(path), camera, options.background_stops)?),
+        };
+        Ok(Self {
+            room: options.ambient_rgb.map(|share| narrow(room * share)),
+            focal_sq_px2: focal_px * focal_px,
+            center_px: [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0),
+            picture,
+        })
+    }
+
+    /// Adds the light to a row.
+    pub(super) fn add(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
+        if self.room != [0.0; 3] {
+            let [red, green, blue] = rows;
+            let dy = y as f32 + 0.5 - self.center_px[1];
+            let nearest = self.focal_sq_px2 + dy * dy;
+            let mut dx = 0.5 - self.center_px[0];
+            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+                let cos_sq = self.focal_sq_px2 / (nearest + dx * dx);
+                let cos4 = cos_sq * cos_sq;
+                *r += self.room[0] * cos4;
+                *g += self.room[1] * cos4;
+                *b += self.room[2] * cos4;
+                dx += 1.0;
+            }
+        }
+        if let Some(picture) = &self.picture {
+            picture.add(y, self.center_px[1], rows);
+        }
+    }
+}
+
+impl Picture {
+    fn read(path: &Path, camera: &Camera, stops: f64) -> Result<Self> {
+        let photo = Photo::read_png(path)?;
+        let size = [photo.width_px, photo.height_px].map(f64::from);
+        let wanted = [camera.width_px, camera.height_px].map(f64::from);
+        let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
+        let brighter = narrow(libm::exp2(stops));
+        let light = srgb::linear_from_level().map(|light| light * brighter);
+        let columns = (0..camera.width_px)
+            .map(|x| between(f64::from(x) + 0.5 - wanted[0] / 2.0, scale, photo.width_px))
+            .collect();
+        Ok(Self { photo, light, scale, columns })
+    }
+
+    /// Linear interpolation between four pixels, in linear light.
+    fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
+        let y = y as f64 + 0.5 - f64::from(center_y_px);
+        let ([above, below], down) = between(y, self.scale, self.photo.height_px);
+        let width = self.photo.width_px as usize;
+        for (channel, row) in rows.iter_mut().enumerate() {
+            let light = |x: usize, y: usize| {
+                self.light[usize::from(self.photo.rgb8[3 * (y * width + x) + channel])]
+            };
+            for (value, &([left, right], along)) in row.iter_mut().zip(&self.columns) {
+                let at = |y| light(left, y) + along * (light(right, y) - light(left, y));
+                let (above, below) = (at(above), at(below));
+                *value += above + down * (below - above);
+            }
+        }
+    }
+}
+
+/// The two of `n` pixels around a place, given from the middle, and the share of the second.
+fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
+    let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
+    let place = place.clamp(0.0, f64::from(n - 1));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let first = place as usize;
+    ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}

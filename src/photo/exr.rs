@@ -1,0 +1,151 @@
+//! Readouts as `OpenEXR` files: scene-linear light with the standard attributes.
+
+use std::io::{Seek, Write};
+
+use exr::math::Vec2;
+use exr::meta::attribute::{Chromaticities, Text};
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16};
+
+use super::{Readout, metadata};
+use crate::camera::Camera;
+
+/// Primaries and white of linear sRGB (ITU-R BT.709, D65).
+const CHROMATICITIES: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.3, 0.6),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.329),
+};
+
+/// How precise an EXR file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 16 bits: three digits of light.
+    Half,
+    /// 32 bits: what the sensor read, exactly.
+    Float,
+}
+
+impl Readout {
+    /// Writes the readout as an uncompressed EXR file with the attributes chromaticities,
+    /// whiteLuminance, expTime, aperture, isoSpeed, focus (the word's plane), software, and comments:
+    /// a line for each note, `keyword: text`. No time stamp.
+    ///
+    /// # Errors
+    ///
+    /// What the writer says.
+    pub fn write_exr(
+        &self,
+        out: impl Write + Seek,
+        camera: &Camera,
+        precision: Precision,
+        notes: &[(&str, String)],
+    ) -> std::io::Result<()> {
+        let width = self.width_px as usize;
+        let size = (width, self.height_px as usize);
+        let attributes = self.attributes(camera, notes);
+        let at = |p: Vec2<usize>| {
+            let rgb = &self.rgb[3 * (p.y() * width + p.x())..][..3];
+            (rgb[0], rgb[1], rgb[2])
+        };
+        let encoding = Encoding::UNCOMPRESSED;
+        let written = match precision {
+            Precision::Float => {
+                let channels = SpecificChannels::rgb(at);
+                let mut image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
+                image.attributes.chromaticities = Some(CHROMATICITIES);
+                image.write().non_parallel().to_buffered(out)
+            }
+            Precision::Half => {
+                let channels = SpecificChannels::rgb(|p| {
+                    let (r, g, b) = at(p);
+                    (f16::from_f32(r), f16::from_f32(g), f16::from_f32(b))
+                });
+                let mut image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
+                image.attributes.chromaticities = Some(CHROMATICITIES);
+                image.write().non_parallel().to_buffered(out)
+            }
+        };
+        written.map_err(|error| match error {
+            exr::error::Error::Io(source) => source,
+            other => std::io::Error::other(other),
+        })
+    }
+
+    fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
+        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
+        // What a surface's luminance leaves on the sensor, H = π τ L t / (4 N²).
+        let of_luminance = std::f64::consts::FRAC_PI_4 * camera.transmission * exposure_s
+            / (camera.f_number * camera.f_number);
+        // The file's text is Latin-1.
+        let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
+        let notes = notes.collect::<String>().replace(|c: char| u32::from(c) > 255, "?");
+        LayerAttributes {
+            exposure: Some(narrow(exposure_s)),
+            aperture: Some(narrow(camera.f_number)),
+            iso_speed: Some(narrow(camera.iso)),
+            focus: Some(narrow(camera.position_m.y.abs())),
+            white_luminance: Some(narrow(self.white_lx_s / of_luminance)),
+            software_name: Text::new_or_none(metadata::SOFTWARE),
+            comments: Text::new_or_none(notes),
+            ..LayerAttributes::default()
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "attributes are f32")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraOptions;
+
+    #[test]
+    fn a_readout_reads_back_from_exr_with_its_attributes() {
+        let rgb: Vec<f32> = (0..5 * 3 * 3).map(|i| (i as f32 - 3.0) / 41.0).collect();
+        let readout = Readout { width_px: 5, height_px: 3, rgb: rgb.clone(), white_lx_s: 0.78 };
+        let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
+        for (precision, error) in [(Precision::Float, 0.0), (Precision::Half, 1.0 / 2048.0)] {
+            let mut file = std::io::Cursor::new(Vec::new());
+            let notes = [("noctograph.seed", "7 ψ".to_owned())];
+            readout.write_exr(&mut file, &camera, precision, &notes).unwrap();
+            let mut again = std::io::Cursor::new(Vec::new());
+            readout.write_exr(&mut again, &camera, precision, &notes).unwrap();
+            assert!(file == again, "the same bytes twice");
+
+            use exr::prelude::{ReadChannels, ReadLayers};
+            file.set_position(0);
+            let image = exr::prelude::read()
+                .no_deep_data()
+                .largest_resolution_level()
+                .rgb_channels(
+                    |_, _| vec![0.0_f32; 45],
+                    |values, p, (r, g, b): (f32, f32, f32)| {
+                        values[3 * (p.y() * 5 + p.x())..][..3].copy_from_slice(&[r, g, b]);
+                    },
+                )
+                .first_valid_layer()
+                .all_attributes()
+                .from_buffered(&mut file)
+                .unwrap();
+            let read = &image.layer_data.channel_data.pixels;
+            for (read, wrote) in read.iter().zip(&rgb) {
+                assert!((read - wrote).abs() <= error * wrote.abs(), "{read} for {wrote}");
+            }
+            let attributes = &image.layer_data.attributes;
+            assert_eq!(attributes.exposure, Some(46.0));
+            assert_eq!(attributes.aperture, Some(8.0));
+            assert_eq!(attributes.iso_speed, Some(100.0));
+            assert!(attributes.focus.unwrap() > 1.0);
+            // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
+            assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
+            assert_eq!(attributes.capture_date, None, "no time stamp");
+            let comments = attributes.comments.as_ref().unwrap().to_string();
+            assert!(comments.contains("noctograph.seed: 7 ?"), "{comments}");
+            assert_eq!(image.attributes.chromaticities, Some(CHROMATICITIES));
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Veiling glare and halo: the lens scatters a share of all light, in integers.
+//!
+//! The scatter `1 / (1 + (r/r0)²)^1.1` (Harvey) becomes a sum of octaves: bell-shaped blurs of
+//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
+//! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. What the
+//! scatter leaves within 4 px stays where it is. Light is kept to the count.
+//!
+//! Not modelled: ghosts, and light that enters or leaves at the picture's edge (it is mirrored).
+
+use super::bands;
+use super::spread::{Plane, QUADRUPLE};
+use crate::camera::Camera;
+use crate::expose::Film;
+
+/// Edge of the finest cells, and σ of the finest octave.
+pub(super) const CELL_PX: usize = 4;
+
+/// Exponent of the scatter.
+const EXPONENT: f64 = 1.1;
+
+/// One, for shares of light.
+pub(super) const WHOLE: u32 = 1 << 16;
+
+/// The light that the lens scatters.
+#[derive(Debug)]
+pub(super) struct Glare {
+    /// Scattered share of each pixel's counts, in units of 1 / [`WHOLE`].
+    share: u32,
+    /// Scattered light of each channel at the finest cells.
+    halo: [Plane; 3],
+    /// Which cells each row of pixels gets light from.
+    rows: Vec<Vec<(usize, usize)>>,
+}
+
+impl Glare {
+    /// Scatters a film's light; `None` where the lens scatters nothing that a pixel could show.
+    pub(super) fn new(
+        film: &Film,
+        camera: &Camera,
+        glare_frac: f64,
+        radius_m: f64,
+    ) -> Option<Self> {
+        let size_px = [film.width_px, film.height_px].map(|side| side as usize);
+        let octaves = octaves(size_px, glare_frac, radius_m / camera.pixel_pitch_m());
+        let share: u32 = octaves.iter().sum();
+        if share == 0 {
+            return None;
+        }
+        let halo = |cells: Plane| halo(cells, &octaves);
+        let [red, green, blue] = cells(film, share);
+        let halo = if size_px[0] * size_px[1] < bands::THREAD_PIXELS {
+            [halo(red), halo(green), halo(blue)]
+        } else {
+            std::thread::scope(|scope| {
+                let halo = &halo;
+                let done = [red, green, blue].map(|cells| scope.spawn(move || halo(cells)));
+                done.map(|thread| thread.join().expect("integers do not fail"))
+            })
+        };
+        let rows = QUADRUPLE.sources(halo[0].height, size_px[1]);
+        Some(Self { share, halo, rows })
+    }
+
+    /// Counts of a row of the film, `pixels`, once the lens has scattered; counts that would leave
+    /// `u32` stay at its end. `scratch` is kept between rows.
+    pub(super) fn row(
+        &self,
+        channel: usize,
+        y: usize,
+        pixels: &[u32],
+        scratch: &mut Scratch,
+        out: &mut [u32],
+    ) {
+        let halo = &self.halo[channel];
+        scratch.cells.clear();
+        scratch.cells.resize(halo.width, 0);
+        for &(cell, part) in &self.rows[y] {
+            let cells = &halo.values[cell * halo.width..][..halo.width];
+            for (sum, &value) in scratch.cells.iter_mut().zip(cells) {
+                *sum += QUADRUPLE.part(value, part);
+            }
+        }
+        for (out, &count) in out.iter_mut().zip(pixels) {
+            *out = count - scattered(count, self.share);
+        }
+        QUADRUPLE.along(&scratch.cells, out, |out, light| {
+            *out = out.saturating_add(u32::try_from(light).unwrap_or(u32::MAX));
+        });
+    }
+}
+
+/// A row that is filled anew for every row of the picture.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    cells: Vec<u64>,
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "a share of a u32")]
+fn scattered(count: u32, share: u32) -> u32 {
+    ((u64::from(count) * u64::from(share)) >> 16) as u32
+}
+
+/// Light of cells of 4 × 4 pixels, by channel: a share of every count.
+pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
+    let (width, height) = (film.width_px as usize, film.height_px as usize);
+    let columns = width.div_ceil(CELL_PX);
+    let mut planes = film.counts.chunks_exact(width * height);
+    std::array::from_fn(|_| {
+        let mut out = Plane::dark(columns, height.div_ceil(CELL_PX));
+        let plane = planes.next().expect("a film has three planes");
+        let work = width * height / 2;
+        bands::rows(work, columns, &mut out.values, |rows, band| {
+            let first = rows.start * CELL_PX * width;
+            let last = (rows.end * CELL_PX * width).min(plane.len());
+            for (y, row) in plane[first..last].chunks_exact(width).enumerate() {
+                let sums = &mut band[y / CELL_PX * columns..][..columns];
+                let light = |pixels: &[u32]| -> u64 {
+                    pixels.iter().map(|&count| u64::from(scattered(count, share))).sum()
+                };
+                let (whole, rest) = row.as_chunks::<CELL_PX>();
+                for (sum, pixels) in sums.iter_mut().zip(whole) {
+                    if pixels[0] | pixels[1] | pixels[2] | pixels[3] != 0 {
+                        *sum += light(pixels);
+                    }
+                }
+                if !rest.is_empty() {
+                    sums[columns - 1] += light(rest);
+                }
+            }
+        });
+        out
+    })
+}
+
+/// Shares of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
+fn octaves([width, height]: [usize; 2], glare_frac: f64, radius_px: f64) -> Vec<u32> {
+    // Share of the scatter within r, of all within the picture's diagonal.
+    let within =
+        |r_px: f64| 1.0 - libm::pow(1.0 + (r_px / radius_px) * (r_px / radius_px), 1.0 - EXPONENT);
+    let diagonal = within(((width * width + height * height) as f64).sqrt());
+    let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
+    let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
+    // A bell of σ has the middle of its light at 1.18 σ; its ring reaches from 0.83 σ to 1.67 σ.
+    let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
+    let share = |index: usize| {
+        let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
+        let inner = edge(sigmas[index]).min(outer);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to WHOLE")]
+        let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
+        share
+    };
+    (0..sigmas.len()).map(share).collect()
+}
+
+/// Spreads one channel's scattered light over its octaves.
+fn halo(cells: Plane, octaves: &[u32]) -> Plane {
+    if cells.values.iter().all(|light| *light == 0) {
+        return cells;
+    }
+    // Down: each octave takes its share of what the finer ones left.
+    let mut left: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
+    let mut rest = cells;
+    let mut taken = Vec::with_capacity(octaves.len());
+    for &octave in &octaves[..octaves.len() - 1] {
+        let mut own = rest.clone();
+        let of_left = (u64::from(octave) << 16) / left;
+        for (own, rest) in own.values.iter_mut().zip(&mut rest.values) {
+            *own = (*own >> 16) * of_left + (((*own & 0xffff) * of_left) >> 16);
+            *rest -= *own;
+        }
+        left = (left - u64::from(octave)).max(1);
+        rest = rest.halved();
+        taken.push(own);
+    }
+    // Up: blurred, and spread to cells half as wide.
+    let mut halo = rest.blurred();
+    for mut own in taken.into_iter().rev() {
+        own.add_doubled(&halo);
+        halo = own.blurred();
+    }
+    halo
+}

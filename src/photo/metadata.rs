@@ -1,0 +1,138 @@
+//! What a picture's file says about how it was taken: EXIF 2.32 and XMP.
+//!
+//! Only what is known and leaves the bytes the same: no time, no maker of a camera that is none. The
+//! IPTC's digital source type says that the picture was computed from a model.
+
+use exif::experimental::Writer;
+use exif::{Field, In, Rational, Tag, Value};
+use sha2::{Digest, Sha256};
+
+use crate::camera::Camera;
+
+/// What a picture's file says about how it was taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadata {
+    /// How long the shutter was open.
+    pub exposure_s: f64,
+    /// Aperture number.
+    pub f_number: f64,
+    /// Sensitivity.
+    pub iso: f64,
+    /// Focal length.
+    pub focal_length_m: f64,
+    /// Width of the sensor.
+    pub sensor_width_m: f64,
+    /// 128 bits of the picture's SHA-256, in hexadecimal.
+    pub unique_id: String,
+}
+
+/// Program and version.
+pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
+
+impl Metadata {
+    /// For a picture that a camera took; its bytes make its name.
+    #[must_use]
+    pub fn new(camera: &Camera, picture: &[u8]) -> Self {
+        let hash = Sha256::digest(picture);
+        Self {
+            exposure_s: camera.shutter_close_s - camera.shutter_open_s,
+            f_number: camera.f_number,
+            iso: camera.iso,
+            focal_length_m: camera.focal_length_m,
+            sensor_width_m: camera.sensor_width_m,
+            unique_id: hash.iter().take(16).map(|byte| format!("{byte:02x}")).collect(),
+        }
+    }
+
+    /// As an EXIF block: `TIFF` header and fields.
+    #[must_use]
+    pub fn exif(&self) -> Vec<u8> {
+        let ascii = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
+        let length_35_mm = self.focal_length_m * 36.0 / self.sensor_width_m;
+        let iso = whole(self.iso);
+        let fields = [
+            (Tag::Software, ascii(SOFTWARE)),
+            (Tag::ExifVersion, Value::Undefined(b"0232".to_vec(), 0)),
+            (Tag::ExposureTime, rational(self.exposure_s)),
+            (Tag::FNumber, rational(self.f_number)),
+            (Tag::PhotographicSensitivity, Value::Short(vec![short(self.iso)])),
+            // 3: the ISO speed of ISO 12232.
+            (Tag::SensitivityType, Value::Short(vec![3])),
+            (Tag::ISOSpeed, Value::Long(vec![iso])),
+            (Tag::FocalLength, rational(self.focal_length_m * 1000.0)),
+            (Tag::FocalLengthIn35mmFilm, Value::Short(vec![short(length_35_mm)])),
+            // 1: sRGB.
+            (Tag::ColorSpace, Value::Short(vec![1])),
+            (Tag::ImageUniqueID, ascii(&self.unique_id)),
+        ];
+        let fields = fields.map(|(tag, value)| Field { tag, ifd_num: In::PRIMARY, value });
+        let mut writer = Writer::new();
+        fields.iter().for_each(|field| writer.push_field(field));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        writer.write(&mut bytes, false).expect("a few fields fit into memory");
+        bytes.into_inner()
+    }
+
+    /// As an XMP packet.
+    #[must_use]
+    pub fn xmp(&self) -> String {
+        format!(
+            "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\">\
+             <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">\
+             <rdf:Description rdf:about=\"\" xmlns:xmp=\"http://ns.adobe.com/xap/1.0/\" \
+             xmlns:Iptc4xmpExt=\"http://iptc.org/std/Iptc4xmpExt/2008-02-29/\" \
+             xmp:CreatorTool=\"{SOFTWARE}\" \
+             Iptc4xmpExt:DigitalSourceType=\"http://cv.iptc.org/newscodes/digitalsourcetype/\
+             algorithmicMedia\"/></rdf:RDF></x:xmpmeta>"
+        )
+    }
+}
+
+/// In millionths, or coarser where that is too long.
+fn rational(value: f64) -> Value {
+    let denom = [1_000_000_u32, 1000, 1];
+    let fits = |denom: &u32| value * f64::from(*denom) < f64::from(u32::MAX);
+    let denom = denom.into_iter().find(fits).unwrap_or(1);
+    Value::Rational(vec![Rational { num: whole(value * f64::from(denom)), denom }])
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+fn whole(value: f64) -> u32 {
+    value.round() as u32
+}
+
+fn short(value: f64) -> u16 {
+    u16::try_from(whole(value)).unwrap_or(u16::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraOptions;
+
+    #[test]
+    fn exif_reads_back() {
+        let options = CameraOptions { iso: 102_400.0, f_number: 5.6, ..CameraOptions::default() };
+        let camera = options.camera([0.0, 0.5, 1.0, 1.0], 46.25).unwrap();
+        let metadata = Metadata::new(&camera, b"picture");
+        let exif = exif::Reader::new().read_raw(metadata.exif()).unwrap();
+        let number = |tag| match &exif.get_field(tag, In::PRIMARY).unwrap().value {
+            Value::Rational(values) => values[0].to_f64(),
+            value => f64::from(value.get_uint(0).unwrap()),
+        };
+        assert_eq!(number(Tag::ExposureTime), 46.25);
+        assert_eq!(number(Tag::FNumber), 5.6);
+        assert_eq!(number(Tag::FocalLength), 35.0);
+        assert_eq!(number(Tag::FocalLengthIn35mmFilm), 35.0);
+        assert_eq!(number(Tag::PhotographicSensitivity), 65535.0, "more does not fit there");
+        assert_eq!(number(Tag::ISOSpeed), 102_400.0);
+        let text = |tag| exif.get_field(tag, In::PRIMARY).unwrap().display_value().to_string();
+        assert!(text(Tag::Software).contains("noctograph "));
+        assert!(text(Tag::ImageUniqueID).contains(&metadata.unique_id));
+        assert_eq!(metadata.unique_id.len(), 32);
+        for tag in [Tag::Make, Tag::Model, Tag::DateTime, Tag::DateTimeOriginal] {
+            assert!(exif.get_field(tag, In::PRIMARY).is_none(), "{tag} is not known");
+        }
+        assert!(metadata.xmp().contains("digitalsourcetype/algorithmicMedia\""));
+    }
+}

@@ -1,0 +1,234 @@
+//! Random numbers of the sensor: a function of seed, row, channel, source and column, so a pixel's
+//! noise depends on no other pixel, no order and no thread.
+
+use std::sync::LazyLock;
+
+/// Cells of the table of normal numbers.
+const CELLS: usize = 2048;
+
+/// Below so many electrons the Poisson distribution is drawn exactly; from here on a normal one
+/// stands for it (as in `ISETCam`).
+pub(super) const POISSON_BELOW: f32 = 25.0;
+
+/// What a random number is for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// All noise of a bright pixel; the photons of a dark one.
+    Shot,
+    /// The photons of a dark pixel beyond those of a round mean.
+    Rest,
+    /// What is left of a dark pixel's noise: reading, PRNU.
+    Read,
+    /// Which photosites of a row are hot, and how hot.
+    Hot,
+}
+
+/// The random numbers of one row, channel and source.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stream {
+    keys: [u32; 2],
+}
+
+impl Stream {
+    pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
+        let place = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
+        let key = split_mix(split_mix(seed) ^ place);
+        #[expect(clippy::cast_possible_truncation, reason = "both halves are taken")]
+        let keys = [key as u32, (key >> 32) as u32];
+        Self { keys }
+    }
+
+    /// 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
+    #[inline(always)]
+    pub(super) fn bits(self, x: u32) -> u32 {
+        let mut h = x.wrapping_mul(0x9e37_79b9) ^ self.keys[0];
+        h = (h ^ (h >> 16)).wrapping_mul(0x7feb_352d);
+        h = (h ^ (h >> 15)).wrapping_add(self.keys[1]).wrapping_mul(0x846c_a68b);
+        h ^ (h >> 16)
+    }
+
+    /// Random bits of all columns of a row.
+    pub(super) fn fill(self, out: &mut [u32]) {
+        for (x, bits) in (0_u32..).zip(out) {
+            *bits = self.bits(x);
+        }
+    }
+}
+
+/// A step of Vigna's `SplitMix64`.
+fn split_mix(seed: u64) -> u64 {
+    let z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Normal numbers by a piecewise linear inverse of their distribution, of variance 1 to the last
+/// digits of f32 and up to 3.8 σ.
+#[derive(Debug)]
+pub(super) struct Normal {
+    /// Start of each cell, and how far it is to the next one's per unit of the lower bits.
+    cells: [[f32; 2]; CELLS],
+}
+
+pub(super) static NORMAL: LazyLock<Normal> = LazyLock::new(Normal::new);
+
+impl Normal {
+    fn new() -> Self {
+        let share = 1.0 / CELLS as f64;
+        let mut nodes = [0.0; CELLS + 1];
+        for (index, node) in nodes.iter_mut().enumerate().take(CELLS).skip(1) {
+            *node = quantile(index as f64 * share);
+        }
+        // The last cell has the mean of the tail, φ(z) / share.
+        let z = nodes[CELLS - 1];
+        let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * share);
+        nodes[CELLS] = 2.0 * tail - z;
+        nodes[0] = -nodes[CELLS];
+        let squares = nodes.windows(2).map(|n| (n[0] * n[0] + n[0] * n[1] + n[1] * n[1]) / 3.0);
+        let scale = 1.0 / (squares.sum::<f64>() * share).sqrt();
+        let lower = f64::from(1_u32 << LOWER_BITS);
+        #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
+        let cells = std::array::from_fn(|i| {
+            let (from, to) = (scale * nodes[i], scale * nodes[i + 1]);
+            [(from + (to - from) * 0.5 / lower) as f32, ((to - from) / lower) as f32]
+        });
+        Self { cells }
+    }
+
+    /// The normal number of 32 uniform bits.
+    #[inline(always)]
+    pub(super) fn of(&self, bits: u32) -> f32 {
+        let [from, slope] = self.cells[(bits >> LOWER_BITS) as usize];
+        let lower = (bits & ((1 << LOWER_BITS) - 1)).cast_signed();
+        from + slope * lower as f32
+    }
+}
+
+const LOWER_BITS: u32 = 32 - CELLS.ilog2();
+
+/// Where the normal distribution reaches `p`, 0 < p < 1, within 1.2e-9 of itself (Acklam's rational
+/// approximation).
+fn quantile(p: f64) -> f64 {
+    const A: [f64; 6] = [
+        -3.969_683_028_665_376e1,
+        2.209_460_984_245_205e2,
+        -2.759_285_104_469_687e2,
+        1.383_577_518_672_69e2,
+        -3.066_479_806_614_716e1,
+        2.506_628_277_459_239,
+    ];
+    const B: [f64; 6] = [
+        -5.447_609_879_822_406e1,
+        1.615_858_368_580_409e2,
+        -1.556_989_798_598_866e2,
+        6.680_131_188_771_972e1,
+        -1.328_068_155_288_572e1,
+        1.0,
+    ];
+    const C: [f64; 6] = [
+        -7.784_894_002_430_293e-3,
+        -3.223_964_580_411_365e-1,
+        -2.400_758_277_161_838,
+        -2.549_732_539_343_734,
+        4.374_664_141_464_968,
+        2.938_163_982_698_783,
+    ];
+    const D: [f64; 5] = [
+        7.784_695_709_041_462e-3,
+        3.224_671_290_700_398e-1,
+        2.445_134_137_142_996,
+        3.754_408_661_907_416,
+        1.0,
+    ];
+    const TAIL: f64 = 0.024_25;
+    let series = |terms: &[f64], x: f64| terms.iter().fold(0.0, |sum, term| sum * x + term);
+    if p > 0.5 {
+        -quantile(1.0 - p)
+    } else if p < TAIL {
+        let q = (-2.0 * libm::log(p)).sqrt();
+        series(&C, q) / series(&D, q)
+    } else {
+        let q = p - 0.5;
+        q * series(&A, q * q) / series(&B, q * q)
+    }
+}
+
+/// A Poisson number of any mean up to 500, by inverting its distribution.
+pub(super) fn poisson(mean: f64, bits: u32) -> u32 {
+    let uniform = (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
+    let mut share = libm::exp(-mean);
+    let (mut number, mut until) = (0, share);
+    while uniform > until && number < 1000 {
+        number += 1;
+        share *= mean / f64::from(number);
+        until += share;
+    }
+    number
+}
+
+/// Poisson numbers of means below [`POISSON_BELOW`], quickly: that of the mean rounded down to a
+/// quarter by a table, plus that of the rest. Poisson numbers add up to a Poisson number.
+#[derive(Debug)]
+pub(super) struct Poisson {
+    /// For each quarter: 2^32 times the share of numbers up to and with each.
+    until: Vec<[u32; NUMBERS]>,
+    /// For each quarter: the number that the smallest uniform with each 8 upper bits gives.
+    start: Vec<[u8; 256]>,
+}
+
+/// Numbers above have a share below 2^-32, with a mean of 25.
+const NUMBERS: usize = 64;
+
+pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
+
+impl Poisson {
+    fn new() -> Self {
+        let until: Vec<[u32; NUMBERS]> = (0..100)
+            .map(|quarter| {
+                let mean = f64::from(quarter) / 4.0;
+                let (mut share, mut sum) = (libm::exp(-mean), 0.0);
+                std::array::from_fn(|number| {
+                    sum += share;
+                    share *= mean / (number + 1) as f64;
+                    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+                    #[expect(clippy::cast_sign_loss, reason = "a share")]
+                    let until = (sum * 4_294_967_296.0) as u32;
+                    if number + 1 == NUMBERS { u32::MAX } else { until }
+                })
+            })
+            .collect();
+        let start = |until: &[u32; NUMBERS]| {
+            std::array::from_fn(|upper| {
+                let number = until.partition_point(|until| ((*until >> 24) as usize) < upper);
+                u8::try_from(number).expect("there are 64 numbers")
+            })
+        };
+        Self { start: until.iter().map(start).collect(), until }
+    }
+
+    /// The number of a mean and two uniforms.
+    #[inline(always)]
+    pub(super) fn of(&self, mean: f32, bits: u32, more_bits: u32) -> f32 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 100")]
+        let quarter = ((mean * 4.0) as usize).min(99);
+        let until = &self.until[quarter];
+        let mut number = self.start[quarter][(bits >> 24) as usize];
+        while until[usize::from(number)] < bits {
+            number += 1;
+        }
+        // The rest is below 1/4: e^-x as a series that errs by less than 1e-8.
+        let x = f64::from(mean) - quarter as f64 / 4.0;
+        let none = 1.0
+            - x * (1.0
+                - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
+        let uniform = (f64::from(more_bits) + 0.5) * (1.0 / 4_294_967_296.0);
+        let (mut share, mut sum, mut rest) = (none, none, 0.0_f32);
+        while uniform > sum && rest < 12.0 {
+            rest += 1.0;
+            share *= x / f64::from(rest);
+            sum += share;
+        }
+        f32::from(number) + rest
+    }
+}

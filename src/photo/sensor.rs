@@ -1,0 +1,172 @@
+//! Sensor: from light on its pixels to what it reads, after EMVA 1288.
+//!
+//! Light leaks between the colours, becomes electrons in Poisson numbers with a mean of the light
+//! times the colour's response, dark current and hot photosites add theirs, the well or the
+//! converter clips each colour, and reading adds noise. Then the camera takes the mean dark current
+//! off, balances white, clips all colours at the same light, and undoes the leak by its matrix: what
+//! was not clipped has its own colour back, what was is nearer to white.
+//!
+//! White is `78 / ISO` lx s (ISO 12232) from the base sensitivity on; below it the full well is.
+//! A picture shows noise and pattern in one: PRNU joins the variance. Not modelled: rounding of the
+//! converter, the mosaic of colours, banding, cosmic rays.
+
+use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream, poisson};
+use super::options::{Noise, PhotoOptions};
+use crate::camera::Camera;
+
+/// A sensor at its settings for one picture.
+#[derive(Debug)]
+pub(super) struct Sensor {
+    /// Luminous exposure that is white.
+    pub(super) white_lx_s: f64,
+    /// What a colour keeps, and what each of three gets of their sum.
+    keep: f32,
+    leak: f32,
+    noise: Option<Noisy>,
+}
+
+/// A noisy sensor; numbers in electrons.
+#[derive(Debug)]
+struct Noisy {
+    seed: u64,
+    normal: &'static Normal,
+    poisson: &'static Poisson,
+    /// Electrons of each colour at white.
+    at_white: [f32; 3],
+    /// Where each pixel clips.
+    clip: f32,
+    dark: f32,
+    read_variance: f32,
+    prnu_squared: f32,
+    /// Hot photosites of a row, mean; of an exposure, mean electrons.
+    hot_in_row: f64,
+    hot: f64,
+}
+
+/// Rows that are filled anew for every row of the picture.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    bits: Vec<u32>,
+    hot: Vec<(usize, usize, f32)>,
+}
+
+impl Sensor {
+    #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
+    pub(super) fn new(camera: &Camera, options: &PhotoOptions, seed: u64) -> Self {
+        let gain = (camera.iso / options.base_iso).max(1.0);
+        let white_lx_s = 78.0 / (options.base_iso * gain);
+        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
+        let largest = options.response.into_iter().fold(0.0, f64::max);
+        let clip = options.full_well_e / gain;
+        let dark = (options.dark_current_e_s * exposure_s).min(0.5 * clip);
+        let noisy = || Noisy {
+            seed,
+            normal: &NORMAL,
+            poisson: &POISSON,
+            at_white: options.response.map(|r| ((clip - dark) * r / largest) as f32),
+            clip: clip as f32,
+            dark: dark as f32,
+            read_variance: (options.read_noise_e * options.read_noise_e) as f32,
+            prnu_squared: (options.prnu_frac * options.prnu_frac) as f32,
+            hot_in_row: options.hot_pixel_frac * 3.0 * f64::from(camera.width_px),
+            hot: options.hot_pixel_e_s * exposure_s,
+        };
+        Self {
+            white_lx_s,
+            keep: (1.0 - 1.5 * options.crosstalk_frac) as f32,
+            leak: (0.5 * options.crosstalk_frac) as f32,
+            noise: (options.noise == Noise::Emva1288).then(noisy),
+        }
+    }
+
+    /// Reads row `y`: light in shares of white becomes what the camera makes of it, 1 where it
+    /// saturates (and a little off 0 to 1 where the matrix leads there).
+    pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
+        if self.leak > 0.0 {
+            let [red, green, blue] = rows;
+            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+                let leaked = self.leak * (*r + *g + *b);
+                *r = self.keep * *r + leaked;
+                *g = self.keep * *g + leaked;
+                *b = self.keep * *b + leaked;
+            }
+        }
+        match &self.noise {
+            Some(noise) => noise.read(y, rows, scratch),
+            None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
+        }
+        if self.leak > 0.0 {
+            let [red, green, blue] = rows;
+            let undo = 1.0 / self.keep;
+            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+                let leaked = self.leak * (*r + *g + *b);
+                *r = (*r - leaked) * undo;
+                *g = (*g - leaked) * undo;
+                *b = (*b - leaked) * undo;
+            }
+        }
+    }
+}
+
+impl Noisy {
+    fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
+        let Scratch { bits, hot } = scratch;
+        bits.resize(rows[0].len(), 0);
+        self.hot_photosites(y, rows[0].len(), hot);
+        for (channel, row) in rows.iter_mut().enumerate() {
+            let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
+            let mut fewest = f32::INFINITY;
+            for light in row.iter_mut() {
+                *light = *light * at_white + dark;
+                fewest = fewest.min(*light);
+            }
+            for &(_, x, electrons) in hot.iter().filter(|(hot, ..)| *hot == channel) {
+                row[x] += electrons;
+            }
+            Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
+            if fewest < POISSON_BELOW {
+                let [read, rest] = [Source::Read, Source::Rest]
+                    .map(|source| Stream::new(self.seed, y, channel, source));
+                for ((x, mean), &bits) in (0..).zip(row.iter_mut()).zip(&*bits) {
+                    *mean = if *mean < POISSON_BELOW {
+                        let spread = self.read_variance + self.prnu_squared * *mean * *mean;
+                        self.poisson.of(*mean, bits, rest.bits(x))
+                            + spread.sqrt() * self.normal.of(read.bits(x))
+                    } else {
+                        self.bright(*mean, bits)
+                    };
+                }
+            } else {
+                for (mean, &bits) in row.iter_mut().zip(&*bits) {
+                    *mean = self.bright(*mean, bits);
+                }
+            }
+            let undo = 1.0 / at_white;
+            for electrons in row.iter_mut() {
+                *electrons = ((electrons.min(clip) - dark) * undo).min(1.0);
+            }
+        }
+    }
+
+    /// Electrons read where there are many: all sources add up to one normal number.
+    #[inline(always)]
+    fn bright(&self, mean: f32, bits: u32) -> f32 {
+        let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
+        mean + variance.sqrt() * self.normal.of(bits)
+    }
+
+    /// The hot photosites of a row: channel, column, electrons.
+    fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
+        out.clear();
+        let stream = Stream::new(self.seed, y, 0, Source::Hot);
+        let number = poisson(self.hot_in_row, stream.bits(0));
+        for index in 0..number {
+            let place = u64::from(stream.bits(1 + 2 * index)) * (3 * width as u64);
+            let place = usize::try_from(place >> 32).expect("a photosite of a row");
+            let uniform = (f64::from(stream.bits(2 + 2 * index)) + 0.5) / 4_294_967_296.0;
+            #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
+            let electrons = (-self.hot * libm::log(uniform)) as f32;
+            out.push((place % 3, place / 3, electrons));
+        }
+    }
+}

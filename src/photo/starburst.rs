@@ -1,0 +1,218 @@
+//! Starburst: spikes that the iris diffracts from points where a lamp dwells.
+//!
+//! A straight blade diffracts light into a spike at right angles to it. Of a point's light, the
+//! share `2 λ N / (π² r)` lands farther than r from it, as for a round iris; straight blades gather
+//! it in spikes, so each of n spikes has `2 λ N / (π² n r²)` a length. Along a trail spikes smear to
+//! nothing, so only dwelling lamps get them. The spikes' light is taken from the point.
+//!
+//! Integers once a spike's light on a pixel is rounded down. Not modelled: that a spike of red light
+//! is longer in its fine structure than one of blue.
+
+use super::glare::{CELL_PX, WHOLE};
+use super::spread::Plane;
+use crate::camera::Camera;
+use crate::expose::Film;
+
+/// Wavelength of red, green and blue LEDs.
+const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];
+
+/// Light of a point, in saturated pixels, from which its spikes can be seen.
+const BRIGHT_PX: f64 = 1000.0;
+
+/// Most points that get spikes, the brightest first.
+const MAX_POINTS: usize = 64;
+
+/// Cells around a point's own whose light counts as its: 3 × 3 cells of 4 px.
+const REACH_CELLS: usize = 1;
+
+/// Where spikes begin, outside of those cells.
+const INNER_PX: f64 = 6.0;
+
+/// Where they end.
+const OUTER_PX: f64 = 240.0;
+
+/// Width of a spike, σ.
+const WIDTH_PX: f64 = 0.9;
+
+/// Turn of the iris: spikes that run along rows or columns look like a mistake.
+const TURN_RAD: f64 = 0.2;
+
+/// Most of a point's light that goes into its spikes.
+const MAX_SHARE: f64 = 0.3;
+
+/// What a pixel gains or loses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Change {
+    /// `y * width_px + x`.
+    pub(super) index: usize,
+    /// Counts by channel; light is only moved, so the changes of a film add up to 0.
+    pub(super) counts: [i64; 3],
+}
+
+/// The spikes of a film, by pixel. `cells` holds `share / WHOLE` of its light.
+pub(super) fn starburst(
+    film: &Film,
+    camera: &Camera,
+    blades: u32,
+    cells: &[Plane; 3],
+    share: u32,
+) -> Vec<Change> {
+    let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
+    let mut changes = Vec::new();
+    for point in points(film, camera, cells, share) {
+        let of_light = WAVELENGTH_M.map(|wavelength_m| {
+            let blur_px = wavelength_m * camera.f_number / camera.pixel_pitch_m();
+            let of_light = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
+            of_light.min(MAX_SHARE * INNER_PX)
+        });
+        let light = std::array::from_fn(|c| of_light[c] * point.light[c] / f64::from(n_spikes));
+        let before = changes.len();
+        for spike in 0..n_spikes {
+            let turn = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;
+            let (sin, cos) = libm::sincos(turn);
+            draw(film, point.center_px, [cos, sin], light, &mut changes);
+        }
+        take_from(film, &point, before, &mut changes);
+    }
+    changes.sort_by_key(|change| change.index);
+    changes
+}
+
+struct Point {
+    /// First cell of its block of cells.
+    corner: [usize; 2],
+    center_px: [f64; 2],
+    /// Its own light, without that of a trail through it, in counts.
+    light: [f64; 3],
+}
+
+/// Where lamps dwell: cells brighter than all around by far.
+fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<Point> {
+    let (width, height) = (cells[0].width, cells[0].height);
+    let counts = f64::from(WHOLE) / f64::from(share);
+    let saturation = camera.saturation_lx_s() * libm::exp2(-f64::from(film.scale_log2));
+    let bright = BRIGHT_PX * saturation;
+    let cell = |x: usize, y: usize| cells.iter().map(|p| p.values[y * width + x]).sum::<u64>();
+    let margin = REACH_CELLS + 1;
+    let mut found: Vec<(u64, Point)> = Vec::new();
+    for y in margin..height.saturating_sub(margin) {
+        for x in margin..width.saturating_sub(margin) {
+            let own = cell(x, y);
+            // A ninth of the light that its block must hold.
+            if own as f64 * counts * 9.0 < bright {
+                continue;
+            }
+            let around = |reach: usize| {
+                (y - reach..=y + reach)
+                    .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
+            };
+            // The first of equals is the point.
+            let is_top = around(margin)
+                .all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x]) || cell(i, j) < own);
+            if !is_top {
+                continue;
+            }
+            let light = |c: usize| {
+                let sum = |reach| -> u64 {
+                    around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
+                };
+                // A trail leaves three cells of light in the block and two in the ring around.
+                let (block, both) = (sum(REACH_CELLS), sum(margin));
+                ((block as f64 - 1.5 * (both - block) as f64) * counts).max(0.0)
+            };
+            let light: [f64; 3] = std::array::from_fn(light);
+            if light.iter().copied().fold(0.0, f64::max) < bright {
+                continue;
+            }
+            let corner = [x - REACH_CELLS, y - REACH_CELLS];
+            let center_px = center_px(film, corner);
+            found.push((own, Point { corner, center_px, light }));
+        }
+    }
+    found.sort_by_key(|(own, _)| std::cmp::Reverse(*own));
+    found.truncate(MAX_POINTS);
+    found.into_iter().map(|(_, point)| point).collect()
+}
+
+/// Pixels of a block of cells, as indices in a plane.
+fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
+    let size = CELL_PX * (2 * REACH_CELLS + 1);
+    let ends = [film.width_px as usize, film.height_px as usize];
+    let [x, y] = std::array::from_fn(|axis| {
+        let first = corner[axis] * CELL_PX;
+        first..(first + size).min(ends[axis])
+    });
+    y.flat_map(move |y| x.clone().map(move |x| (x, y)))
+}
+
+/// Middle of the light of a block.
+fn center_px(film: &Film, corner: [usize; 2]) -> [f64; 2] {
+    let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
+    let mut sums = [0.0; 3];
+    for (x, y) in block(film, corner) {
+        let light: u64 = (0..3).map(|c| u64::from(film.counts[c * pixels + y * width + x])).sum();
+        sums[0] += light as f64;
+        sums[1] += light as f64 * (x as f64 + 0.5);
+        sums[2] += light as f64 * (y as f64 + 0.5);
+    }
+    [sums[1] / sums[0], sums[2] / sums[0]]
+}
+
+/// Draws a spike from a point along a unit vector; `light` lies beyond 1 px.
+fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut Vec<Change>) {
+    let size = [film.width_px, film.height_px].map(|side| side as usize);
+    // Steps along the axis that the spike is nearer to, and across it.
+    let (main, side) = if along[0].abs() > along[1].abs() { (0, 1) } else { (1, 0) };
+    for main_px in 0..size[main] {
+        let u_main = main_px as f64 + 0.5 - from[main];
+        let r = u_main / along[main];
+        if !(INNER_PX - 1.0..=OUTER_PX).contains(&r) {
+            continue;
+        }
+        let middle = from[side] + r * along[side];
+        let first = (middle - 4.0 * WIDTH_PX).max(0.0);
+        for side_px in (0..size[side]).skip(whole(first)).take(8) {
+            let u_side = side_px as f64 + 0.5 - from[side];
+            let u = u_main * along[main] + u_side * along[side];
+            let v = u_main * along[side] - u_side * along[main];
+            if !(INNER_PX..=OUTER_PX).contains(&u) {
+                continue;
+            }
+            let across =
+                libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
+            #[expect(clippy::cast_possible_truncation, reason = "counts of a film, below 2^53")]
+            let counts = light.map(|light| (light / (u * u) * across) as i64);
+            let mut at = [0; 2];
+            (at[main], at[side]) = (main_px, side_px);
+            if counts != [0; 3] {
+                out.push(Change { index: at[1] * size[0] + at[0], counts });
+            }
+        }
+    }
+}
+
+/// Takes the light of the changes from `first` on from the point's pixels, each in proportion to
+/// what it has.
+fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
+    let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
+    let count = |c: usize, index: usize| i128::from(film.counts[c * pixels + index]);
+    let drawn = |c: usize| changes[first..].iter().map(|change| i128::from(change.counts[c])).sum();
+    let drawn: [i128; 3] = std::array::from_fn(drawn);
+    let indices = || block(film, point.corner).map(|(x, y)| y * width + x);
+    let all: [i128; 3] = std::array::from_fn(|c| indices().map(|i| count(c, i)).sum());
+    let mut until = [0_i128; 3];
+    for index in indices() {
+        let counts = std::array::from_fn(|c| {
+            let taken = |until: i128| until * drawn[c] / all[c].max(1);
+            let before = taken(until[c]);
+            until[c] += count(c, index);
+            i64::try_from(before - taken(until[c])).expect("less than the pixel has")
+        });
+        changes.push(Change { index, counts });
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels, not below 0")]
+fn whole(px: f64) -> usize {
+    px as usize
+}

@@ -1,0 +1,231 @@
+//! Tone: from the sensor's light to the picture's levels.
+
+use serde::{Deserialize, Serialize};
+
+use super::srgb;
+
+/// From the sensor's light to the picture's levels. Light 1 saturates the sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tone {
+    /// As a camera renders its JPEG: an S of the logarithm of light, per channel. Mid-grey, 10/78 of
+    /// saturation (ISO 12232), becomes level 118; contrast there is 0.2 per stop, 1.4 times sRGB's;
+    /// saturation becomes white over a soft shoulder, and 11 stops below it is black.
+    #[default]
+    Camera,
+    /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
+    Neutral,
+    /// The sRGB curve alone (IEC 61966-2-1): for measurement.
+    Linear,
+}
+
+/// Mid-grey in shares of saturation: ISO 12232 has mid-grey at 10/S lx s and saturation at 78/S.
+const GREY: f64 = 10.0 / 78.0;
+
+/// Mid-grey in the picture, level 118.
+const GREY_LEVEL: f64 = 118.0 / 255.0;
+
+/// Rise of the picture's level per stop of light at mid-grey.
+const CONTRAST: f64 = 0.2;
+
+/// Stops from mid-grey down to black.
+const BLACK_STOPS: f64 = 8.0;
+
+/// How suddenly the curve bends to white and to black; 1 is softest.
+const SHOULDER: f64 = 2.0;
+const TOE: f64 = 1.5;
+
+impl Tone {
+    /// What happens to the three channels of a pixel together.
+    #[inline(always)]
+    pub(super) fn mix(self, rgb: [f32; 3]) -> [f32; 3] {
+        match self {
+            Self::Neutral => neutral(rgb),
+            Self::Camera | Self::Linear => rgb,
+        }
+    }
+
+    /// The level, 0 to 1, that a channel's light 0 to 1 becomes.
+    #[must_use]
+    pub fn encode(self, light: f64) -> f64 {
+        match self {
+            Self::Camera => camera(light),
+            Self::Neutral | Self::Linear => srgb::encoded_from_linear(light),
+        }
+    }
+}
+
+/// `g + s u / (1 + |s u / l|^b)^(1/b)`, u in stops from mid-grey; l such that the curve ends at white
+/// where the sensor saturates, and at black [`BLACK_STOPS`] below mid-grey.
+fn camera(light: f64) -> f64 {
+    let stops = libm::log2(light.max(1e-9) / GREY);
+    let (end, level, bend) = if stops > 0.0 {
+        (-libm::log2(GREY), 1.0 - GREY_LEVEL, SHOULDER)
+    } else {
+        (BLACK_STOPS, GREY_LEVEL, TOE)
+    };
+    let rise = CONTRAST * stops.abs();
+    let straight_end = CONTRAST * end;
+    let limit = straight_end / libm::pow(libm::pow(straight_end / level, bend) - 1.0, 1.0 / bend);
+    let bent = rise / libm::pow(1.0 + libm::pow(rise / limit, bend), 1.0 / bend);
+    (GREY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
+}
+
+/// Khronos PBR Neutral tone mapper, as its specification gives it.
+fn neutral(rgb: [f32; 3]) -> [f32; 3] {
+    const START: f32 = 0.8 - 0.04;
+    const DESATURATION: f32 = 0.15;
+    let darkest = rgb[0].min(rgb[1]).min(rgb[2]);
+    let offset = if darkest < 0.08 { darkest - 6.25 * darkest * darkest } else { 0.04 };
+    let rgb = rgb.map(|value| value - offset);
+    let peak = rgb[0].max(rgb[1]).max(rgb[2]);
+    if peak < START {
+        return rgb;
+    }
+    let d = 1.0 - START;
+    let new_peak = 1.0 - d * d / (peak + d - START);
+    let keep = 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
+    rgb.map(|value| value * (new_peak / peak) * keep + new_peak * (1.0 - keep))
+}
+
+/// Light below this is black in every tone, 2^-14; tables begin there.
+const DARK: f32 = 1.0 / 16384.0;
+
+/// A tone's curve as tables.
+#[derive(Debug)]
+pub(super) struct Levels8 {
+    /// Least light of levels 1 to 255, then infinity.
+    least: [f32; 256],
+    /// Level at the start of each 1024th of an octave.
+    start: Vec<u8>,
+}
+
+/// Lower bits of a float that an entry of [`Levels8`] spans.
+const BIN_BITS: u32 = 13;
+
+impl Levels8 {
+    pub(super) fn new(tone: Tone) -> Self {
+        let mut least = [f32::INFINITY; 256];
+        let mut low = DARK.to_bits();
+        for (level, least) in least.iter_mut().enumerate().take(255) {
+            let wanted = (level as f64 + 0.5) / 255.0;
+            let mut high = 1.0_f32.to_bits();
+            while low < high {
+                let middle = low + (high - low) / 2;
+                if tone.encode(f64::from(f32::from_bits(middle))) < wanted {
+                    low = middle + 1;
+                } else {
+                    high = middle;
+                }
+            }
+            *least = f32::from_bits(low);
+        }
+        let bins = ((1.0_f32.to_bits() - DARK.to_bits()) >> BIN_BITS) + 1;
+        let mut level = 0;
+        let start = (0..bins).map(|bin| {
+            let light = f32::from_bits(DARK.to_bits() + (bin << BIN_BITS));
+            while least[usize::from(level)] <= light {
+                level += 1;
+            }
+            level
+        });
+        let start = start.collect();
+        Self { least, start }
+    }
+
+    /// The level that is nearest to the light's: what reaches it, exactly.
+    #[inline(always)]
+    pub(super) fn of(&self, light: f32) -> u8 {
+        // NaN cannot come here; what is darker than the table counts as its first entry.
+        let light = light.clamp(DARK, 1.0);
+        let start = self.start[((light.to_bits() - DARK.to_bits()) >> BIN_BITS) as usize];
+        start + u8::from(light >= self.least[usize::from(start)])
+    }
+}
+
+/// A tone's curve for 16 bits: straight lines between 256 points an octave.
+#[derive(Debug)]
+pub(super) struct Levels16 {
+    nodes: Vec<f64>,
+}
+
+const NODE_BITS: u32 = 15;
+
+impl Levels16 {
+    pub(super) fn new(tone: Tone) -> Self {
+        let nodes = ((1.0_f32.to_bits() - DARK.to_bits()) >> NODE_BITS) + 2;
+        let light = |node: u32| f64::from(f32::from_bits(DARK.to_bits() + (node << NODE_BITS)));
+        Self { nodes: (0..nodes).map(|node| tone.encode(light(node).min(1.0))).collect() }
+    }
+
+    /// The nearest level, or the one beside it.
+    pub(super) fn of(&self, light: f32) -> u16 {
+        let encoded = if light < DARK {
+            // From the first node straight to 0, as sRGB runs there.
+            self.nodes[0] * f64::from(light.max(0.0) / DARK)
+        } else {
+            let bits = light.min(1.0).to_bits() - DARK.to_bits();
+            let node = (bits >> NODE_BITS) as usize;
+            let share = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
+            self.nodes[node] + share * (self.nodes[node + 1] - self.nodes[node])
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
+        let level = (encoded * 65535.0 + 0.5) as u16;
+        level
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TONES: [Tone; 3] = [Tone::Camera, Tone::Neutral, Tone::Linear];
+
+    #[test]
+    fn tables_give_the_nearest_level_of_the_curve() {
+        for tone in TONES {
+            let (eight, sixteen) = (Levels8::new(tone), Levels16::new(tone));
+            for step in 0..200_000_u32 {
+                let light = f32::from_bits(step.wrapping_mul(20_411) % 1.01_f32.to_bits());
+                let wanted = tone.encode(f64::from(light).min(1.0));
+                #[expect(clippy::cast_possible_truncation, reason = "a level")]
+                #[expect(clippy::cast_sign_loss, reason = "a level")]
+                let level = (wanted * 255.0 + 0.5) as u8;
+                assert_eq!(eight.of(light), level, "{tone:?} {light}");
+                let off = f64::from(sixteen.of(light)) - wanted * 65535.0;
+                assert!(off.abs() < 1.5, "{tone:?} {light}: {off}");
+            }
+            assert_eq!((eight.of(-1.0), eight.of(7.0)), (0, 255));
+            assert_eq!((sixteen.of(-1.0), sixteen.of(7.0)), (0, 65535));
+        }
+    }
+
+    #[test]
+    fn the_cameras_curve_passes_grey_and_white_with_its_contrast() {
+        assert_eq!((camera(GREY), camera(1.0)), (GREY_LEVEL, 1.0));
+        assert_eq!(camera(GREY / 256.0), 0.0);
+        let per_stop = camera(GREY * 1.01) - camera(GREY / 1.01);
+        let per_stop = per_stop / (2.0 * libm::log2(1.01));
+        assert!((per_stop - CONTRAST).abs() < 2e-3, "{per_stop}");
+        let steps = (0..3000).map(|i| camera(libm::exp2(f64::from(i) / 250.0 - 12.0)));
+        let steps: Vec<f64> = steps.collect();
+        assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "it never falls");
+    }
+
+    #[test]
+    fn neutral_is_the_published_formula() {
+        // By hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
+        let cases = [
+            ([0.5, 0.5, 0.5], [0.46, 0.46, 0.46]),
+            ([0.04, 0.2, 0.3], [0.01, 0.17, 0.27]),
+            ([1.0, 1.0, 1.0], [0.869_091, 0.869_091, 0.869_091]),
+            ([4.0, 0.0, 0.0], [0.983_448, 0.306_367, 0.306_367]),
+        ];
+        for (light, wanted) in cases {
+            let found = neutral(light);
+            for (found, wanted) in found.into_iter().zip(wanted) {
+                assert!((found - wanted).abs() < 2e-6, "{light:?} became {found}, not {wanted}");
+            }
+        }
+    }
+}
