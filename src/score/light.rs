@@ -4,12 +4,13 @@ use super::plane::{Grid, Placed};
 use super::raster::Raster;
 use crate::camera::Camera;
 use crate::photo::Photo;
+use crate::photo::srgb::linear_from_level;
 
 /// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
 /// steps. Fewer would soften the picture; more only cost time.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
-/// Largest step. Its sums fit into 32 bits: 128² pixels of 3 channels of 16 bits.
+/// Largest step. Its sums fit into 32 bits: 128² pixels of 16 bits.
 const MAX_STEP: f64 = 128.0;
 
 /// The sky is found for blocks this large, in pixels of the plane: an eighth of a cap height.
@@ -19,12 +20,16 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 /// letter's strokes are a minority and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
 
+/// Luminance of red, green and blue (linear sRGB, IEC 61966-2-1): how bright they look to a reader.
+/// An even mean of the channels (legibility.md 6.1) makes the blue power LEDs, which shine on every
+/// transit, as much a part of a letter as its strokes.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
 /// Which share of the blocks around is darker than the sky. Half would take off a bold letter's own
 /// light; much less would leave half of a glow's slope.
 const SKY_SHARE: f64 = 0.4;
 
-/// The part of a photo that shows the word, in linear light above the sky: mean of the channels,
-/// 1 is white. What lies outside is sky.
+/// The part of a photo that shows the word, in linear light above the sky: luminance, 1 is white. What lies outside is sky.
 pub(super) struct Light {
     /// Photo pixels to one of ours.
     step: usize,
@@ -67,7 +72,7 @@ impl Light {
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
         let [width, height] = [sides[0] - left, sides[1] - top];
 
-        let linear = linear_from_srgb();
+        let luminance = luminance_of_level();
         let mut values = Vec::with_capacity(width * height);
         let row_bytes = 3 * photo.width_px as usize;
         for row in top..top + height {
@@ -77,12 +82,16 @@ impl Light {
             for bytes in rows {
                 let pixels = bytes[3 * left * step..].chunks(3 * step);
                 for (sum, pixels) in sums.iter_mut().zip(pixels) {
-                    *sum += pixels.iter().map(|byte| linear[usize::from(*byte)]).sum::<u32>();
+                    for pixel in pixels.chunks_exact(3) {
+                        let shares = luminance.iter().zip(pixel);
+                        *sum +=
+                            shares.map(|(share, level)| share[usize::from(*level)]).sum::<u32>();
+                    }
                 }
             }
             values.extend(sums.iter().enumerate().map(|(column, sum)| {
                 let n_columns = step.min(photo.width_px as usize - (left + column) * step);
-                *sum as f32 / (65535 * 3 * n_columns * n_rows) as f32
+                *sum as f32 / (65535 * n_columns * n_rows) as f32
             }));
         }
         let sky = median(&mut values.clone());
@@ -184,7 +193,7 @@ fn take_off_sky(raster: &mut Raster, block: usize) {
 
 /// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.
 pub(super) fn code_step(level: f32) -> f32 {
-    let linear = linear_from_srgb().map(|value| value as f32 / 65535.0);
+    let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
     linear[code] - linear[code - 1]
 }
@@ -195,20 +204,16 @@ pub(super) fn median(values: &mut [f32]) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// Linear light of every sRGB code (IEC 61966-2-1), 65535 is white. Integers add up to the same
+/// Luminance that each sRGB level of red, green and blue gives, 65535 is white. Integers add up to the same
 /// sum in any order.
-fn linear_from_srgb() -> [u32; 256] {
-    std::array::from_fn(|code| {
-        let encoded = code as f64 / 255.0;
-        let linear = if encoded <= 0.04045 {
-            encoded / 12.92
-        } else {
-            libm::pow((encoded + 0.055) / 1.055, 2.4)
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
-        #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
-        let linear = (65535.0 * linear).round() as u32;
-        linear
+fn luminance_of_level() -> [[u32; 256]; 3] {
+    LUMINANCE.map(|share| {
+        linear_from_level().map(|linear| {
+            #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
+            #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
+            let luminance = (65535.0 * share * f64::from(linear)).round() as u32;
+            luminance
+        })
     })
 }
 
