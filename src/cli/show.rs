@@ -64,6 +64,7 @@ pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
         tracking_json,
     );
     json["duration_s"] = duration_s(flight).into();
+    json["sha256"] = flight.sha256().into();
     json
 }
 

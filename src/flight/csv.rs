@@ -9,6 +9,7 @@ use std::io::Write;
 use std::path::Path;
 
 use nalgebra::Vector3;
+use sha2::{Digest, Sha256};
 
 use super::table::{Table, write_table};
 use super::{Flight, FlightSample, Quantity};
@@ -97,6 +98,24 @@ impl Flight {
             standard.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
+    }
+
+    /// SHA-256 of all that a flight file tells, in hexadecimal: equal flights, equal digest, on
+    /// every machine and in every build.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        let mut hash = Sha256::new();
+        let mut add = |numbers: &[f64]| {
+            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+            hash.update(bytes);
+        };
+        self.samples.iter().for_each(|sample| add(&numbers(sample)));
+        self.gaps.iter().for_each(|gap| add(gap));
+        for (name, column) in self.lights.iter().chain(&self.extra) {
+            add(&name.bytes().map(f64::from).collect::<Vec<f64>>());
+            add(column);
+        }
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// 1 for each sample that ends a hole, 0 for the others.
@@ -260,6 +279,20 @@ mod tests {
         let levels = (0..50).map(|i| f64::from(i % 2)).collect();
         let lights = [("headlights".to_owned(), levels)].into();
         Flight { samples, lights, ..Flight::default() }
+    }
+
+    #[test]
+    fn the_digest_sees_the_last_digit_of_any_number() {
+        let flight = flight();
+        let digest = flight.sha256();
+        assert_eq!(digest, flight.clone().sha256(), "the same flight");
+        let mut moved = flight.clone();
+        moved.samples[7].position_m.y += 1e-6;
+        let mut darker = flight.clone();
+        darker.lights.get_mut("headlights").unwrap()[3] = 0.5;
+        for other in [moved, darker] {
+            assert_ne!(other.sha256(), digest);
+        }
     }
 
     #[test]
