@@ -1,7 +1,7 @@
 // Splat: every record adds its light to the film. Twin of src/expose/cpu.rs.
 // reads   params, records : 96 bytes each (record.rs); bell : the curve (tables.rs)
 // writes  film : counts, a plane for each color channel, row by row
-// thread  every 8th column and row of one record's box; a workgroup is a record
+// thread  every 64th pixel of one record's box, row by row; a workgroup is a record
 // repeats as all is integers: sums have no order, products no rounding of the device's own
 
 const NODE_BITS: u32 = 15u;
@@ -9,7 +9,7 @@ const BELL_BITS: u32 = 26u;
 const WEIGHT_BITS: u32 = 22u;
 const DITHER_X: u32 = 0xC13FA9A9u;
 const DITHER_Y: u32 = 0x91E10DA5u;
-const SIDE: u32 = 8u;
+const THREADS: u32 = 64u;
 
 struct Params {
     width: u32,
@@ -48,11 +48,11 @@ struct Wide {
 @group(0) @binding(2) var<storage, read> bell_nodes: array<u32>;
 @group(0) @binding(3) var<storage, read_write> film: array<atomic<u32>>;
 
-@compute @workgroup_size(SIDE, SIDE)
+@compute @workgroup_size(THREADS)
 fn splat(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_id) thread: vec3u,
+    @builtin(local_invocation_index) thread: u32,
 ) {
     let index = group.y * groups.x + group.x;
     if index >= params.records {
@@ -62,21 +62,21 @@ fn splat(
     let first = max(record.y, params.first_row);
     let end = min(record.y + record.height, params.first_row + params.rows);
     let plane = params.width * params.rows;
-    for (var i = thread.x; i < record.width; i += SIDE) {
-        let along = curves(record.u + vec4i(i32(i) * record.step), record.spots);
-        for (var row = first + thread.y; row < end; row += SIDE) {
-            let j = row - record.y;
-            let weight = weight(record, along, j);
-            if weight == 0u {
-                continue;
-            }
-            let place = (row - params.first_row) * params.width + record.x + i;
-            let dither = record.dither + i * DITHER_X + j * DITHER_Y;
-            let up = dither >> (32u - WEIGHT_BITS);
-            add(place, counts(weight, record.red, up, record.shift));
-            add(place + plane, counts(weight, record.green, up, record.shift));
-            add(place + 2u * plane, counts(weight, record.blue, up, record.shift));
+    let pixels = record.width * (max(end, first) - first);
+    for (var pixel = thread; pixel < pixels; pixel += THREADS) {
+        let i = pixel % record.width;
+        let row = first + pixel / record.width;
+        let j = row - record.y;
+        let weight = weight(record, i, j);
+        if weight == 0u {
+            continue;
         }
+        let place = (row - params.first_row) * params.width + record.x + i;
+        let dither = record.dither + i * DITHER_X + j * DITHER_Y;
+        let up = dither >> (32u - WEIGHT_BITS);
+        add(place, counts(weight, record.red, up, record.shift));
+        add(place + plane, counts(weight, record.green, up, record.shift));
+        add(place + 2u * plane, counts(weight, record.blue, up, record.shift));
     }
 }
 
@@ -86,8 +86,9 @@ fn add(place: u32, counts: u32) {
     }
 }
 
-// Share of a record's amplitude that a pixel of row j gets, 2^22 for 1, given the curves along x.
-fn weight(record: Record, along: vec4u, j: u32) -> u32 {
+// Share of a record's amplitude that the pixel of column i and row j gets, 2^22 for 1.
+fn weight(record: Record, i: u32, j: u32) -> u32 {
+    let along = curves(record.u + vec4i(i32(i) * record.step), record.spots);
     let across = curves(record.v + vec4i(i32(j) * record.step), record.spots);
     var sum = Wide(0u, 0u);
     for (var k = 0u; k < record.spots; k++) {

@@ -114,7 +114,7 @@ fn every_mutation_of_the_shader_is_noticed() {
         ("k < record.spots", "k + 1u < record.spots"),
         ("up << shift", "0u"),
         ("film[place], counts", "film[place], counts & 0xfffffffeu"),
-        ("i < record.width", "i + 1u < record.width"),
+        ("pixel < pixels", "pixel + 1u < pixels"),
     ];
     let scenes = scenes();
     for (from, to) in mutations {
