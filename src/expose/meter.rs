@@ -174,7 +174,7 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading>
         p5_stops: quantile(&by_brightness, 0.05)?,
         p95_stops: quantile(&by_brightness, 0.95)?,
         hot_spots,
-        streak_s: streaks.map(|(_, duration_s)| duration_s).sum(),
+        streak_s: streaks.fold(0.0, |sum, (_, duration_s)| sum + duration_s),
     })
 }
 
