@@ -159,11 +159,10 @@ impl Flight {
         let samples: Vec<FlightSample> = (0..table.n_rows())
             .map(|row| sample(cells.map(|c| c.map_or(0.0, |c| c[row]))))
             .collect();
-        let owned = |(name, values): (&str, &[f64])| (name.to_owned(), values.to_vec());
-        let lights = table.columns_after("light.").map(owned).collect();
-        check_levels(&lights)?;
+        let lights = light_columns(table)?;
         let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
-        let extra: BTreeMap<_, _> = extra.map(owned).collect();
+        let extra: BTreeMap<_, _> =
+            extra.map(|(name, values)| (name.to_owned(), values.to_vec())).collect();
         if unlogged.len() == Quantity::ALL.len() && extra.is_empty() {
             table.column(COLUMNS[1])?;
         }
@@ -196,19 +195,21 @@ fn sample(n: [f64; COLUMNS.len()]) -> FlightSample {
     }
 }
 
-/// Checks that light levels lie within 0..=1.
+/// The light columns of a table, `light.<channel>`, with levels within 0..=1.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] naming the channel.
-pub(crate) fn check_levels(lights: &BTreeMap<String, Vec<f64>>) -> Result<()> {
-    for (channel, levels) in lights {
+/// [`Error::Input`] naming the channel whose level lies outside.
+pub(crate) fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
+    let mut lights = BTreeMap::new();
+    for (channel, levels) in table.columns_after("light.") {
         if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
             let place = format!("column light.{channel}");
             return Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"));
         }
+        lights.insert(channel.to_owned(), levels.to_vec());
     }
-    Ok(())
+    Ok(lights)
 }
 
 /// The file's letter number (0 outside letters) for an index.

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
 use crate::error::Result;
-use crate::flight::csv::{check_levels, letter_from_number, number_from_letter};
+use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
@@ -61,11 +61,7 @@ impl Plan {
             letter: letter_from_number(columns[10][row]),
         });
         let setpoints = setpoints.collect();
-        let lights = table.columns_after("light.");
-        let lights =
-            lights.map(|(channel, levels)| (channel.to_owned(), levels.to_vec())).collect();
-        check_levels(&lights)?;
-        Ok(Self { setpoints, lights })
+        Ok(Self { setpoints, lights: light_columns(table)? })
     }
 }
 
