@@ -105,15 +105,21 @@ impl Flight {
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
-        let mut add = |numbers: &[f64]| {
-            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
-            hash.update(bytes);
+        let bytes = |numbers: &[f64]| -> Vec<u8> {
+            numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
         };
-        self.samples.iter().for_each(|sample| add(&numbers(sample)));
-        self.gaps.iter().for_each(|gap| add(gap));
+        for quantity in &self.unlogged {
+            hash.update(quantity.name());
+        }
+        for sample in &self.samples {
+            hash.update(bytes(&numbers(sample)));
+        }
+        for gap in &self.gaps {
+            hash.update(bytes(gap));
+        }
         for (name, column) in self.lights.iter().chain(&self.extra) {
-            add(&name.bytes().map(f64::from).collect::<Vec<f64>>());
-            add(column);
+            hash.update(name);
+            hash.update(bytes(column));
         }
         hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
@@ -291,7 +297,8 @@ mod tests {
         moved.samples[7].position_m.y += 1e-6;
         let mut darker = flight.clone();
         darker.lights.get_mut("headlights").unwrap()[3] = 0.5;
-        for other in [moved, darker] {
+        let silent = Flight { unlogged: [Quantity::Motors].into(), ..flight.clone() };
+        for other in [moved, darker, silent] {
             assert_ne!(other.sha256(), digest);
         }
     }
