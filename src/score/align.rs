@@ -24,9 +24,19 @@ const N_SCALES: i32 = 7;
 /// leads to twice as much.
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
-/// Blur of both pictures: 0.1 H, twice the reader's, so that a coarse grid of shifts catches the
-/// peak.
-const BLUR_PX: f32 = 3.2;
+/// Blur of both pictures, first and once the place is nearly found: 0.1 H, so that a coarse grid of
+/// shifts catches the peak, then 0.05 H as the reader's. More would let a wrong letter pull the word
+/// off its place towards the strokes of the next letter.
+const BLURS_PX: [f32; 2] = [3.2, 1.6];
+
+/// Looks for one word.
+pub(super) struct Finder {
+    grid: Grid,
+    strokes: Strokes,
+    home: Placed,
+    /// The word at each of the scales tried first, at quarter resolution.
+    coarse: Vec<(f64, Raster)>,
+}
 
 /// The picture that the word is sought in.
 struct Target {
@@ -35,54 +45,81 @@ struct Target {
     norm: f32,
 }
 
-/// Finds the word in a picture that a grid around the intended word shows.
-pub(super) fn place(picture: &Raster, grid: &Grid, strokes: &Strokes, home: &Placed) -> Placed {
-    let full = Target::new(picture.blur(BLUR_PX));
-    let coarse = Target::new(full.raster.half().half());
-    let word = |scale: f64, rotation_rad: f64| {
-        let mut page = Page::blank(grid.width, grid.height);
-        let page_from_plane = grid.page_from_plane(&Placed { scale, rotation_rad, ..*home });
-        for glyph in &strokes.glyphs {
-            page.stroke(&glyph.moves, PEN_PX, page_from_plane);
-        }
-        page.dry().blur(BLUR_PX)
-    };
-
-    let step = libm::pow(SEARCH_SCALE, 2.0 / f64::from(N_SCALES - 1));
-    let mut best = (f32::NEG_INFINITY, 1.0, [0, 0]);
-    #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-    let reach = (SEARCH_H * f64::from(PX_PER_H) / 4.0) as isize;
-    for index in 0..N_SCALES {
-        let scale = libm::pow(step, f64::from(index - N_SCALES / 2));
-        let (similarity, [dx, dy]) = coarse.seek(&word(scale, 0.0).half().half(), [0, 0], reach);
-        if similarity > best.0 {
-            best = (similarity, scale, [4 * dx, 4 * dy]);
-        }
+impl Finder {
+    /// Prepares the search on a grid around the intended word.
+    pub(super) fn new(strokes: &Strokes, home: Placed) -> Self {
+        let grid = Grid::around(strokes, &home);
+        let mut finder = Self { grid, strokes: strokes.clone(), home, coarse: Vec::new() };
+        finder.coarse = (0..N_SCALES)
+            .map(|index| libm::pow(scale_step(), f64::from(index - N_SCALES / 2)))
+            .map(|scale| (scale, finder.word(scale, 0.0, BLURS_PX[0]).half()))
+            .collect();
+        finder
     }
 
-    let (mut scale, mut rotation_rad) = (best.1, 0.0);
-    let (mut similarity, mut shift) = full.seek(&word(scale, 0.0), best.2, 3);
-    let (mut ratio, mut turn_rad) = (step, 2.0 * ROTATION_STEP_RAD);
-    // Finer until the ends of the word move by less than a pixel.
-    while (ratio - 1.0).max(turn_rad) * 0.5 * grid.width as f64 > 1.0 {
-        (ratio, turn_rad) = (ratio.sqrt(), 0.5 * turn_rad);
-        let at = (scale, rotation_rad);
-        let tries = [
-            (at.0 / ratio, at.1),
-            (at.0 * ratio, at.1),
-            (at.0, at.1 - turn_rad),
-            (at.0, at.1 + turn_rad),
-        ];
-        for tried in tries {
-            let found = full.seek(&word(tried.0, tried.1), shift, 1);
-            if found.0 > similarity {
-                (similarity, shift) = found;
-                (scale, rotation_rad) = tried;
+    /// The grid that pictures must have.
+    pub(super) fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Finds the word in a picture on the grid.
+    pub(super) fn place(&self, picture: &Raster) -> Placed {
+        let picture = picture.half();
+        let coarse = Target::new(picture.blur(0.5 * BLURS_PX[0]).half());
+        let half = Target::new(picture.blur(0.5 * BLURS_PX[1]));
+        let mut best = (f32::NEG_INFINITY, 1.0, [0, 0]);
+        #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
+        let reach = (SEARCH_H * f64::from(PX_PER_H) / 4.0) as isize;
+        for (scale, word) in &self.coarse {
+            let (similarity, [dx, dy]) = coarse.seek(word, [0, 0], reach);
+            if similarity > best.0 {
+                best = (similarity, *scale, [2 * dx, 2 * dy]);
             }
         }
+
+        let (mut scale, mut rotation_rad) = (best.1, 0.0);
+        let word = self.word(scale, 0.0, BLURS_PX[1]);
+        let (mut similarity, mut shift, mut between) =
+            half.peak(&word, half.seek(&word, best.2, 2).1);
+        let (mut ratio, mut turn_rad) = (scale_step(), 2.0 * ROTATION_STEP_RAD);
+        // Finer until the ends of the word move by less than a pixel.
+        while (ratio - 1.0).max(turn_rad) * 0.5 * self.grid.width as f64 > 1.0 {
+            (ratio, turn_rad) = (ratio.sqrt(), 0.5 * turn_rad);
+            let at = (scale, rotation_rad);
+            let tries = [
+                (at.0 / ratio, at.1),
+                (at.0 * ratio, at.1),
+                (at.0, at.1 - turn_rad),
+                (at.0, at.1 + turn_rad),
+            ];
+            for tried in tries {
+                let found = half.peak(&self.word(tried.0, tried.1, BLURS_PX[1]), shift);
+                if found.0 > similarity {
+                    (similarity, shift, between) = found;
+                    (scale, rotation_rad) = tried;
+                }
+            }
+        }
+        let [right, down] = [0, 1]
+            .map(|axis| 2.0 * (shift[axis] as f64 + f64::from(between[axis])) * self.grid.pitch_m);
+        Placed { shift_m: [right, -down], scale, rotation_rad, ..self.home }
     }
-    let [right, down] = shift.map(|pixels| pixels as f64 * grid.pitch_m);
-    Placed { shift_m: [right, -down], scale, rotation_rad, ..*home }
+
+    /// The word as it should be, at half the grid's resolution, blurred by some of its pixels.
+    fn word(&self, scale: f64, rotation_rad: f64, blur_px: f32) -> Raster {
+        let mut page = Page::blank(self.grid.width / 2, self.grid.height / 2);
+        let placed = Placed { scale, rotation_rad, ..self.home };
+        let page_from_plane = self.grid.page_from_plane(&placed).post_scale(0.5, 0.5);
+        for glyph in &self.strokes.glyphs {
+            page.stroke(&glyph.moves, 0.5 * PEN_PX, page_from_plane);
+        }
+        page.dry().blur(0.5 * blur_px)
+    }
+}
+
+/// Ratio of the scales tried first.
+fn scale_step() -> f64 {
+    libm::pow(SEARCH_SCALE, 2.0 / f64::from(N_SCALES - 1))
 }
 
 impl Target {
@@ -95,22 +132,50 @@ impl Target {
 
     /// The best correlation and its shift, within a square around a shift.
     fn seek(&self, word: &Raster, around: [isize; 2], reach: isize) -> (f32, [isize; 2]) {
-        let [sum, squares] = {
-            let ones = vec![1.0; word.values.len()];
-            dots([&ones, &word.values], &word.values)
-        };
-        let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;
+        let per_norms = self.per_norms(word);
         let mut best = (f32::NEG_INFINITY, around);
         for down in around[1] - reach..=around[1] + reach {
             for right in around[0] - reach..=around[0] + reach {
-                let product = self.product(word, [right, down]);
-                let similarity = if norm > 0.0 { product / norm } else { 0.0 };
+                let similarity = self.product(word, [right, down]) * per_norms;
                 if similarity > best.0 {
                     best = (similarity, [right, down]);
                 }
             }
         }
         best
+    }
+
+    /// The peak of the correlation between pixels, by a parabola along each axis through the best
+    /// shift within a pixel around a shift.
+    fn peak(&self, word: &Raster, around: [isize; 2]) -> (f32, [isize; 2], [f32; 2]) {
+        let (similarity, shift) = self.seek(word, around, 1);
+        let per_norms = self.per_norms(word);
+        let mut top = similarity;
+        let between = std::array::from_fn(|axis| {
+            let beside = [-1, 1].map(|step| {
+                let mut beside = shift;
+                beside[axis] += step;
+                self.product(word, beside) * per_norms
+            });
+            let (slope, bend) = (beside[1] - beside[0], 2.0 * similarity - beside[0] - beside[1]);
+            if bend <= 0.0 {
+                return 0.0;
+            }
+            let off = (0.5 * slope / bend).clamp(-0.5, 0.5);
+            top += 0.25 * off * slope;
+            off
+        });
+        (top, shift, between)
+    }
+
+    /// 1 over the norms of picture and word; 0 where nothing varies.
+    fn per_norms(&self, word: &Raster) -> f32 {
+        let [sum, squares] = {
+            let ones = vec![1.0; word.values.len()];
+            dots([&ones, &word.values], &word.values)
+        };
+        let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;
+        if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }
 
     /// Sum of products with the word moved right and down; what leaves the page is lost.

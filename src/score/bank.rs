@@ -1,19 +1,13 @@
-//! The bank of references: every letter and digit, in the flown font and in a typeface, at several
-//! scales, drawn with the trail's pen and blurred as the photo is.
+//! The bank of references: every character that could stand in a place, in the flown font and in a
+//! typeface, at several scales, drawn with the trail's pen and blurred as the photo is.
 
 use super::ink::Page;
-use super::raster::{Raster, dots};
+use super::raster::Raster;
 use super::typeface::Typeface;
 use super::window::{Layout, Level, REACH_PX};
 use super::{BLUR_PX, PEN_PX, PX_PER_H, References};
 use crate::error::Result;
 use crate::letters::{self, Cell};
-
-/// What can be told apart. 0 and 1 are missing: as strokes of light they are O and I.
-pub(super) const CLASSES: [char; 34] = [
-    'A', 'B', 'C', 'D', 'E', 'F', 'G', 'H', 'I', 'J', 'K', 'L', 'M', 'N', 'O', 'P', 'Q', 'R', 'S',
-    'T', 'U', 'V', 'W', 'X', 'Y', 'Z', '2', '3', '4', '5', '6', '7', '8', '9',
-];
 
 /// Scales tried in each direction (legibility.md 6.2).
 const SCALES: [f64; 3] = [0.85, 1.0, 1.17];
@@ -28,27 +22,101 @@ const SHIFT_COST: f32 = 0.15;
 /// What a stretch by e costs beside a shift of one cap height (legibility.md 6.2).
 const STRETCH_COST: f64 = 0.3;
 
+/// What no reader tells apart once it is a line of light, each under the first one's name.
+const ALIKE: [&str; 3] = ["O0", "I1l|", "-_"];
+
+/// Punctuation that joins the bank where the word has any: nobody expects a bracket in a name.
+const PUNCTUATION: &str = "!\"#$%&'()*+,-./:;<=>?@[\\]^_{|}~";
+
+/// Characters that can be told apart.
+#[derive(Clone, Debug)]
+pub(super) struct Classes {
+    /// Each class by its first name.
+    names: Vec<char>,
+    /// All that are drawn.
+    drawn: Vec<char>,
+}
+
 /// All references for cells of one aspect.
 pub(super) struct Bank {
     pub(super) layout: Layout,
-    /// The window at full and at half resolution.
-    pub(super) levels: [Level; 2],
+    /// The window at full, half and quarter resolution.
+    pub(super) levels: [Level; 3],
     pub(super) templates: Vec<Template>,
-    /// Shifts within reach at half resolution: right, down.
+    /// Shifts within reach at quarter resolution: right, down.
     pub(super) shifts: Vec<[isize; 2]>,
 }
 
 /// A reference at one scale.
 pub(super) struct Template {
-    /// Index into [`CLASSES`].
+    /// Index into the classes.
     pub(super) class: usize,
+    /// Width and height by the intended ones.
+    pub(super) scale: [f64; 2],
     /// What its scale costs in similarity.
     pub(super) cost: f32,
-    /// The page at full and at half resolution.
-    pub(super) pages: [Raster; 2],
-    /// For each of the bank's shifts: sum and sum of squares of what lies in the window.
-    pub(super) sums: Vec<[f32; 2]>,
+    /// The page at full, half and quarter resolution.
+    pub(super) pages: [Raster; 3],
 }
+
+impl Classes {
+    /// A to Z and 0 to 9; a to z and punctuation too, where the word has some.
+    pub(super) fn of(word: impl Iterator<Item = char> + Clone) -> Self {
+        let mut drawn: Vec<char> = ('A'..='Z').chain('0'..='9').collect();
+        if word.clone().any(char::is_lowercase) {
+            drawn.extend('a'..='z');
+        }
+        if word.clone().any(|character| PUNCTUATION.contains(character)) {
+            drawn.extend(PUNCTUATION.chars());
+        }
+        for character in word {
+            if !drawn.contains(&character) {
+                drawn.push(character);
+            }
+        }
+        let mut names = Vec::new();
+        for &character in &drawn {
+            if !names.contains(&folded(character)) {
+                names.push(folded(character));
+            }
+        }
+        Self { names, drawn }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// A class's name; where it is the expected character's, that character.
+    pub(super) fn name(&self, class: usize, expected: Option<char>) -> char {
+        let name = self.names[class];
+        expected.filter(|expected| folded(*expected) == name).unwrap_or(name)
+    }
+
+    /// The class of one of the characters.
+    pub(super) fn class_of(&self, character: char) -> usize {
+        let name = folded(character);
+        self.names.iter().position(|class| *class == name).expect("a character of the bank")
+    }
+}
+
+/// The name that a character shares with those that look alike.
+pub(super) fn folded(character: char) -> char {
+    let alike = ALIKE.iter().find(|alike| alike.contains(character));
+    alike.and_then(|alike| alike.chars().next()).unwrap_or(character)
+}
+
+/// Whether the font that the word is flown with has a character.
+///
+/// # Errors
+///
+/// If there is no stroke font of that name.
+pub(super) fn is_flown(character: char, font: &str) -> Result<bool> {
+    Ok(letters::glyph(character, UNIT, font)?.is_some())
+}
+
+/// A cell as wide and as high as one.
+const UNIT: Cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
 
 impl Bank {
     /// Draws the references for cells of one aspect (width by cap height).
@@ -56,27 +124,31 @@ impl Bank {
     /// # Errors
     ///
     /// If there is no stroke font of that name.
-    pub(super) fn draw(aspect: f64, font: &str, references: References) -> Result<Self> {
+    pub(super) fn draw(
+        aspect: f64,
+        classes: &Classes,
+        font: &str,
+        references: References,
+    ) -> Result<Self> {
         let layout = Layout::new(aspect);
-        let levels = layout.levels();
-        let reach = REACH_PX.cast_signed() / 2;
+        let reach = REACH_PX.cast_signed() / 4;
         let square =
             (-reach..=reach).flat_map(|down| (-reach..=reach).map(move |right| [right, down]));
-        let shifts: Vec<_> = square.filter(|[dx, dy]| dx * dx + dy * dy <= reach * reach).collect();
+        let shifts = square.filter(|[dx, dy]| dx * dx + dy * dy <= reach * reach).collect();
 
         let typeface = Typeface::load();
         let rim_px = PEN_PX - typeface.stem() * PX_PER_H as f32;
-        let unit = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         let mut templates = Vec::new();
-        for character in CLASSES.into_iter().chain(['0', '1']) {
+        for &character in &classes.drawn {
             let flown = match references {
                 References::Typeface => None,
-                References::Flown | References::Both => letters::glyph(character, unit, font)?,
+                References::Flown | References::Both => letters::glyph(character, UNIT, font)?,
             };
             let set = match references {
                 References::Flown => None,
                 References::Typeface | References::Both => typeface.outline(character, aspect),
             };
+            let class = classes.class_of(character);
             for (scale, cost) in scales() {
                 let page_from_box = layout.page_from_box(scale);
                 let flown = flown.as_ref().map(|glyph| {
@@ -91,36 +163,18 @@ impl Bank {
                     page
                 });
                 for page in flown.into_iter().chain(set) {
-                    let full = page.dry().blur(BLUR_PX);
-                    let half = full.half();
-                    let sums = sums(&half, &levels[1], &shifts);
-                    let (class, pages) = (class_of(character), [full, half]);
-                    templates.push(Template { class, cost, pages, sums });
+                    let pages = page.dry().blur(BLUR_PX).pyramid();
+                    templates.push(Template { class, scale, cost, pages });
                 }
             }
         }
-        Ok(Self { layout, levels, templates, shifts })
+        Ok(Self { levels: layout.levels(), layout, templates, shifts })
     }
 
     /// Whether a shift by pixels of full resolution is within reach.
     pub(super) fn reaches([right, down]: [isize; 2]) -> bool {
         right * right + down * down <= (REACH_PX * REACH_PX).cast_signed()
     }
-}
-
-/// Whether the reader knows a character.
-pub(super) fn is_known(character: char) -> bool {
-    character.is_ascii_uppercase() || character.is_ascii_digit()
-}
-
-/// Index of a known character's class.
-pub(super) fn class_of(character: char) -> usize {
-    let folded = match character {
-        '0' => 'O',
-        '1' => 'I',
-        other => other,
-    };
-    CLASSES.iter().position(|class| *class == folded).expect("the front door refuses others")
 }
 
 /// What a shift by pixels of full resolution costs in similarity.
@@ -137,10 +191,4 @@ fn scales() -> impl Iterator<Item = ([f64; 2], f32)> {
         let cost = SHIFT_COST * (STRETCH_COST * stretch) as f32;
         ([sx, sy], cost)
     })
-}
-
-fn sums(page: &Raster, level: &Level, shifts: &[[isize; 2]]) -> Vec<[f32; 2]> {
-    let squares = Raster { values: page.values.iter().map(|v| v * v).collect(), ..*page };
-    let sums = |shift| dots([level.rows(page, shift), level.rows(&squares, shift)], &level.mask);
-    shifts.iter().map(|&shift| sums(shift)).collect()
 }

@@ -1,8 +1,7 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
 use super::plane::{Grid, Placed};
-use super::raster::Raster;
-use crate::camera::Camera;
+use super::view::View;
 use crate::photo::Photo;
 use crate::photo::srgb::linear_from_level;
 
@@ -23,21 +22,31 @@ const BLOCKS_AROUND: usize = 4;
 /// Luminance of red, green and blue (linear sRGB, IEC 61966-2-1): how bright they look to a reader.
 /// An even mean of the channels (legibility.md 6.1) makes the blue power LEDs, which shine on every
 /// transit, as much a part of a letter as its strokes.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Which share of the blocks around is darker than the sky. Half would take off a bold letter's own
 /// light; much less would leave half of a glow's slope.
 const SKY_SHARE: f64 = 0.4;
 
-/// The part of a photo that shows the word, in linear light above the sky: luminance, 1 is white. What lies outside is sky.
+/// Linear light above the sky: red, green and blue, 1 is white.
+pub(super) type Rgb = [f32; 3];
+
+/// The part of a photo that shows the word, in linear light above the sky. What lies outside is sky.
 pub(super) struct Light {
     /// Photo pixels to one of ours.
     step: usize,
     /// Our first column and row, in our pixels.
     origin: [usize; 2],
-    raster: Raster,
-    /// Median of the part as it was.
+    width: usize,
+    height: usize,
+    values: Vec<Rgb>,
+    /// Median luminance of the part as it was.
     pub(super) sky: f32,
+}
+
+/// How bright light looks.
+pub(super) fn luminance(light: Rgb) -> f32 {
+    LUMINANCE[0] * light[0] + LUMINANCE[1] * light[1] + LUMINANCE[2] * light[2]
 }
 
 /// A rectangle of the photo.
@@ -52,77 +61,87 @@ pub(super) struct Frame {
 impl Light {
     /// Decodes the part of the photo that shows a grid in its place; `None` where the photo does
     /// not show it.
-    pub(super) fn decode(
-        photo: &Photo,
-        camera: &Camera,
-        grid: &Grid,
-        placed: &Placed,
-    ) -> Option<Self> {
-        let pixel_px = grid.pixel_px(camera, placed)?;
+    pub(super) fn decode(photo: &Photo, view: &View, grid: &Grid, placed: &Placed) -> Option<Self> {
+        let pixel_px = grid.pixel_px(view, placed)?;
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
-        let whole_photo = Frame {
-            left_px: 0.0,
-            top_px: 0.0,
-            right_px: f64::from(photo.width_px),
-            bottom_px: f64::from(photo.height_px),
-        };
+        let whole_photo = Frame::of(photo);
         // Where a corner lies behind the camera, the frame cannot be told from the corners.
-        let frame = grid.frame(camera, placed).unwrap_or(whole_photo).within(&whole_photo)?;
+        let frame = grid.frame(view, placed).unwrap_or(whole_photo).within(&whole_photo)?;
+        let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
+        Some(Self::of_frame(photo, &frame, step, block))
+    }
+
+    fn of_frame(photo: &Photo, frame: &Frame, step: usize, block: usize) -> Self {
         let [left, top] = [frame.left_px, frame.top_px].map(|px| whole(px) / step);
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
         let [width, height] = [sides[0] - left, sides[1] - top];
 
-        let luminance = luminance_of_level();
+        let light_of_level = light_of_level();
         let mut values = Vec::with_capacity(width * height);
         let row_bytes = 3 * photo.width_px as usize;
+        let mut sums = vec![[0_u32; 3]; width];
         for row in top..top + height {
             let rows = photo.rgb8.chunks_exact(row_bytes).skip(row * step).take(step);
             let n_rows = rows.len();
-            let mut sums = vec![0_u32; width];
+            sums.fill([0; 3]);
             for bytes in rows {
                 let pixels = bytes[3 * left * step..].chunks(3 * step);
                 for (sum, pixels) in sums.iter_mut().zip(pixels) {
-                    for pixel in pixels.chunks_exact(3) {
-                        let shares = luminance.iter().zip(pixel);
-                        *sum +=
-                            shares.map(|(share, level)| share[usize::from(*level)]).sum::<u32>();
+                    for pixel in pixels.as_chunks::<3>().0 {
+                        for channel in 0..3 {
+                            sum[channel] += light_of_level[usize::from(pixel[channel])];
+                        }
                     }
                 }
             }
             values.extend(sums.iter().enumerate().map(|(column, sum)| {
                 let n_columns = step.min(photo.width_px as usize - (left + column) * step);
-                *sum as f32 / (65535 * n_columns * n_rows) as f32
+                let full = 1.0 / (65535 * n_columns * n_rows) as f32;
+                sum.map(|sum| sum as f32 * full)
             }));
         }
-        let sky = median(&mut values.clone());
-        let mut raster = Raster { width, height, values };
-        take_off_sky(&mut raster, whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0)));
-        Some(Self { step, origin: [left, top], raster, sky })
+        let mut brightness: Vec<f32> = values.iter().map(|light| luminance(*light)).collect();
+        let sky = median(&mut brightness);
+        take_off_sky(&mut values, [width, height], block);
+        Self { step, origin: [left, top], width, height, values, sky }
     }
 
     /// Mean light in a rectangle of the photo.
-    pub(super) fn mean(&self, frame: &Frame) -> f32 {
-        let step = self.step as f64;
+    pub(super) fn mean(&self, frame: &Frame) -> Rgb {
+        let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
-        let [x0, x1] = [frame.left_px, frame.right_px].map(|px| px / step - left);
-        let [y0, y1] = [frame.top_px, frame.bottom_px].map(|px| px / step - top);
-        let (columns, rows) =
-            (overlaps(x0, x1, self.raster.width), overlaps(y0, y1, self.raster.height));
+        let [x0, x1] = [frame.left_px, frame.right_px].map(|px| px * per_px - left);
+        let [y0, y1] = [frame.top_px, frame.bottom_px].map(|px| px * per_px - top);
         let area = (x1 - x0) * (y1 - y0);
+        let mut sum = [0.0; 3];
         if area <= 0.0 {
-            return 0.0;
+            return sum;
         }
-        let sum: f64 = rows
-            .map(|(y, high)| {
-                let row = &self.raster.values[y * self.raster.width..][..self.raster.width];
-                high * columns.clone().map(|(x, wide)| wide * f64::from(row[x])).sum::<f64>()
-            })
-            .sum();
-        narrow(sum / area)
+        for (y, high) in overlaps(y0, y1, self.height) {
+            let row = &self.values[y * self.width..][..self.width];
+            for (x, wide) in overlaps(x0, x1, self.width) {
+                let share = wide * high;
+                for channel in 0..3 {
+                    sum[channel] += share * row[x][channel];
+                }
+            }
+        }
+        let per_area = narrow(1.0 / area);
+        sum.map(|sum| sum * per_area)
     }
 }
 
 impl Frame {
+    /// A whole photo.
+    fn of(photo: &Photo) -> Self {
+        Self {
+            left_px: 0.0,
+            top_px: 0.0,
+            right_px: f64::from(photo.width_px),
+            bottom_px: f64::from(photo.height_px),
+        }
+    }
+
     /// The smallest rectangle around points.
     pub(super) fn around(points: [[f64; 2]; 4]) -> Self {
         let min = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
@@ -142,31 +161,38 @@ impl Frame {
     }
 }
 
-/// Subtracts the sky around each pixel: a quantile of the means of blocks, between their middles.
-fn take_off_sky(raster: &mut Raster, block: usize) {
-    let (width, height) = (raster.width.div_ceil(block), raster.height.div_ceil(block));
+/// Subtracts the sky around each pixel: a quantile of the means of blocks, channel by channel,
+/// between their middles.
+fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usize) {
+    let (width, height) = (n_columns.div_ceil(block), n_rows.div_ceil(block));
     let mut means = Vec::with_capacity(width * height);
-    for rows in raster.values.chunks(block * raster.width) {
-        let mut sums = vec![(0.0_f32, 0.0_f32); width];
-        for row in rows.chunks_exact(raster.width) {
+    for rows in values.chunks(block * n_columns) {
+        let mut sums = vec![([0.0_f32; 3], 0.0_f32); width];
+        for row in rows.chunks_exact(n_columns) {
             for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
-                sum.0 += values.iter().sum::<f32>();
+                for value in values {
+                    (0..3).for_each(|channel| sum.0[channel] += value[channel]);
+                }
                 sum.1 += values.len() as f32;
             }
         }
-        means.extend(sums.iter().map(|(sum, area)| sum / area));
+        means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
     }
 
-    let mut sky = Vec::with_capacity(width * height);
+    let mut sky = vec![[0.0; 3]; width * height];
     let mut around = Vec::new();
-    for y in 0..height {
-        for x in 0..width {
-            let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
-            let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
+    for (at, sky) in sky.iter_mut().enumerate() {
+        let (x, y) = (at % width, at / width);
+        let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
+        let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
+        for (channel, sky) in sky.iter_mut().enumerate() {
             around.clear();
-            rows.for_each(|row| around.extend_from_slice(&means[row * width..][columns.clone()]));
+            for row in rows.clone() {
+                let means = &means[row * width..][columns.clone()];
+                around.extend(means.iter().map(|mean| mean[channel]));
+            }
             let rank = whole(SKY_SHARE * around.len() as f64);
-            sky.push(*around.select_nth_unstable_by(rank, f32::total_cmp).1);
+            *sky = *around.select_nth_unstable_by(rank, f32::total_cmp).1;
         }
     }
 
@@ -177,16 +203,17 @@ fn take_off_sky(raster: &mut Raster, block: usize) {
         let first = whole(f64::from(place));
         (first, (first + 1).min(n_blocks - 1), place - first as f32)
     };
-    let columns: Vec<_> = (0..raster.width).map(|x| between(x, width)).collect();
-    for (y, row) in raster.values.chunks_exact_mut(raster.width).enumerate() {
+    let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
+    for (y, row) in values.chunks_exact_mut(n_columns).enumerate() {
         let (above, below, down) = between(y, height);
         for (value, &(left, right, share)) in row.iter_mut().zip(&columns) {
-            let along = |row: usize| {
-                let (a, b) = (sky[row * width + left], sky[row * width + right]);
-                a + share * (b - a)
-            };
-            let (above, below) = (along(above), along(below));
-            *value -= above + down * (below - above);
+            let corners =
+                [above, below].map(|row| [sky[row * width + left], sky[row * width + right]]);
+            for channel in 0..3 {
+                let [above, below] =
+                    corners.map(|[a, b]| a[channel] + share * (b[channel] - a[channel]));
+                value[channel] -= above + down * (below - above);
+            }
         }
     }
 }
@@ -204,30 +231,23 @@ pub(super) fn median(values: &mut [f32]) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// Luminance that each sRGB level of red, green and blue gives, 65535 is white. Integers add up to the same
-/// sum in any order.
-fn luminance_of_level() -> [[u32; 256]; 3] {
-    LUMINANCE.map(|share| {
-        linear_from_level().map(|linear| {
-            #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
-            #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
-            let luminance = (65535.0 * share * f64::from(linear)).round() as u32;
-            luminance
-        })
+/// Light that each sRGB level gives, 65535 is white. Integers add up to the same sum in any order.
+fn light_of_level() -> [u32; 256] {
+    linear_from_level().map(|linear| {
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
+        #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
+        let light = (65535.0 * linear).round() as u32;
+        light
     })
 }
 
 /// The pixels that an interval touches, each with the length of what it touches.
-fn overlaps(
-    from: f64,
-    to: f64,
-    n_pixels: usize,
-) -> impl ExactSizeIterator<Item = (usize, f64)> + Clone {
+fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Item = (usize, f32)> {
     let first = whole(from.clamp(0.0, n_pixels as f64));
     let end = whole(to.ceil().clamp(first as f64, n_pixels as f64));
     (first..end).map(move |pixel| {
         let (left, right) = (pixel as f64, (pixel + 1) as f64);
-        (pixel, (right.min(to) - left.max(from)).max(0.0))
+        (pixel, narrow((right.min(to) - left.max(from)).max(0.0)))
     })
 }
 

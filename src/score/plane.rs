@@ -1,12 +1,10 @@
 //! The plane of the word: grids of square pixels on it, and what the photo shows there.
 
-use nalgebra::Vector3;
 use tiny_skia::Transform;
 
-use super::light::{Frame, Light};
-use super::raster::Raster;
+use super::light::{Frame, Light, Rgb};
+use super::view::View;
 use super::{PX_PER_H, align, cap_height_m};
-use crate::camera::Camera;
 use crate::letters::Strokes;
 
 /// A grid of square pixels in the plane of the word.
@@ -90,13 +88,13 @@ impl Grid {
     }
 
     /// What the photo shows at each pixel of the grid, the grid moved along with the word.
-    pub(super) fn resample(&self, light: &Light, camera: &Camera, placed: &Placed) -> Raster {
+    pub(super) fn resample(&self, light: &Light, view: &View, placed: &Placed) -> Vec<Rgb> {
         let row = |y: usize| -> Vec<_> {
-            (0..=self.width).map(|x| self.image_point(camera, placed, [x, y])).collect()
+            (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect()
         };
-        let mut raster = Raster::dark(self.width, self.height);
+        let mut values = vec![[0.0; 3]; self.width * self.height];
         let mut upper = row(0);
-        for (y, values) in raster.values.chunks_exact_mut(self.width).enumerate() {
+        for (y, values) in values.chunks_exact_mut(self.width).enumerate() {
             let lower = row(y + 1);
             for (x, value) in values.iter_mut().enumerate() {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
@@ -107,12 +105,12 @@ impl Grid {
             }
             upper = lower;
         }
-        raster
+        values
     }
 
     /// The rectangle of the photo that shows the grid; `None` where a corner is behind the camera.
-    pub(super) fn frame(&self, camera: &Camera, placed: &Placed) -> Option<Frame> {
-        let corner = |x: usize, y: usize| self.image_point(camera, placed, [x, y]);
+    pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
+        let corner = |x: usize, y: usize| self.image_point(view, placed, [x, y]);
         let (right, bottom) = (self.width, self.height);
         Some(Frame::around([
             corner(0, 0)?,
@@ -123,23 +121,16 @@ impl Grid {
     }
 
     /// Edge of the middle pixel in the photo; `None` behind the camera.
-    pub(super) fn pixel_px(&self, camera: &Camera, placed: &Placed) -> Option<f64> {
+    pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
-        let [x, y] = self.image_point(camera, placed, middle)?;
-        let [right, below] = self.image_point(camera, placed, [middle[0] + 1, middle[1] + 1])?;
+        let [x, y] = self.image_point(view, placed, middle)?;
+        let [right, below] = self.image_point(view, placed, [middle[0] + 1, middle[1] + 1])?;
         Some(((right - x).abs() * (below - y).abs()).sqrt())
     }
 
     /// Where the photo shows the upper left corner of pixel `x, y`.
-    fn image_point(
-        &self,
-        camera: &Camera,
-        placed: &Placed,
-        [x, y]: [usize; 2],
-    ) -> Option<[f64; 2]> {
-        let [x_m, height_m] = placed
-            .apply([self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m]);
-        let point = camera.image_from_world(Vector3::new(x_m, 0.0, height_m))?;
-        (point.x_px.is_finite() && point.y_px.is_finite()).then_some([point.x_px, point.y_px])
+    fn image_point(&self, view: &View, placed: &Placed, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
+        let [x, y] = [self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m];
+        view.image_from_plane(placed.apply([x, y]))
     }
 }

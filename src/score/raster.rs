@@ -20,6 +20,12 @@ impl Raster {
         self
     }
 
+    /// Light by the level that counts as fully lit, clipped: from 0 to 1.
+    pub(super) fn exposed(&self, full_light: f32) -> Self {
+        let values = self.values.iter().map(|value| (value / full_light).clamp(0.0, 1.0));
+        Self { values: values.collect(), ..*self }
+    }
+
     /// Gaussian blur, cut off at 3 σ; outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
@@ -52,6 +58,13 @@ impl Raster {
             }
         }
         blurred
+    }
+
+    /// The raster at full, half and quarter resolution. Both sides must be multiples of 4.
+    pub(super) fn pyramid(self) -> [Self; 3] {
+        let half = self.half();
+        let quarter = half.half();
+        [self, half, quarter]
     }
 
     /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
@@ -93,6 +106,27 @@ pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] 
         let rest: f32 = rows[n].1.iter().zip(with_rest).map(|(a, b)| a * b).sum();
         lanes[n].iter().sum::<f32>() + rest
     })
+}
+
+/// Products of a row with a picture and with its neighbours, and its sum and sum of squares under
+/// a mask, in lanes whose order is fixed. The picture may be empty: its product is 0 then.
+pub(super) fn moments(row: &[f32], picture: &[f32], neighbours: &[f32], mask: &[f32]) -> [f32; 4] {
+    let [product, overlap, sum] = match picture {
+        [] => {
+            let [overlap, sum] = dots([neighbours, mask], row);
+            [0.0, overlap, sum]
+        }
+        picture => dots([picture, neighbours, mask], row),
+    };
+    let mut lanes = [0.0_f32; 8];
+    let ((row, row_rest), (mask, mask_rest)) = (row.as_chunks::<8>(), mask.as_chunks::<8>());
+    for (row, mask) in row.iter().zip(mask) {
+        for lane in 0..8 {
+            lanes[lane] += row[lane] * row[lane] * mask[lane];
+        }
+    }
+    let rest: f32 = row_rest.iter().zip(mask_rest).map(|(value, mask)| value * value * mask).sum();
+    [product, overlap, sum, lanes.iter().sum::<f32>() + rest]
 }
 
 #[cfg(test)]

@@ -1,128 +1,274 @@
-//! The reader: how much what is seen in a window resembles each letter and digit.
-//!
-//! A hypothesis is the intended neighbours and one reference beside them; its similarity is the
-//! normalised correlation with the picture in the window, less the cost of shift and stretch.
-//! Shifts are tried at half resolution first, the best again at full resolution.
+//! The prepared reader: all that can be known of a word before its photo is seen. One photo after
+//! another is then read in some milliseconds.
 
-use super::bank::{Bank, CLASSES, shift_cost};
-use super::raster::{Raster, dots};
-use super::window::Level;
+use super::align::Finder;
+use super::bank::{Bank, Classes};
+use super::calibration::{CALIBRATION, ln_share, loss, probability};
+use super::color;
+use super::ink::Page;
+use super::level;
+use super::light::{Light, Rgb, luminance};
+use super::matching::{Match, Surroundings};
+use super::plane::{Grid, Placed};
+use super::raster::Raster;
+use super::verdict::{LetterVerdict, Placement, Reason, Rival, Verdict};
+use super::view::View;
+use super::{
+    BLUR_PX, FAINT, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_PX, PX_PER_H, SCALES,
+    ScoreOptions, cap_height_m, check, check_size,
+};
+use crate::error::Result;
+use crate::letters::{Glyph, Strokes};
+use crate::photo::Photo;
 
-/// Similarity with each of [`CLASSES`].
-pub(super) type Similarities = [f32; CLASSES.len()];
+/// Share of a letter's intended ink whose mean is the color of its ink. Much more takes in the dark
+/// beside a letter that is half missing.
+const INK_SHARE: f64 = 0.5;
 
-/// Classes that fall behind the best by more than this at half resolution are not looked at again:
-/// with the reader's sharpness of 30 they are a hundred times less likely.
-const CLOSE: f32 = 0.15;
+/// Change of a letter's picture, of its light, from which its ink's color is worth a second look.
+const COLOR_MATTERS: f32 = 0.05;
 
-/// One resolution of two pictures and of their neighbours.
-struct Scene<'a> {
-    level: &'a Level,
-    /// Picture less its mean in the window, 0 beside it.
-    pictures: [Vec<f32>; 2],
-    norms: [f32; 2],
-    /// The neighbours in the window, 0 beside it.
-    neighbours: Vec<f32>,
-    /// Products of the pictures with the neighbours.
-    products: [f32; 2],
-    /// Sum and sum of squares of the neighbours.
-    sums: [f32; 2],
+/// Reads photos of one word.
+pub struct Reader {
+    options: ScoreOptions,
+    strokes: Strokes,
+    home: Placed,
+    finder: Finder,
+    classes: Classes,
+    banks: Vec<Bank>,
+    cells: Vec<Cell>,
 }
 
-/// The best hypothesis for a class at half resolution.
-#[derive(Clone, Copy)]
-struct Candidate {
-    similarity: f32,
-    template: usize,
-    shift: [isize; 2],
+/// The place of one letter.
+struct Cell {
+    /// Index of its bank.
+    bank: usize,
+    class: usize,
+    grid: Grid,
+    /// Pixels that its ink should cover.
+    ink_px: f64,
+    surroundings: Surroundings,
+    /// ln p of its faultless drawing.
+    ln_faultless: f64,
 }
 
-/// Compares two pictures of one cell, such as the photo and what was intended, with the bank.
-pub(super) fn read(bank: &Bank, pictures: [&Raster; 2], neighbours: &Raster) -> [Similarities; 2] {
-    let full = Scene::new(&bank.levels[0], pictures, neighbours);
-    let [a, b] = pictures.map(Raster::half);
-    let half = Scene::new(&bank.levels[1], [&a, &b], &neighbours.half());
+/// A letter as it is seen.
+struct Look {
+    verdict: LetterVerdict,
+    loss: f64,
+}
 
-    let none = Candidate { similarity: f32::NEG_INFINITY, template: 0, shift: [0, 0] };
-    let mut candidates = [[none; CLASSES.len()]; 2];
-    for (index, template) in bank.templates.iter().enumerate() {
-        for (&shift, &sums) in bank.shifts.iter().zip(&template.sums) {
-            let correlations = half.correlations(&template.pages[1], shift, sums);
-            let shift = shift.map(|half_px| 2 * half_px);
-            let cost = template.cost + shift_cost(shift);
-            for (candidates, correlation) in candidates.iter_mut().zip(correlations) {
-                let best = &mut candidates[template.class];
-                if correlation - cost > best.similarity {
-                    *best = Candidate { similarity: correlation - cost, template: index, shift };
-                }
-            }
-        }
+impl std::fmt::Debug for Reader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Reader").field("word", &self.strokes.word).finish_non_exhaustive()
     }
-    std::array::from_fn(|picture| {
-        let candidates = &candidates[picture];
-        let best = candidates.iter().map(|c| c.similarity).fold(f32::NEG_INFINITY, f32::max);
-        candidates.map(|candidate| {
-            if candidate.similarity < best - CLOSE {
-                return candidate.similarity;
-            }
-            refine(bank, &full, picture, candidate)
+}
+
+impl Reader {
+    /// Prepares for a word.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`](crate::error::Error::Input) for an empty word, a character that neither
+    /// the font nor the typeface has, letters too narrow or too wide to be letters, an option out
+    /// of range, or an unknown font.
+    pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
+        options.check()?;
+        check(strokes)?;
+        let home = Placed::home(strokes);
+        let mut reader = Self {
+            options: options.clone(),
+            strokes: strokes.clone(),
+            home,
+            finder: Finder::new(strokes, home),
+            classes: Classes::of(strokes.glyphs.iter().map(|glyph| glyph.character)),
+            banks: Vec::new(),
+            cells: Vec::new(),
+        };
+        for index in 0..strokes.glyphs.len() {
+            let cell = reader.prepare(index)?;
+            reader.cells.push(cell);
+        }
+        Ok(reader)
+    }
+
+    fn prepare(&mut self, index: usize) -> Result<Cell> {
+        let glyph = &self.strokes.glyphs[index];
+        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
+        // Equal cells differ in the last bits of their widths.
+        let known = self.banks.iter().position(|bank| (bank.layout.aspect - aspect).abs() < 1e-6);
+        let index_of_bank = known.unwrap_or(self.banks.len());
+        if known.is_none() {
+            let (font, references) = (&self.strokes.font, self.options.references);
+            self.banks.push(Bank::draw(aspect, &self.classes, font, references)?);
+        }
+        let bank = &self.banks[index_of_bank];
+        let grid = bank.layout.grid(&glyph.cell);
+        let beside = [index.checked_sub(1), Some(index + 1)].into_iter().flatten();
+        let beside = beside.filter_map(|at| self.strokes.glyphs.get(at));
+        let neighbours = draw(&grid, &self.home, beside);
+        let faultless = draw(&grid, &self.home, [glyph].into_iter()).plus(&neighbours);
+        let surroundings = Surroundings::new(bank, &neighbours);
+        let matches = surroundings.compare(bank, &faultless, self.classes.len());
+        let class = self.classes.class_of(glyph.character);
+        let length_h = lit_length_m([glyph]) / glyph.cell.cap_height_m;
+        let ink_px = length_h * f64::from(PX_PER_H) * f64::from(PEN_PX);
+        let ln_faultless = ln_share(&matches, class);
+        Ok(Cell { bank: index_of_bank, class, grid, ink_px, surroundings, ln_faultless })
+    }
+
+    /// Reads a photo.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`](crate::error::Error::Input) for a photo whose size is not the view's.
+    ///
+    /// # Panics
+    ///
+    /// If the photo has not three bytes a pixel.
+    pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
+        check_size(photo, view)?;
+        let grid = self.finder.grid();
+        let unseen =
+            |reason, cap_height_px| Ok(Verdict::unseen(&self.strokes.word, reason, cap_height_px));
+        let Some(light) = Light::decode(photo, view, grid, &self.home) else {
+            return unseen(Reason::NotInPhoto, None);
+        };
+        let pixel_px = grid.pixel_px(view, &self.home).unwrap_or(0.0);
+        let cap_height_px = f64::from(PX_PER_H) * pixel_px;
+        let seen = brightness(grid, &grid.resample(&light, view, &self.home));
+        let Some(full_light) = level::full_light(&seen, light.sky, self.ink_px()) else {
+            return unseen(Reason::NoLight, Some(cap_height_px));
+        };
+        let placed = self.finder.place(&seen.exposed(full_light));
+
+        let looks: Vec<Look> = (0..self.cells.len())
+            .map(|index| self.look(index, &light, view, &placed, full_light))
+            .collect();
+        let worst_loss = looks.iter().map(|look| look.loss).fold(0.0, f64::max);
+        let letters: Vec<LetterVerdict> = looks.into_iter().map(|look| look.verdict).collect();
+
+        let Placed { shift_m, scale, rotation_rad, .. } = placed;
+        let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
+        let in_range = libm::hypot(shift_m[0], shift_m[1]) <= reach_m
+            && (SCALES[0]..=SCALES[1]).contains(&scale)
+            && rotation_rad.abs() <= MAX_ROTATION_RAD;
+        let probability = probability(worst_loss);
+        let right = letters.iter().all(|letter| letter.best == Some(letter.expected));
+        let reason = match () {
+            () if cap_height_px < MIN_CAP_HEIGHT_PX => Some(Reason::TooSmall),
+            () if !in_range => Some(Reason::OutOfRange),
+            () if !right || probability < self.options.legible_probability => Some(Reason::Misread),
+            () => None,
+        };
+        let counts = matches!(reason, None | Some(Reason::Misread));
+        Ok(Verdict {
+            word: self.strokes.word.clone(),
+            read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
+            legible: reason.is_none(),
+            probability: if counts { probability } else { 0.0 },
+            calibration: CALIBRATION,
+            placement: Some(Placement { shift_m, scale, rotation_rad }),
+            cap_height_px: Some(cap_height_px),
+            letters,
+            reason,
         })
-    })
-}
+    }
 
-/// Similarity at full resolution, a pixel to every side tried.
-fn refine(bank: &Bank, full: &Scene<'_>, picture: usize, candidate: Candidate) -> f32 {
-    let template = &bank.templates[candidate.template];
-    let page = &template.pages[0];
-    let mut best = f32::NEG_INFINITY;
-    for down in candidate.shift[1] - 1..=candidate.shift[1] + 1 {
-        for right in candidate.shift[0] - 1..=candidate.shift[0] + 1 {
-            let shift = [right, down];
-            if !Bank::reaches(shift) {
-                continue;
+    /// Looks at one letter.
+    fn look(
+        &self,
+        index: usize,
+        light: &Light,
+        view: &View,
+        placed: &Placed,
+        full_light: f32,
+    ) -> Look {
+        let cell = &self.cells[index];
+        let bank = &self.banks[cell.bank];
+        let expected = self.strokes.glyphs[index].character;
+        let colors = cell.grid.resample(light, view, placed);
+        let bright = brightness(&cell.grid, &colors).exposed(full_light);
+        let picture = bright.blur(BLUR_PX);
+        if bank.layout.brightest_in_cell(&picture) < FAINT {
+            return Look { verdict: LetterVerdict::unseen(expected), loss: f64::INFINITY };
+        }
+        let compare =
+            |picture: &Raster| cell.surroundings.compare(bank, picture, self.classes.len());
+        let mut matches = compare(&picture);
+        let color = color::of_brightest(&colors, whole(INK_SHARE * cell.ink_px));
+        let ink = Raster { values: color::held(&colors, color), ..bright }.exposed(full_light);
+        let total: f32 = bright.values.iter().sum();
+        let change: f32 = ink.values.iter().zip(&bright.values).map(|(a, b)| (a - b).abs()).sum();
+        if change > COLOR_MATTERS * total {
+            let by_color = compare(&ink.blur(BLUR_PX));
+            // Whichever shows some letter best, not whichever shows the right one.
+            if best(&by_color) > best(&matches) {
+                matches = by_color;
             }
-            let rows = full.level.rows(page, shift);
-            let squares: Vec<f32> = rows.iter().map(|value| value * value).collect();
-            let mask = [&full.level.mask[..]];
-            let sums = [dots(mask, rows)[0], dots(mask, &squares)[0]];
-            let correlation = full.correlations(page, shift, sums)[picture];
-            best = best.max(correlation - template.cost - shift_cost(shift));
+        }
+        let loss = loss(&matches, cell.class, cell.ln_faultless);
+        Look { verdict: self.judge(index, &matches), loss }
+    }
+
+    fn judge(&self, index: usize, matches: &[Match]) -> LetterVerdict {
+        let (cell, glyph) = (&self.cells[index], &self.strokes.glyphs[index]);
+        let expected = glyph.character;
+        let mut order: Vec<usize> = (0..matches.len()).collect();
+        order.sort_by(|a, b| matches[*b].similarity.total_cmp(&matches[*a].similarity));
+        let name = |class: usize| self.classes.name(class, Some(expected));
+        let p = |class: usize| libm::exp(ln_share(matches, class));
+        let similarity = |class: usize| f64::from(matches[class].similarity);
+        let rivals = order.iter().filter(|class| **class != cell.class).take(3);
+        let own = &matches[cell.class];
+        let [right, down] = own.shift.map(|px| px as f64 * cell.grid.pitch_m);
+        LetterVerdict {
+            expected,
+            best: Some(name(order[0])),
+            runner_up: Some(name(order[1])),
+            margin: similarity(order[0]) - similarity(order[1]),
+            similarity: similarity(cell.class),
+            p: p(cell.class),
+            rivals: rivals.map(|&class| Rival { letter: name(class), p: p(class) }).collect(),
+            shift_m: [right, -down],
+            scale: self.banks[cell.bank].templates[own.template].scale,
         }
     }
-    best
+
+    /// Pixels that the word's ink should cover.
+    fn ink_px(&self) -> f64 {
+        self.cells.iter().map(|cell| cell.ink_px).sum()
+    }
 }
 
-impl<'a> Scene<'a> {
-    fn new(level: &'a Level, pictures: [&Raster; 2], neighbours: &Raster) -> Self {
-        let mask = &level.mask;
-        let masked = |page: &Raster| -> Vec<f32> {
-            level.rows(page, [0, 0]).iter().zip(mask).map(|(value, mask)| value * mask).collect()
-        };
-        let neighbours = masked(neighbours);
-        let pictures = pictures.map(|page| {
-            let mut picture = masked(page);
-            let mean = picture.iter().sum::<f32>() / level.n_pixels;
-            picture.iter_mut().zip(mask).for_each(|(value, mask)| *value -= mean * mask);
-            picture
-        });
-        let norms = pictures.each_ref().map(|picture| dots([picture], picture)[0].sqrt());
-        let products = dots([&pictures[0], &pictures[1]], &neighbours);
-        let sums = dots([mask, &neighbours], &neighbours);
-        Self { level, pictures, norms, neighbours, products, sums }
-    }
+/// Length of what the letters' lit moves draw.
+fn lit_length_m<'a>(glyphs: impl IntoIterator<Item = &'a Glyph>) -> f64 {
+    let moves = glyphs.into_iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+    moves
+        .map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1]))
+        .sum()
+}
 
-    /// Normalised correlations of the pictures with a reference between the neighbours, from the
-    /// reference's sum and sum of squares in the window; 0 where nothing varies.
-    fn correlations(&self, page: &Raster, shift: [isize; 2], [sum, squares]: [f32; 2]) -> [f32; 2] {
-        let rows = self.level.rows(page, shift);
-        let [a, b, overlap] = dots([&self.pictures[0], &self.pictures[1], &self.neighbours], rows);
-        let sum = self.sums[0] + sum;
-        let squares = self.sums[1] + squares + 2.0 * overlap;
-        let norm = (squares - sum * sum / self.level.n_pixels).max(0.0).sqrt();
-        let correlation = |picture: usize, product: f32| {
-            let norms = norm * self.norms[picture];
-            if norms > 0.0 { (self.products[picture] + product) / norms } else { 0.0 }
-        };
-        [correlation(0, a), correlation(1, b)]
+fn best(matches: &[Match]) -> f32 {
+    matches.iter().map(|found| found.similarity).fold(f32::NEG_INFINITY, f32::max)
+}
+
+fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
+    let values = light.iter().map(|light| luminance(*light)).collect();
+    Raster { width: grid.width, height: grid.height, values }
+}
+
+/// Letters as the trail should draw them, blurred.
+fn draw<'a>(grid: &Grid, home: &Placed, glyphs: impl Iterator<Item = &'a Glyph>) -> Raster {
+    let mut page = Page::blank(grid.width, grid.height);
+    for glyph in glyphs {
+        page.stroke(&glyph.moves, PEN_PX, grid.page_from_plane(home));
     }
+    page.dry().blur(BLUR_PX)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "pixels of a page")]
+#[expect(clippy::cast_sign_loss, reason = "areas are positive")]
+fn whole(pixels: f64) -> usize {
+    pixels as usize
 }

@@ -1,67 +1,124 @@
-//! From similarities to a verdict: which letter is seen, how surely, and whether the word reads.
+//! The verdict: what was read, how surely, and where the word hangs. `verdict.json` is this.
 
-use super::LetterVerdict;
-use super::bank::{CLASSES, class_of};
-use super::reader::Similarities;
+use serde::Serialize;
 
-/// Sharpness of the choice between letters (legibility.md 4.2 and 6.2; from 20 to 50 it makes no
-/// difference to the ranking). Too much calls every near miss misread, too little forgives all.
-const SHARPNESS: f64 = 30.0;
+use super::calibration::{CALIBRATION, Calibration};
 
-/// Offset and slope that turn the worst letter's loss into a probability: the strict reader of
-/// legibility.md 6.2, fitted there on 340 synthetic photos read by an OCR program. People read more.
-const PLATT: [f64; 2] = [2.46, 2.00];
+/// Whether a photo's word is legible, and why not. `verdict.json` is this.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The word that should be there.
+    pub word: String,
+    /// What is there, letter by letter: the best match, `?` where a letter has no light.
+    pub read: String,
+    /// Whether it reads: every letter is the best match of its cell, and the probability reaches
+    /// [`super::ScoreOptions::legible_probability`].
+    pub legible: bool,
+    /// Probability that the reader of `calibration` reads the word, 0 to 1.
+    pub probability: f64,
+    /// How the probability was made.
+    pub calibration: Calibration,
+    /// Where the word hangs; `None` where there is no light.
+    pub placement: Option<Placement>,
+    /// Height of a capital in the photo, pixels; `None` where the photo does not show the place.
+    pub cap_height_px: Option<f64>,
+    /// One for each letter of the word, in its order.
+    pub letters: Vec<LetterVerdict>,
+    /// Why the word is not legible; `None` where it is.
+    pub reason: Option<Reason>,
+}
 
-/// ln p of a faultless drawing below which its own confusability is no excuse: a letter that is read
-/// every other time at best is not made legible by drawing it well.
-const LEAST_EXCUSED: f64 = -core::f64::consts::LN_2;
+/// Where the word hangs, against where it was intended.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Placement {
+    /// To the right and up, in the plane of the word.
+    pub shift_m: [f64; 2],
+    /// Size by intended size, about the middle of the word.
+    pub scale: f64,
+    /// Anticlockwise, about the middle of the word.
+    pub rotation_rad: f64,
+}
 
-/// Similarity below which a picture shows no letter, whichever it resembles most. Of words that
-/// wandered by 0.02 to 0.2 H those with P of 0.5 and more had letters of 0.7 and more, scribbles and
-/// filled boxes have 0.2 to 0.8 (measured here): this refuses only what is no writing at all.
-const MIN_SIMILARITY: f32 = 0.5;
+/// What is seen in the place of one letter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LetterVerdict {
+    /// The letter that should be there.
+    pub expected: char,
+    /// The letter that fits best; `None` where there is no light.
+    pub best: Option<char>,
+    /// The letter that fits second best.
+    pub runner_up: Option<char>,
+    /// Similarity of the best less that of the runner-up, 0 to 2.
+    pub margin: f64,
+    /// Similarity of the expected letter: correlation less what shift and stretch cost, up to 1.
+    pub similarity: f64,
+    /// Share of the expected letter in the choice among all, 0 to 1.
+    pub p: f64,
+    /// The three likeliest other letters, the likeliest first: it looks like them.
+    pub rivals: Vec<Rival>,
+    /// Where the letter stands against its place in the word, to the right and up.
+    pub shift_m: [f64; 2],
+    /// Width and height by the intended ones: the nearest of the scales that are tried.
+    pub scale: [f64; 2],
+}
 
-/// Judges a letter from the similarities of its photo and of its faultless drawing. Beside the
-/// verdict stands the loss: by how much ln p lies below that of the faultless drawing.
-pub(super) fn judge(
-    expected: char,
-    photo: &Similarities,
-    faultless: &Similarities,
-) -> (LetterVerdict, f64) {
-    let class = class_of(expected);
-    let mut order: [usize; CLASSES.len()] = std::array::from_fn(|index| index);
-    order.sort_by(|a, b| photo[*b].total_cmp(&photo[*a]));
-    // O is called 0, and I is called 1, where that is what is meant.
-    let name = |index: usize| if index == class { expected } else { CLASSES[index] };
-    let ln_p = ln_share(photo, class);
-    let verdict = LetterVerdict {
-        expected,
-        best: Some(name(order[0])),
-        runner_up: Some(name(order[1])),
-        margin: f64::from(photo[order[0]] - photo[order[1]]),
-        similarity: f64::from(photo[class]),
-        p: libm::exp(ln_p),
-    };
-    if photo[class] < MIN_SIMILARITY {
-        return (verdict, f64::INFINITY);
+/// Another letter that a place resembles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Rival {
+    /// The letter.
+    pub letter: char,
+    /// Its share in the choice among all, 0 to 1.
+    pub p: f64,
+}
+
+/// Why a word is not legible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The place of the word is not in the photo.
+    NotInPhoto,
+    /// Nothing in the place of the word is brighter than the sky.
+    NoLight,
+    /// Capitals are less than 20 pixels high in the photo.
+    TooSmall,
+    /// The word hangs farther than 0.6 cap heights from its place, or is larger or smaller than
+    /// intended by more than a sixth, or turned by more than 8 degrees.
+    OutOfRange,
+    /// A letter looks like another one, like nothing, or too much like both.
+    Misread,
+}
+
+impl Verdict {
+    /// A word of which nothing can be seen.
+    pub(super) fn unseen(word: &str, reason: Reason, cap_height_px: Option<f64>) -> Self {
+        let letters: Vec<_> = word.chars().map(LetterVerdict::unseen).collect();
+        Self {
+            word: word.to_owned(),
+            read: "?".repeat(letters.len()),
+            legible: false,
+            probability: 0.0,
+            calibration: CALIBRATION,
+            placement: None,
+            cap_height_px,
+            letters,
+            reason: Some(reason),
+        }
     }
-    (verdict, ln_share(faultless, class).max(LEAST_EXCUSED) - ln_p)
 }
 
-/// A letter without light.
-pub(super) fn unseen(expected: char) -> LetterVerdict {
-    LetterVerdict { expected, best: None, runner_up: None, margin: 0.0, similarity: 0.0, p: 0.0 }
-}
-
-/// Probability that a strict reader reads the word, from the largest loss of its letters.
-pub(super) fn probability(worst_loss: f64) -> f64 {
-    1.0 / (1.0 + libm::exp(-(PLATT[0] - PLATT[1] * worst_loss)))
-}
-
-/// Logarithm of a class's share in the choice (Luce's rule, as in Loomis 1990).
-fn ln_share(similarities: &Similarities, class: usize) -> f64 {
-    let scores = similarities.map(|similarity| SHARPNESS * f64::from(similarity));
-    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let sum: f64 = scores.iter().map(|score| libm::exp(score - best)).sum();
-    scores[class] - best - libm::log(sum)
+impl LetterVerdict {
+    /// A letter without light.
+    pub(super) fn unseen(expected: char) -> Self {
+        Self {
+            expected,
+            best: None,
+            runner_up: None,
+            margin: 0.0,
+            similarity: 0.0,
+            p: 0.0,
+            rivals: Vec::new(),
+            shift_m: [0.0; 2],
+            scale: [1.0; 2],
+        }
+    }
 }

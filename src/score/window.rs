@@ -21,7 +21,7 @@ const ABOVE_PX: usize = 12;
 pub(super) struct Layout {
     /// The cell's width by its cap height.
     pub(super) aspect: f64,
-    /// The page. Its width is a multiple of 16, so that rows of half the resolution fill lanes.
+    /// The page. Its width is a multiple of 16, so that it can be halved twice.
     pub(super) width: usize,
     pub(super) height: usize,
     /// The window's size; its upper left corner is `REACH_PX` from the page's edges.
@@ -52,12 +52,12 @@ impl Layout {
         Self { aspect, width, height: window[1] + 2 * REACH_PX, window }
     }
 
-    /// The window at full and at half resolution.
-    pub(super) fn levels(&self) -> [Level; 2] {
-        [1, 2].map(|step| {
+    /// The window at full, half and quarter resolution.
+    pub(super) fn levels(&self) -> [Level; 3] {
+        [1, 2, 4].map(|step| {
             let [width, first_row, n_rows] =
                 [self.width, REACH_PX, self.window[1]].map(|side| side / step);
-            let columns = first_row..first_row + self.window[0] / step;
+            let columns = first_row..first_row + self.window[0].div_ceil(step);
             let row = (0..width).map(|x| if columns.contains(&x) { 1.0 } else { 0.0 });
             let mask: Vec<f32> = row.cycle().take(width * n_rows).collect();
             let n_pixels = mask.iter().sum();
@@ -112,6 +112,11 @@ impl Layout {
 }
 
 impl Level {
+    /// A page in the window, 0 beside it.
+    pub(super) fn masked(&self, page: &Raster) -> Vec<f32> {
+        self.rows(page, [0, 0]).iter().zip(&self.mask).map(|(value, mask)| value * mask).collect()
+    }
+
     /// What the window's rows hold once a page's picture was moved by `right` and `down` pixels.
     /// Beside the window the rows hold what lies there, so the other factor must be 0 there.
     pub(super) fn rows<'a>(&self, page: &'a Raster, [right, down]: [isize; 2]) -> &'a [f32] {

@@ -316,10 +316,10 @@ fn unusable_input_is_refused_by_name() {
     let options = ScoreOptions::default();
     let empty = Strokes { glyphs: Vec::new(), ..noor.clone() };
     assert!(refuse(&empty, &shot.camera, &options).contains("empty word"));
-    let mut lower = noor.clone();
-    lower.glyphs[2].character = 'o';
-    let text = refuse(&lower, &shot.camera, &options);
-    assert!(text.contains("position 3") && text.contains("'o'"), "{text}");
+    let mut foreign = noor.clone();
+    (foreign.glyphs[2].character, foreign.glyphs[2].moves) = ('Ж', Vec::new());
+    let text = refuse(&foreign, &shot.camera, &options);
+    assert!(text.contains("position 3") && text.contains("'Ж'"), "{text}");
     let mut wide = noor.clone();
     wide.glyphs[0].cell.width_m = 1e3;
     assert!(refuse(&wide, &shot.camera, &options).contains("width of a letter"));
@@ -341,6 +341,7 @@ fn the_verdict_is_written_as_it_is_documented() {
         "read",
         "legible",
         "probability",
+        "calibration",
         "placement",
         "cap_height_px",
         "letters",
@@ -349,7 +350,17 @@ fn the_verdict_is_written_as_it_is_documented() {
     wanted.sort_unstable();
     assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
     assert_eq!(keys(&verdict["placement"]), ["rotation_rad", "scale", "shift_m"]);
-    let letter = ["best", "expected", "margin", "p", "runner_up", "similarity"];
+    let letter = [
+        "best",
+        "expected",
+        "margin",
+        "p",
+        "rivals",
+        "runner_up",
+        "scale",
+        "shift_m",
+        "similarity",
+    ];
     assert_eq!(keys(&verdict["letters"][0]), letter);
     assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
     let reason = serde_json::to_value(Reason::NoLight).unwrap();

@@ -1,0 +1,48 @@
+//! What it costs to read a photo: preparing for a word once, then every photo of it.
+//!
+//! CPU time here, one core: NOOR at 1920×1080 18 ms to prepare and 11 ms a photo.
+#![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
+#![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use noctograph::expose::{BackendChoice, ExposeOptions, expose};
+use noctograph::photo::{Photo, develop};
+use noctograph::scene::Scene;
+use noctograph::score::{Reader, View};
+use noctograph::{letters, light, plan, sim};
+
+/// The default preview of a word, and how to read it.
+fn preview(word: &str, size_px: [u32; 2]) -> (letters::Strokes, Photo, View) {
+    let mut scene = Scene::default();
+    [scene.camera.width_px, scene.camera.height_px] = size_px;
+    let strokes = letters::write(word, &scene.letters).unwrap();
+    let plan = plan::plan(&strokes, &scene.plan).unwrap();
+    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
+    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
+    let trace = light::light(&flight, &scene.light, 0, 0).unwrap();
+    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
+    let film = expose(&trace, &camera, &options).unwrap().film;
+    (strokes, develop(&film, &camera, &scene.photo, 0).unwrap(), (&camera).into())
+}
+
+fn read(c: &mut Criterion) {
+    for (word, size_px) in
+        [("NOOR", [1920, 1080]), ("PAINTING", [1920, 1080]), ("NOOR", [192, 108])]
+    {
+        let (strokes, photo, view) = preview(word, size_px);
+        let options = Scene::default().score;
+        let name = format!("{word} at {}x{}", size_px[0], size_px[1]);
+        c.bench_function(&format!("prepare for {name}"), |b| {
+            b.iter(|| Reader::new(black_box(&strokes), &options).unwrap());
+        });
+        let reader = Reader::new(&strokes, &options).unwrap();
+        c.bench_function(&format!("read {name}"), |b| {
+            b.iter(|| reader.score(black_box(&photo), &view).unwrap());
+        });
+    }
+}
+
+criterion_group!(benches, read);
+criterion_main!(benches);

@@ -1,0 +1,64 @@
+//! Ink by its color: what shines in the color of the strokes is ink, what shines in another color
+//! is something else.
+//!
+//! A Crazyflie's status lights draw along with the headlights, all the time. People tell the blue
+//! and red lines from the white ones; luminance alone does not where they are overexposed.
+
+use super::light::{Rgb, luminance};
+
+/// Channels with less than this share of the ink's strongest channel say nothing about the ink:
+/// there is too little light in them.
+const MIN_CHANNEL: f32 = 0.3;
+
+/// Mean color of the brightest pixels.
+pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
+    let mut sorted: Vec<(f32, Rgb)> =
+        light.iter().map(|light| (luminance(*light), *light)).collect();
+    let n_pixels = n_pixels.clamp(1, sorted.len());
+    sorted.select_nth_unstable_by(n_pixels - 1, |a, b| {
+        let [a, b] = [a, b].map(|(bright, [r, g, b])| [*bright, *r, *g, *b]);
+        let differs = b.iter().zip(&a).map(|(b, a)| b.total_cmp(a)).find(|order| order.is_ne());
+        differs.unwrap_or(std::cmp::Ordering::Equal)
+    });
+    let mut sum = [0.0; 3];
+    for (_, light) in &sorted[..n_pixels] {
+        (0..3).for_each(|channel| sum[channel] += light[channel]);
+    }
+    sum.map(|sum| sum / n_pixels as f32)
+}
+
+/// How much light of a color each pixel holds, as luminance: the share of its scarcest channel.
+pub(super) fn held(light: &[Rgb], color: Rgb) -> Vec<f32> {
+    let strongest = color.iter().copied().fold(0.0, f32::max);
+    let scale = luminance(color);
+    // Weak channels hold any share.
+    let per_color = color.map(|c| (c >= MIN_CHANNEL * strongest && c > 0.0).then(|| scale / c));
+    let share = |light: &Rgb| {
+        let shares = light.iter().zip(per_color).filter_map(|(light, per)| Some(light * per?));
+        shares.fold(f32::INFINITY, f32::min)
+    };
+    light
+        .iter()
+        .map(share)
+        .map(|share| if share.is_finite() { share.max(0.0) } else { 0.0 })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_ink_is_not_in_blue_lines_nor_blue_ink_in_red_ones() {
+        let [white, blue, red] = [[0.8, 0.8, 0.8], [0.1, 0.2, 1.0], [0.9, 0.05, 0.0]];
+        let page = [white, white, blue, red, [0.0; 3]];
+        let color = of_brightest(&page, 2);
+        assert!(color.iter().all(|c| (c - 0.8).abs() < 1e-6), "{color:?}");
+        let held_white = held(&page, color);
+        assert!((held_white[0] - 0.8).abs() < 1e-6, "ink keeps its luminance: {held_white:?}");
+        assert!((held_white[2] - 0.1).abs() < 1e-6 && held_white[3] < 1e-6, "{held_white:?}");
+        let held_blue = held(&page, blue);
+        assert!(held_blue[2] > 0.1 && held_blue[3] < 1e-6 && held_blue[0] > held_blue[3]);
+        assert_eq!(held(&page, [0.0; 3]), [0.0; 5], "no ink, no light");
+    }
+}

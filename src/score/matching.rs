@@ -1,0 +1,153 @@
+//! How much what is seen in a window resembles each character.
+//!
+//! A hypothesis is the intended neighbours and one reference beside them; its similarity is the
+//! normalised correlation with the picture in the window, less the cost of shift and stretch. All
+//! hypotheses are tried at quarter resolution, the best of each character again at half and at
+//! full resolution.
+
+use super::bank::{Bank, shift_cost};
+use super::raster::{Raster, dots, moments};
+use super::window::Level;
+
+/// Characters that fall behind the best by more than this at quarter resolution are not looked at
+/// again: with the reader's sharpness of 30 they are a hundred times less likely.
+const CLOSE: f32 = 0.15;
+
+/// References of a character that are looked at again, at their best shifts.
+const N_CANDIDATES: usize = 3;
+
+/// The best hypothesis for a character.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Match {
+    pub(super) similarity: f32,
+    /// Index of the reference.
+    pub(super) template: usize,
+    /// Right and down, in pixels of full resolution.
+    pub(super) shift: [isize; 2],
+}
+
+/// What is known of a cell before a photo is seen.
+pub(super) struct Surroundings {
+    /// The neighbours in the window at each resolution, 0 beside it.
+    neighbours: [Vec<f32>; 3],
+    /// Sum and sum of squares of the neighbours.
+    sums: [[f32; 2]; 3],
+    /// Of each reference at each of the bank's shifts between the neighbours, at quarter
+    /// resolution: 1 over its norm.
+    inverse_norms: Vec<f32>,
+}
+
+/// A picture in the window at one resolution, less its mean, 0 beside the window.
+struct Seen {
+    values: Vec<f32>,
+    norm: f32,
+    /// Product with the neighbours.
+    product: f32,
+}
+
+impl Surroundings {
+    /// A cell whose neighbours were drawn and blurred on the bank's page.
+    pub(super) fn new(bank: &Bank, neighbours: &Raster) -> Self {
+        let pages = neighbours.clone().pyramid();
+        let neighbours: [Vec<f32>; 3] =
+            std::array::from_fn(|at| bank.levels[at].masked(&pages[at]));
+        let sums = std::array::from_fn(|at| {
+            let of = &neighbours[at];
+            dots([&bank.levels[at].mask, of], of)
+        });
+        let level = &bank.levels[2];
+        let norm = |page: &Raster, shift| {
+            let rows = level.rows(page, shift);
+            let [_, overlap, sum, squares] = moments(rows, &[], &neighbours[2], &level.mask);
+            inverse_norm(level, sums[2], sum, squares, overlap)
+        };
+        let templates = bank.templates.iter();
+        let inverse_norms = templates
+            .flat_map(|template| bank.shifts.iter().map(|&shift| norm(&template.pages[2], shift)))
+            .collect();
+        Self { neighbours, sums, inverse_norms }
+    }
+
+    /// Compares a picture of the cell with the bank: the best hypothesis for each class.
+    pub(super) fn compare(&self, bank: &Bank, picture: &Raster, n_classes: usize) -> Vec<Match> {
+        let pages = picture.clone().pyramid();
+        let seen: [Seen; 3] =
+            std::array::from_fn(|at| Seen::new(&bank.levels[at], &pages[at], &self.neighbours[at]));
+        let none = Match { similarity: f32::NEG_INFINITY, template: 0, shift: [0, 0] };
+        let mut candidates = vec![[none; N_CANDIDATES]; n_classes];
+        for (index, norms) in self.inverse_norms.chunks_exact(bank.shifts.len()).enumerate() {
+            let template = &bank.templates[index];
+            let mut best = none;
+            for (&shift, inverse_norm) in bank.shifts.iter().zip(norms) {
+                let rows = bank.levels[2].rows(&template.pages[2], shift);
+                let product = seen[2].product + dots([rows], &seen[2].values)[0];
+                let shift = shift.map(|quarter_px| 4 * quarter_px);
+                let cost = template.cost + shift_cost(shift);
+                let similarity = product * inverse_norm * seen[2].norm - cost;
+                if similarity > best.similarity {
+                    best = Match { similarity, template: index, shift };
+                }
+            }
+            let candidates = &mut candidates[template.class];
+            if best.similarity > candidates[N_CANDIDATES - 1].similarity {
+                candidates[N_CANDIDATES - 1] = best;
+                candidates.sort_by(|a, b| b.similarity.total_cmp(&a.similarity));
+            }
+        }
+        let best = candidates.iter().map(|c| c[0].similarity).fold(f32::NEG_INFINITY, f32::max);
+        let refined = candidates.iter().map(|candidates| {
+            if candidates[0].similarity < best - CLOSE {
+                return candidates[0];
+            }
+            let found = candidates.iter().filter(|candidate| candidate.similarity.is_finite());
+            let halves = found.map(|candidate| self.refine(bank, &seen, 1, *candidate));
+            let half = halves.reduce(|a, b| if b.similarity > a.similarity { b } else { a });
+            self.refine(bank, &seen, 0, half.expect("the best is finite"))
+        });
+        refined.collect()
+    }
+
+    /// The best hypothesis at a resolution, a pixel to every side of a candidate tried.
+    fn refine(&self, bank: &Bank, seen: &[Seen; 3], at: usize, candidate: Match) -> Match {
+        let (level, seen) = (&bank.levels[at], &seen[at]);
+        let template = &bank.templates[candidate.template];
+        let step = 1_isize << at;
+        let mut best = Match { similarity: f32::NEG_INFINITY, ..candidate };
+        for down in [-step, 0, step] {
+            for right in [-step, 0, step] {
+                let shift = [candidate.shift[0] + right, candidate.shift[1] + down];
+                if !Bank::reaches(shift) {
+                    continue;
+                }
+                let rows = level.rows(&template.pages[at], shift.map(|px| px / step));
+                let [product, overlap, sum, squares] =
+                    moments(rows, &seen.values, &self.neighbours[at], &level.mask);
+                let inverse_norm = inverse_norm(level, self.sums[at], sum, squares, overlap);
+                let correlation = (seen.product + product) * inverse_norm * seen.norm;
+                let similarity = correlation - template.cost - shift_cost(shift);
+                if similarity > best.similarity {
+                    best = Match { similarity, shift, ..candidate };
+                }
+            }
+        }
+        best
+    }
+}
+
+impl Seen {
+    fn new(level: &Level, page: &Raster, neighbours: &[f32]) -> Self {
+        let mut values = level.masked(page);
+        let mean = values.iter().sum::<f32>() / level.n_pixels;
+        values.iter_mut().zip(&level.mask).for_each(|(value, mask)| *value -= mean * mask);
+        let [squares, product] = dots([&values, neighbours], &values);
+        let norm = if squares > 0.0 { 1.0 / squares.sqrt() } else { 0.0 };
+        Self { values, norm, product }
+    }
+}
+
+/// 1 over the norm of a reference between its neighbours, less their mean; 0 where nothing varies.
+fn inverse_norm(level: &Level, beside: [f32; 2], sum: f32, squares: f32, overlap: f32) -> f32 {
+    let sum = beside[0] + sum;
+    let squares = beside[1] + squares + 2.0 * overlap - sum * sum / level.n_pixels;
+    if squares > 0.0 { 1.0 / squares.sqrt() } else { 0.0 }
+}

@@ -1,0 +1,139 @@
+//! How a photo shows the plane of the word: through a known camera, or by four corners in the
+//! picture.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+
+/// Where points of the word's plane (x and height, metres) fall in the picture.
+#[derive(Clone, Debug)]
+pub enum View {
+    /// Through a camera whose place and lens are known.
+    Camera(Box<Camera>),
+    /// By a homography: the plane in perspective, without a lens's distortion.
+    Plane(Homography),
+}
+
+/// A plane in perspective.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Homography {
+    image_from_plane: Matrix3<f64>,
+    /// Width of the photo.
+    pub width_px: u32,
+    /// Height of the photo.
+    pub height_px: u32,
+}
+
+impl From<&Camera> for View {
+    fn from(camera: &Camera) -> Self {
+        Self::Camera(Box::new(camera.clone()))
+    }
+}
+
+impl View {
+    /// Pixels from the left and upper edge; `None` where the photo cannot show the point.
+    #[must_use]
+    pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
+        let [x, y] = match self {
+            Self::Camera(camera) => {
+                let point = camera.image_from_world(Vector3::new(x_m, 0.0, height_m))?;
+                [point.x_px, point.y_px]
+            }
+            Self::Plane(plane) => {
+                let point = plane.image_from_plane * Vector3::new(x_m, height_m, 1.0);
+                if point.z <= 0.0 {
+                    return None;
+                }
+                [point.x / point.z, point.y / point.z]
+            }
+        };
+        (x.is_finite() && y.is_finite()).then_some([x, y])
+    }
+
+    /// Size of the photo that it was made for.
+    #[must_use]
+    pub fn size_px(&self) -> [u32; 2] {
+        match self {
+            Self::Camera(camera) => [camera.width_px, camera.height_px],
+            Self::Plane(plane) => [plane.width_px, plane.height_px],
+        }
+    }
+}
+
+impl Homography {
+    /// The view that shows a box of the plane (`[left, bottom, right, top]`) at four corners of
+    /// the picture: upper left, upper right, lower right, lower left.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where the corners do not go round a convex figure clockwise.
+    pub fn from_corners(
+        [left, bottom, right, top]: [f64; 4],
+        corners_px: [[f64; 2]; 4],
+        [width_px, height_px]: [u32; 2],
+    ) -> Result<Self> {
+        let refuse = || {
+            Error::input(
+                "corners",
+                format!("{corners_px:?}"),
+                "the word's upper left, upper right, lower right and lower left corner, in pixels \
+                 from the photo's upper left, each a left or right turn from the next the same way",
+                "read the four corners of the word's box off the photo, clockwise from upper left",
+            )
+        };
+        let turn = |at: usize| {
+            let [a, b, c] = [0, 1, 2].map(|step| corners_px[(at + step) % 4]);
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+        };
+        if !(0..4).all(|at| turn(at) > 1.0) {
+            return Err(refuse());
+        }
+        let plane = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        let mut rows = SMatrix::<f64, 8, 8>::zeros();
+        let mut values = SVector::<f64, 8>::zeros();
+        for (at, ([x, y], [u, v])) in plane.into_iter().zip(corners_px).enumerate() {
+            rows.set_row(2 * at, &[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y].into());
+            rows.set_row(2 * at + 1, &[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y].into());
+            (values[2 * at], values[2 * at + 1]) = (u, v);
+        }
+        let h = rows.lu().solve(&values).ok_or_else(refuse)?;
+        let mut image_from_plane =
+            Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
+        // In front of the camera the third coordinate is positive.
+        let middle = Vector3::new(0.5 * (left + right), 0.5 * (bottom + top), 1.0);
+        if (image_from_plane * middle).z < 0.0 {
+            image_from_plane = -image_from_plane;
+        }
+        Ok(Self { image_from_plane, width_px, height_px })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraOptions;
+
+    #[test]
+    fn four_corners_of_a_camera_s_picture_are_that_camera() {
+        let bounds = [-0.6, 0.5, 0.9, 1.0];
+        let options = CameraOptions {
+            framing: crate::camera::Framing::Fixed,
+            position_m: [-1.5, -3.0, 1.6],
+            ..CameraOptions::default()
+        };
+        let camera = View::from(&options.camera(bounds, 0.0).unwrap());
+        let [left, bottom, right, top] = bounds;
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+            .map(|point| camera.image_from_plane(point).unwrap());
+        let plane = View::Plane(Homography::from_corners(bounds, corners, [1920, 1080]).unwrap());
+        for point in [[0.1, 0.7], [-0.9, 0.2], [1.2, 1.3]] {
+            let [a, b] = [&camera, &plane].map(|view| view.image_from_plane(point).unwrap());
+            assert!((a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-6, "{a:?} and {b:?}");
+        }
+        let [a, b, c, d] = corners;
+        for crossed in [[a, c, b, d], [a, b, a, b], [b, a, d, c], [[f64::NAN; 2]; 4]] {
+            assert!(Homography::from_corners(bounds, crossed, [1920, 1080]).is_err());
+        }
+    }
+}
