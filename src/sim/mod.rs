@@ -26,6 +26,7 @@ mod estimator;
 pub mod identify;
 mod mixer;
 mod noise;
+mod normals;
 mod options;
 mod presets;
 mod recorder;

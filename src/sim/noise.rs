@@ -45,6 +45,11 @@ impl Noise {
         Vector3::from_fn(|_, _| self.normal())
     }
 
+    /// What it draws from, for [`super::normals::Normals`].
+    pub(super) fn into_rng(self) -> ChaCha8Rng {
+        self.rng
+    }
+
     /// Uniform in `[0, 1)`.
     pub(super) fn uniform(&mut self) -> f64 {
         self.rng.random()

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
-
 use super::vehicle::{State, attitude, position, rate, velocity};
+use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample};
 use crate::geometry::Attitude;
 use crate::plan::{Plan, Setpoint};
@@ -19,10 +18,10 @@ pub(super) struct Recorder<'a> {
 
 /// What the drone knows and does at one tick.
 #[derive(Debug)]
-pub(super) struct Moment<'a> {
+pub(super) struct Moment {
     pub(super) time_s: f64,
-    pub(super) state: &'a State,
-    pub(super) estimate: &'a State,
+    pub(super) state: State,
+    pub(super) estimate: State,
     pub(super) motors: [f64; 4],
     /// Index of the setpoint in force.
     pub(super) setpoint: usize,
@@ -39,11 +38,11 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    pub(super) fn record(&mut self, moment: &Moment<'_>) {
+    pub(super) fn record(&mut self, moment: &Moment) {
         let setpoint = &self.plan.setpoints[moment.setpoint];
         self.flight.samples.push(sample(moment, setpoint));
         for (column, sent) in self.flight.lights.values_mut().zip(self.plan.lights.values()) {
-            column.push(micro(sent[moment.setpoint]));
+            column.push(on_grid(sent[moment.setpoint]));
         }
     }
 
@@ -52,44 +51,21 @@ impl<'a> Recorder<'a> {
     }
 }
 
-fn sample(moment: &Moment<'_>, setpoint: &Setpoint) -> FlightSample {
-    let Attitude { yaw_rad, pitch_rad, roll_rad } = attitude(moment.state);
+fn sample(moment: &Moment, setpoint: &Setpoint) -> FlightSample {
+    let Attitude { yaw_rad, pitch_rad, roll_rad } = attitude(&moment.state);
     FlightSample {
-        time_s: micro(moment.time_s),
-        position_m: micros(position(moment.state)),
+        time_s: on_grid(moment.time_s),
+        position_m: position(&moment.state).map(on_grid),
         attitude: Attitude {
-            yaw_rad: micro(yaw_rad),
-            pitch_rad: micro(pitch_rad),
-            roll_rad: micro(roll_rad),
+            yaw_rad: on_grid(yaw_rad),
+            pitch_rad: on_grid(pitch_rad),
+            roll_rad: on_grid(roll_rad),
         },
-        velocity_body_m_s: micros(velocity(moment.state)),
-        rate_body_rad_s: micros(rate(moment.state)),
-        estimate_m: micros(position(moment.estimate)),
-        design_m: micros(setpoint.design_m(moment.time_s)),
-        motors: moment.motors.map(micro),
+        velocity_body_m_s: velocity(&moment.state).map(on_grid),
+        rate_body_rad_s: rate(&moment.state).map(on_grid),
+        estimate_m: position(&moment.estimate).map(on_grid),
+        design_m: setpoint.design_m(moment.time_s).map(on_grid),
+        motors: moment.motors.map(on_grid),
         letter: setpoint.letter,
-    }
-}
-
-fn micros(values: Vector3<f64>) -> Vector3<f64> {
-    values.map(micro)
-}
-
-/// The nearest number with six decimals, zero without a sign.
-fn micro(value: f64) -> f64 {
-    (value * 1e6).round() / 1e6 + 0.0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn six_decimals_give_the_same_number_back() {
-        for i in 0..10_000 {
-            let value = micro(libm::sin(f64::from(i)) * libm::exp(f64::from(i % 12)));
-            assert_eq!(format!("{value:.6}").parse::<f64>().unwrap(), value);
-        }
-        assert_eq!(format!("{:.6}", micro(-1e-9)), "0.000000");
     }
 }

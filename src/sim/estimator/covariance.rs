@@ -49,6 +49,7 @@ impl Covariance {
     ///
     /// `lever` is `−R [f]×`; the spectral densities (two-sided) are those of the noise on the
     /// acceleration and on the body rate.
+    #[inline(always)]
     pub(super) fn carry(
         &mut self,
         span_s: f64,
@@ -96,6 +97,7 @@ impl Covariance {
     /// `P ← P − a aᵀ / s`: a scalar update subtracts one square from a matrix that stays exactly
     /// symmetric, which at the ratios of variance that occur here (1e-6 and more) is as safe as
     /// Joseph's form and half the work.
+    #[inline(always)]
     pub(super) fn correct(
         &mut self,
         errors: &mut Errors,

@@ -95,6 +95,7 @@ impl Ekf {
 
     /// Moves the state over a span with the mean of the body rates at its ends and the specific
     /// force along it.
+    #[inline(always)]
     fn predict(&mut self, rate_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>, tick_s: f64) {
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
         let midway = self.attitude.by(&(turn_rad * 0.5)).matrix();
@@ -108,6 +109,7 @@ impl Ekf {
         self.turn_rad += turn_rad;
     }
 
+    #[inline(always)]
     fn carry_covariance(&mut self, force_m_s2: &Vector3<f64>) {
         let lever = -self.world_from_body * force_m_s2.cross_matrix();
         let Trust { acceleration, rate, .. } = self.trust;
@@ -116,11 +118,13 @@ impl Ekf {
         self.turn_rad = Vector3::zeros();
     }
 
+    #[inline(always)]
     fn correct(&mut self, slope: Slope, innovation: f64, variance: f64) {
         let gate_sq = self.trust.gate_sq;
         self.covariance.correct(&mut self.errors, &slope, innovation, variance, gate_sq);
     }
 
+    #[inline(always)]
     fn see_sweep(&mut self, sweep: &Sweep) {
         for (sensor, angle_rad) in DECK_SENSORS_M.into_iter().zip(sweep.angles_rad) {
             let lever = Vector3::from(sensor);
@@ -176,6 +180,7 @@ impl Ekf {
     }
 
     /// Puts what the measurements said into the state.
+    #[inline(always)]
     fn settle(&mut self) {
         let errors = std::mem::take(&mut self.errors);
         self.position_m += errors.position_m;
@@ -185,8 +190,21 @@ impl Ekf {
     }
 }
 
-impl Estimator for Ekf {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+/// One update, in the widest registers that the processor has.
+struct Update<'a, 'b>(&'a mut Ekf, &'a Readings<'b>, f64);
+
+impl pulp::NullaryFnOnce for Update<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.0.take_in(self.1, self.2);
+    }
+}
+
+impl Ekf {
+    #[inline(always)]
+    fn take_in(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = &readings.specific_force_m_s2;
         self.predict(&readings.rate_rad_s, force_m_s2, tick_s);
         let measured = !readings.sweeps.is_empty()
@@ -207,6 +225,12 @@ impl Estimator for Ekf {
         readings.time_of_flight_m.iter().for_each(|distance_m| self.see_floor(*distance_m));
         readings.barometer_m.iter().for_each(|height_m| self.feel_height(*height_m));
         self.settle();
+    }
+}
+
+impl Estimator for Ekf {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        pulp::Arch::new().dispatch(Update(self, readings, tick_s));
     }
 
     fn state(&self) -> State {

@@ -11,7 +11,7 @@ use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::sensors::{HeightSensor, Positioning, SensorOptions, Sensors};
-use crate::sim::vehicle::{GRAVITY_M_S2, State};
+use crate::sim::vehicle::{Body, GRAVITY_M_S2, State};
 use crate::sim::{SimOptions, fly};
 
 const RATE_HZ: u32 = 500;
@@ -61,7 +61,7 @@ fn follow(
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
         let (state, force) = truth(time_s);
-        ekf.update(&readers.read(&state, force), TICK_S);
+        ekf.update(&readers.read(&Body::of(&state), force), TICK_S);
         show(time_s, &state, &ekf);
     }
 }
@@ -245,7 +245,7 @@ fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
         let mut readers = Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, 0);
-        let fixes = (0..5000).filter_map(|_| readers.read(&state, force).position_m);
+        let fixes = (0..5000).filter_map(|_| readers.read(&Body::of(&state), force).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
@@ -253,7 +253,7 @@ fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
         let mut ekf = Ekf::new(&ObserverOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
-            ekf.update(&readers.read(&state, force), TICK_S);
+            ekf.update(&readers.read(&Body::of(&state), force), TICK_S);
             if tick >= 1000 && tick % 10 == 0 {
                 places.push(ekf.position_m);
             }

@@ -92,8 +92,9 @@ fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
 mod tests {
     use super::*;
     use crate::control::observability_rank;
+    use crate::sim::vehicle::Body;
 
-    fn at_rest(truth: &State, position_m: Vector3<f64>, rate_rad_s: Vector3<f64>) -> Readings<'_> {
+    fn at_rest(truth: &Body, position_m: Vector3<f64>, rate_rad_s: Vector3<f64>) -> Readings<'_> {
         Readings {
             truth,
             rate_rad_s,
@@ -139,7 +140,7 @@ mod tests {
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
         let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let start = State::zeros();
+        let start = Body::at(Vector3::zeros());
         let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
             observer.update(&readings, 0.002);
@@ -152,7 +153,7 @@ mod tests {
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
         let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let start = State::zeros();
+        let start = Body::at(Vector3::zeros());
         let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {
             observer.update(&readings, 0.002);

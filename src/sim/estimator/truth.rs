@@ -5,26 +5,26 @@ use nalgebra::Vector3;
 
 use super::Estimator;
 use crate::sim::sensors::Readings;
-use crate::sim::vehicle::{State, at};
+use crate::sim::vehicle::{Body, State};
 
-/// The true state of the last tick.
+/// The true motion at the last tick.
 #[derive(Debug)]
 pub(super) struct Truth {
-    state: State,
+    body: Body,
 }
 
 impl Truth {
     pub(super) fn new(position_m: Vector3<f64>) -> Self {
-        Self { state: at(position_m, 0.0) }
+        Self { body: Body::at(position_m) }
     }
 }
 
 impl Estimator for Truth {
     fn update(&mut self, readings: &Readings<'_>, _tick_s: f64) {
-        self.state = *readings.truth;
+        self.body = *readings.truth;
     }
 
     fn state(&self) -> State {
-        self.state
+        self.body.state()
     }
 }

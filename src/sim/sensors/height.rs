@@ -52,11 +52,16 @@ impl TimeOfFlight {
 
     /// Distance to the floor, for a drone at a height with the cosine of its tilt; none where it is
     /// too far.
-    pub(super) fn read(&mut self, height_m: f64, cos_tilt: f64, time_s: f64) -> Option<f64> {
+    pub(super) fn read(
+        &mut self,
+        height_m: f64,
+        cos_tilt: impl Fn() -> f64,
+        time_s: f64,
+    ) -> Option<f64> {
         if !self.clock.due(time_s) {
             return None;
         }
-        let error = self.noise.normal();
+        let (error, cos_tilt) = (self.noise.normal(), cos_tilt());
         let distance_m = height_m / cos_tilt;
         (cos_tilt > 0.0 && distance_m <= TIME_OF_FLIGHT_RANGE_M)
             .then(|| (distance_m + error * time_of_flight_sigma_m(distance_m)).max(0.0))
@@ -135,15 +140,15 @@ mod tests {
         assert!((time_of_flight_sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
         for distance_m in [0.5, 2.5, 3.5] {
             let mut ranger = TimeOfFlight::new(noise);
-            let found = series(40.0, 1 << 18, |t| ranger.read(distance_m, 1.0, t));
+            let found = series(40.0, 1 << 18, |t| ranger.read(distance_m, || 1.0, t));
             let want = time_of_flight_sigma_m(distance_m) / f64::sqrt(20.0);
             for (band, density) in white_density(&found).into_iter().enumerate() {
                 assert!((density / want - 1.0).abs() < 0.2, "{distance_m} m, band {band}");
             }
         }
         let mut ranger = TimeOfFlight::new(noise);
-        assert_eq!(ranger.read(5.1, 1.0, 0.0), None, "no floor");
-        let tilted = ranger.read(1.0, 0.9, 1.0).unwrap();
+        assert_eq!(ranger.read(5.1, || 1.0, 0.0), None, "no floor");
+        let tilted = ranger.read(1.0, || 0.9, 1.0).unwrap();
         assert!((tilted - 1.0 / 0.9).abs() < 0.02, "along the body: {tilted}");
     }
 

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::SensorOptions;
 use crate::sim::noise::Noise;
+use crate::sim::normals::Normals;
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
 /// modelled: noise is white up to half the rate at which it is read.
@@ -11,7 +12,7 @@ use crate::sim::noise::Noise;
 pub(super) struct Imu {
     gyro: Axes,
     accelerometer: Axes,
-    accelerometer_xy: Noise,
+    accelerometer_xy: Normals,
 }
 
 /// One sensor of three axes.
@@ -19,10 +20,10 @@ pub(super) struct Imu {
 struct Axes {
     /// Standard deviation of one reading.
     sigma: f64,
-    noise: Noise,
+    noise: Normals,
     /// Standard deviation of the bias's step from tick to tick.
     step: f64,
-    steps: Noise,
+    steps: Normals,
     bias: Vector3<f64>,
 }
 
@@ -32,12 +33,13 @@ impl Axes {
     fn new(density: f64, walk: f64, rate_hz: u32, noise: Noise, steps: Noise) -> Self {
         let half_rate = (0.5 * f64::from(rate_hz)).sqrt();
         let step = walk * (0.5 / f64::from(rate_hz)).sqrt();
+        let (noise, steps) = (Normals::of(noise), Normals::of(steps));
         Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
     }
 
     fn bias(&mut self) -> Vector3<f64> {
         if self.step > 0.0 {
-            self.bias += self.steps.normals() * self.step;
+            self.bias += self.steps.next_three() * self.step;
         }
         self.bias
     }
@@ -64,21 +66,21 @@ impl Imu {
                 noise("accelerometer"),
                 noise("accelerometer bias"),
             ),
-            accelerometer_xy: noise("accelerometer xy"),
+            accelerometer_xy: Normals::of(noise("accelerometer xy")),
         }
     }
 
     /// Turning as the gyroscope reads it, body frame.
     pub(super) fn rate_rad_s(&mut self, rate_rad_s: Vector3<f64>) -> Vector3<f64> {
-        rate_rad_s + self.gyro.noise.normals() * self.gyro.sigma + self.gyro.bias()
+        rate_rad_s + self.gyro.noise.next_three() * self.gyro.sigma + self.gyro.bias()
     }
 
     /// Specific force as the accelerometer reads it, body frame.
     pub(super) fn specific_force_m_s2(&mut self, force_m_s2: Vector3<f64>) -> Vector3<f64> {
         let sensor = &mut self.accelerometer;
-        let z = sensor.noise.normal();
+        let z = sensor.noise.next();
         let xy = &mut self.accelerometer_xy;
-        force_m_s2 + Vector3::new(xy.normal(), xy.normal(), z) * sensor.sigma + sensor.bias()
+        force_m_s2 + Vector3::new(xy.next(), xy.next(), z) * sensor.sigma + sensor.bias()
     }
 }
 

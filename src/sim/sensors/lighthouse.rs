@@ -85,7 +85,7 @@ impl Lighthouse {
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
-        world_from_body: &Matrix3<f64>,
+        world_from_body: impl Fn() -> Matrix3<f64>,
         time_s: f64,
     ) -> &[Sweep] {
         self.sweeps.clear();
@@ -94,11 +94,12 @@ impl Lighthouse {
                 // Drawn for every sweep, seen or not.
                 let lost = rotor.noise.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
+                let world_from_body = world_from_body();
                 let up = world_from_body.column(2).into_owned();
                 if lost || !rotor.truth.sees(position_m, &up) {
                     continue;
                 }
-                let angles_rad = rotor.angles_rad(plane, position_m, world_from_body, &errors);
+                let angles_rad = rotor.angles_rad(plane, position_m, &world_from_body, &errors);
                 rotor.seen_s = time_s;
                 self.sweeps.push(Sweep { station, plane, angles_rad });
             }

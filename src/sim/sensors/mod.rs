@@ -25,7 +25,7 @@ use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
-use super::vehicle::{State, attitude, position, rate};
+use super::vehicle::{Body, attitude};
 
 pub use self::config::read_lighthouse_config;
 pub(super) use self::height::time_of_flight_sigma_m;
@@ -38,8 +38,8 @@ pub(super) use self::uwb::Range;
 /// What arrived at one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readings<'a> {
-    /// The true state, which no estimator but the one named `truth` looks at.
-    pub(super) truth: &'a State,
+    /// The true motion, which no estimator but the one named `truth` looks at.
+    pub(super) truth: &'a Body,
     /// Gyroscope, body frame.
     pub(super) rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
@@ -116,17 +116,17 @@ impl Sensors {
     /// Reads every sensor that is due, once a tick.
     pub(super) fn read<'a>(
         &'a mut self,
-        state: &'a State,
+        body: &'a Body,
         specific_force_m_s2: Vector3<f64>,
     ) -> Readings<'a> {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
-        let position_m = position(state);
-        let world_from_body = attitude(state).world_from_body();
-        let cos_tilt = world_from_body[(2, 2)];
+        let position_m = body.position_m;
+        // Costs more than all else here, and is not needed at most ticks.
+        let world_from_body = || attitude(&body.state()).world_from_body();
         let mut readings = Readings {
-            truth: state,
-            rate_rad_s: self.imu.rate_rad_s(rate(state)),
+            truth: body,
+            rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),
             specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
             position_m: None,
             sweeps: &[],
@@ -137,17 +137,18 @@ impl Sensors {
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
             Locator::CrossingBeams(lighthouse, beams) => {
-                let sweeps = lighthouse.read(&position_m, &world_from_body, time_s);
+                let sweeps = lighthouse.read(&position_m, world_from_body, time_s);
                 readings.position_m = beams.fix_m(sweeps, time_s);
             }
             Locator::Sweeps(lighthouse) => {
-                readings.sweeps = lighthouse.read(&position_m, &world_from_body, time_s);
+                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s);
             }
             Locator::Uwb(uwb) => readings.ranges = uwb.read(&position_m, time_s),
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         if let Some(sensor) = &mut self.time_of_flight {
-            readings.time_of_flight_m = sensor.read(position_m.z, cos_tilt, time_s);
+            readings.time_of_flight_m =
+                sensor.read(position_m.z, || world_from_body()[(2, 2)], time_s);
         }
         if let Some(sensor) = &mut self.barometer {
             readings.barometer_m = sensor.read(position_m.z, time_s);
@@ -171,7 +172,7 @@ impl Sensors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::{GRAVITY_M_S2, at};
+    use crate::sim::vehicle::GRAVITY_M_S2;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
     const ALL: [Positioning; 6] = [
@@ -194,10 +195,10 @@ mod tests {
     }
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
-        let (state, force) = (at(PLACE_M, 0.0), Vector3::z() * GRAVITY_M_S2);
+        let (body, force) = (Body::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
         let mut sensors = Sensors::new(options, 500, 1, 0);
         let read = |_| {
-            let r = sensors.read(&state, force);
+            let r = sensors.read(&body, force);
             Written {
                 inertial: [r.rate_rad_s, r.specific_force_m_s2],
                 position_m: r.position_m,

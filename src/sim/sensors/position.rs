@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::SensorOptions;
 use crate::sim::noise::{Field, Noise};
+use crate::sim::normals::Normals;
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
 /// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.
@@ -13,7 +14,7 @@ const FIX_RATE_HZ: u32 = 50;
 #[derive(Debug)]
 pub(super) struct PositionSensor {
     jitter_m: f64,
-    jitter: Noise,
+    jitter: Normals,
     distortion: Field<3>,
     distortion_m: Vector3<f64>,
     ticks_per_fix: u32,
@@ -27,7 +28,7 @@ impl PositionSensor {
     ) -> Self {
         Self {
             jitter_m: options.lighthouse_jitter_m,
-            jitter: noise("lighthouse jitter"),
+            jitter: Normals::of(noise("lighthouse jitter")),
             distortion: Field::new(
                 &mut noise("lighthouse distortion"),
                 options.lighthouse_distortion_m,
@@ -48,6 +49,6 @@ impl PositionSensor {
         if tick.is_multiple_of(self.ticks_per_fix) {
             self.distortion_m = self.distortion.at(&position_m);
         }
-        position_m + self.distortion_m + self.jitter.normals() * self.jitter_m
+        position_m + self.distortion_m + self.jitter.next_three() * self.jitter_m
     }
 }

@@ -132,6 +132,7 @@ impl StationPose {
     /// Where plane 0 or 1 meets a point:
     /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
+    #[inline(always)]
     pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let (angle_rad, slope) = match (self.generation, plane) {
@@ -168,6 +169,7 @@ fn upright(a: f64, b: f64) -> (f64, Vector3<f64>) {
 }
 
 /// Angle of a slanted plane, and its slope in the station's frame.
+#[inline(always)]
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> (f64, Vector3<f64>) {
     let square = u.x * u.x + u.y * u.y;
     let radius = square.sqrt();

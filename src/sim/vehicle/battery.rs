@@ -61,7 +61,7 @@ impl Battery {
     }
 
     /// Bears a thrust of all rotors for `dt_s`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
         self.charge_frac = (self.charge_frac - current_a * dt_s / self.capacity_a_s).max(0.0);
@@ -70,7 +70,7 @@ impl Battery {
     }
 
     /// What the motors can do now; `full_n` is the thrust of a motor's largest command.
-    #[inline]
+    #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
         if self.cut_off {
             return Limit { gain: 0.0, max_n: 0.0 };
@@ -84,6 +84,7 @@ impl Battery {
         }
     }
 
+    #[inline(always)]
     fn open_circuit_v(&self) -> f64 {
         let tenths = self.charge_frac * 10.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]

@@ -1,8 +1,12 @@
 //! The rigid body: where it is, and one step of its motion.
 
+#[cfg(test)]
+use nalgebra::Rotation3;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::model::{GRAVITY_M_S2, State};
+#[cfg(test)]
+use super::model::{attitude, rate, velocity};
 use super::options::VehicleOptions;
 use super::rotors::Load;
 
@@ -32,6 +36,27 @@ impl Body {
             world_from_body: UnitQuaternion::identity(),
             rate_rad_s: Vector3::zeros(),
         }
+    }
+
+    /// The body in a state of the design model.
+    #[cfg(test)]
+    pub(in crate::sim) fn of(state: &State) -> Self {
+        let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
+        let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
+        Self {
+            position_m: state.fixed_rows::<3>(0).into(),
+            velocity_m_s: world_from_body * velocity(state),
+            world_from_body,
+            rate_rad_s: rate(state),
+        }
+    }
+
+    /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
+    pub(in crate::sim) fn is_on_its_back(&self) -> bool {
+        let q = &self.world_from_body;
+        let (cos_of_roll, sin_pitch) =
+            (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
+        cos_of_roll <= 0.0 || sin_pitch.abs() >= 1.0
     }
 
     /// The same place and yaw on the floor, level and at rest.
@@ -66,12 +91,14 @@ impl Body {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
 
+    #[inline(always)]
     fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
         let q = &self.world_from_body;
         [p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z]
     }
 
+    #[inline(always)]
     fn from_row(s: &Row) -> Self {
         let q = Quaternion::new(s[6], s[7], s[8], s[9]);
         Self {
@@ -118,6 +145,7 @@ impl Inertia {
     }
 
     /// Drag along the body axes at an airspeed in the body frame.
+    #[inline(always)]
     pub(super) fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let across = load.drag_n_s_m;
         -Vector3::new(
@@ -128,6 +156,7 @@ impl Inertia {
     }
 
     /// One step of the classical Runge–Kutta method; `loads` at its start, middle and end.
+    #[inline(always)]
     pub(super) fn step(
         &self,
         body: &Body,
@@ -148,7 +177,7 @@ impl Inertia {
         Body::from_row(&end)
     }
 
-    #[inline]
+    #[inline(always)]
     fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
         let r = [
@@ -184,7 +213,7 @@ impl Inertia {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn ahead(s: &Row, slope: &Row, dt_s: f64) -> Row {
     let mut row = *s;
     for (value, slope) in row.iter_mut().zip(slope) {

@@ -26,7 +26,7 @@ impl Floor {
     }
 
     /// The ratio for a level drone whose origin is `height_m` above the floor.
-    #[inline]
+    #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(MIN_HEIGHT_RADII * radius);

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::options::{AirOptions, Gusts};
 use crate::sim::noise::Noise;
+use crate::sim::normals::Normals;
 
 /// Metres per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
@@ -17,7 +18,7 @@ pub(super) struct Wind {
     /// World directions of the three gust components.
     axes: [Vector3<f64>; 3],
     filters: Option<[Filter; 3]>,
-    noise: Noise,
+    noise: Normals,
 }
 
 impl Wind {
@@ -40,7 +41,8 @@ impl Wind {
             }
             Gusts::Dryden => None,
         };
-        let mut wind = Self { mean_m_s, axes, filters, noise: Noise::new(seed, drone, "gusts") };
+        let noise = Normals::of(Noise::new(seed, drone, "gusts"));
+        let mut wind = Self { mean_m_s, axes, filters, noise };
         for filter in wind.filters.iter_mut().flatten() {
             filter.settle(&mut wind.noise);
         }
@@ -48,7 +50,7 @@ impl Wind {
     }
 
     /// Wind of the next step, world frame.
-    #[inline]
+    #[inline(always)]
     pub(super) fn advance(&mut self) -> Vector3<f64> {
         let mut wind_m_s = self.mean_m_s;
         if let Some(filters) = &mut self.filters {
@@ -107,19 +109,19 @@ impl Filter {
     }
 
     /// Draws the stages as they stand after a long time.
-    fn settle(&mut self, noise: &mut Noise) {
-        let first = noise.normal();
-        self.stages = [first, 0.5 * (first + noise.normal())];
+    fn settle(&mut self, noise: &mut Normals) {
+        let first = noise.next();
+        self.stages = [first, 0.5 * (first + noise.next())];
     }
 
-    fn advance(&mut self, noise: &mut Noise) -> f64 {
+    fn advance(&mut self, noise: &mut Normals) -> f64 {
         let [first, second] = self.stages;
-        let draw = noise.normal();
+        let draw = noise.next();
         self.stages[0] = self.stays * first + self.adds[0] * draw;
         if self.parts[1] == 0.0 {
             return self.parts[0] * self.stages[0];
         }
-        let added = self.adds[1] * draw + self.adds[2] * noise.normal();
+        let added = self.adds[1] * draw + self.adds[2] * noise.next();
         self.stages[1] = self.stays * second + self.gives * first + added;
         self.parts[0] * self.stages[0] + self.parts[1] * self.stages[1]
     }

@@ -6,7 +6,7 @@ use super::battery::Battery;
 use super::body::{Body, Inertia};
 use super::floor::Floor;
 use super::gusts::Wind;
-use super::model::{GRAVITY_M_S2, State};
+use super::model::GRAVITY_M_S2;
 use super::rotors::Rotors;
 use crate::sim::options::SimOptions;
 
@@ -71,6 +71,7 @@ impl Plant {
     }
 
     /// One step under motor commands m1…m4, each from 0 to the largest.
+    #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let wanted_n = self.thrusts_n(commands);
         let body = &self.body;
@@ -104,6 +105,7 @@ impl Plant {
 
     /// What an accelerometer at the body origin reads, body frame: all forces but gravity, per mass.
     #[must_use]
+    #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let body = &self.body;
         let load = self.rotors.load(self.floor.thrust_ratio(body.position_m.z));
@@ -114,11 +116,6 @@ impl Plant {
         let airspeed = body.world_from_body.inverse_transform_vector(&airspeed);
         let force_n = self.inertia.drag_n(&airspeed, &load) + Vector3::z() * load.thrust_n;
         self.inertia.per_mass(force_n)
-    }
-
-    /// The twelve states of the design model.
-    pub(in crate::sim) fn state(&self) -> State {
-        self.body.state()
     }
 
     /// What whoever reads the flight should know of the battery.
@@ -137,6 +134,7 @@ impl Plant {
     }
 
     /// Thrust that each motor is driven to.
+    #[inline(always)]
     fn thrusts_n(&mut self, commands: &[f64; 4]) -> [f64; 4] {
         let wanted_n = commands.map(|command| command * self.thrust_per_command_n);
         let Some(battery) = &self.battery else { return wanted_n };

@@ -73,12 +73,13 @@ impl Rotors {
     }
 
     /// What they do now; `ground` is the thrust ratio of the ground effect.
+    #[inline(always)]
     pub(super) fn load(&self, ground: f64) -> Load {
         self.load_at(&self.speed_rad_s, &[0.0; 4], ground)
     }
 
     /// Follows the thrusts asked for through one step: the loads at its start, middle and end.
-    #[inline]
+    #[inline(always)]
     pub(super) fn advance(&mut self, wanted_n: &[f64; 4], ground: f64) -> [Load; 3] {
         let target = wanted_n.map(|n| (n * self.per_thrust).sqrt());
         let start = self.speed_rad_s;
@@ -98,7 +99,7 @@ impl Rotors {
     }
 
     /// The load at some speeds (rad/s) that change at some rates (rad/s²).
-    #[inline]
+    #[inline(always)]
     fn load_at(&self, speed: &[f64; 4], change: &[f64; 4], ground: f64) -> Load {
         let scale = self.thrust_n_s2 * ground;
         let (mut thrust, mut roll, mut pitch, mut yaw) = (0.0, 0.0, 0.0, 0.0);

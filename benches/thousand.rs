@@ -1,0 +1,88 @@
+//! A Monte Carlo: 1,000 flights of 40 s with the full stack, on two cores. Goal: 6 s, which is
+//! 12 ms of processor time a flight.
+//!
+//! `cargo bench --bench thousand`; a number after `--` flies so many instead. The full stack is the
+//! preset `cf21`: 1 kHz Runge–Kutta with rotor lag, drag, battery and ground effect, Lighthouse
+//! sweeps, inertial sensors at 1 kHz, regulator at 500 Hz, log at 250 Hz.
+
+#![expect(clippy::print_stdout, reason = "a table for people")]
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use noctograph::letters::{LetterOptions, write};
+use noctograph::plan::{Extent, Plan, PlanOptions, plan};
+use noctograph::sim::{EstimatorKind, Gusts, Positioning, SimOptions, fly};
+
+const CORES: usize = 2;
+const SECONDS: f64 = 40.0;
+
+/// The first 40 s of NOOR.
+fn word() -> Plan {
+    let strokes = write("NOOR", &LetterOptions::default()).expect("it is written");
+    let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };
+    let mut plan = plan(&strokes, &letters).expect("it is planned");
+    plan.setpoints.retain(|setpoint| setpoint.time_s <= SECONDS);
+    let n = plan.setpoints.len();
+    plan.lights.values_mut().for_each(|column| column.truncate(n));
+    plan
+}
+
+fn full(positioning: Positioning, estimator: EstimatorKind) -> SimOptions {
+    let mut options = SimOptions::cf21();
+    options.rates.control_hz = 1000;
+    options.sensors.positioning = positioning;
+    options.observer.kind = estimator;
+    options
+}
+
+/// Time that this thread was on a core; what the clock says where the system does not tell.
+fn processor_time(since: Instant) -> Duration {
+    let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let ns = line.and_then(|line| line.split(' ').next()?.parse().ok());
+    ns.map_or(since.elapsed(), Duration::from_nanos)
+}
+
+/// Flies seeds 0 to `n` on all cores: processor time of all, and wall time.
+fn thousand(plan: &Plan, options: &SimOptions, n: u64) -> (Duration, Duration) {
+    let (start, next) = (Instant::now(), AtomicU64::new(0));
+    let core = || {
+        let from = processor_time(start);
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed >= n {
+                return processor_time(start) - from;
+            }
+            let flight = fly(plan, options, seed, &mut |_| {}).expect("it flies");
+            std::hint::black_box(flight);
+        }
+    };
+    let used = std::thread::scope(|scope| {
+        let cores: Vec<_> = (0..CORES).map(|_| scope.spawn(core)).collect();
+        cores.into_iter().map(|core| core.join().expect("it ends")).sum()
+    });
+    (used, start.elapsed())
+}
+
+fn main() {
+    let n = std::env::args().find_map(|word| word.parse().ok()).unwrap_or(1000);
+    let plan = word();
+    let mut gusts = full(Positioning::Sweeps, EstimatorKind::Ekf);
+    gusts.air.gusts = Gusts::OrnsteinUhlenbeck;
+    let cases = [
+        ("sweeps, EKF", full(Positioning::Sweeps, EstimatorKind::Ekf)),
+        ("crossing beams, observer", full(Positioning::CrossingBeams, EstimatorKind::Luenberger)),
+        ("sweeps, EKF, gusts", gusts),
+    ];
+    println!(
+        "{n} flights of {:.1} s         CPU, ms each   wall, s   CPU / 2, s",
+        plan.duration_s()
+    );
+    for (name, options) in cases {
+        let (used, wall) = thousand(&plan, &options, n);
+        #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
+        let each_ms = used.as_secs_f64() * 1e3 / n as f64;
+        let (wall_s, half_s) = (wall.as_secs_f64(), used.as_secs_f64() / 2.0);
+        println!("{name:28}{each_ms:12.2}{wall_s:13.2}{half_s:13.2}");
+    }
+}
