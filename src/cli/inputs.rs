@@ -45,6 +45,24 @@ impl SceneFlags {
     }
 }
 
+/// How the word is drawn.
+#[derive(Debug, Args)]
+pub(super) struct LetterFlags {
+    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes; the scene's where it is left out
+    #[arg(long, value_name = "NAME|FILE")]
+    font: Option<String>,
+}
+
+impl LetterFlags {
+    /// Puts what was typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let Some(font) = &self.font {
+            font.clone_into(&mut scene.letters.font);
+        }
+        scene.letters.check()
+    }
+}
+
 /// What draws the picture, and how large.
 #[derive(Debug, Args)]
 pub(super) struct PictureFlags {
@@ -99,10 +117,11 @@ impl From<BackendName> for BackendChoice {
     }
 }
 
-/// The drawing of a scene's word; a typed word goes before the scene's.
+/// The drawing of a scene's word; a typed word goes before the scene's. In a typed word `\n`, as a
+/// shell hands it over, begins a new line.
 pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> {
     if let Some(word) = word {
-        word.clone_into(&mut scene.word);
+        scene.word = word.replace("\\n", "\n");
     } else if scene.word.is_empty() {
         let hint = "name the word on the command line, or as `word = \"NOOR\"` in the scene file";
         return Err(Error::input("word", "no word", "the word that is written", hint));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{SceneFlags, strokes};
+use super::inputs::{LetterFlags, SceneFlags, strokes};
 use super::outputs::Output;
 use super::{Outcome, print};
 use crate::error::Result;
@@ -16,6 +16,8 @@ pub(super) struct PlanArgs {
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
     /// Plan to write
     #[arg(short, long, value_name = "FILE", default_value = "plan.csv")]
     output: PathBuf,
@@ -26,6 +28,7 @@ pub(super) struct PlanArgs {
 
 pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
+    args.letters.apply(&mut scene)?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
     let output = Output::create(&args.output)?;
     let plan = plan(&strokes, &scene.plan)?;

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::expose::shoot;
 use super::fly::fly;
-use super::inputs::{PictureFlags, SceneFlags, strokes};
+use super::inputs::{LetterFlags, PictureFlags, SceneFlags, strokes};
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
 use crate::error::Result;
@@ -21,6 +21,8 @@ pub(super) struct PreviewArgs {
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
     #[command(flatten)]
     picture: PictureFlags,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and verdict.json
@@ -36,6 +38,7 @@ const FILES: [&str; 5] = ["photo.png", "flight.csv", "plan.csv", "scene.toml", "
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
+    args.letters.apply(&mut scene)?;
     args.picture.apply(&mut scene)?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
     let plan = plan(&strokes, &scene.plan)?;

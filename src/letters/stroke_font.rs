@@ -1,67 +1,128 @@
-//! Stroke fonts: letters as runs of the pen in a unit box, kept as text under `fonts/`.
+//! Stroke fonts: letters as runs of the pen, kept as text.
 //!
-//! A line is a letter: the character, then runs, each `+` (lit) or `-` (dark) and its points
-//! `x,y` with 0,0 lower left and 1,1 upper right. `#` begins a comment line.
+//! A line is a letter: the character (or `U+0023`), then its runs, each `+` (lit) or `-` (dark) and
+//! its points `x,y`, y up from the baseline. `#` begins a comment line. There are two kinds:
+//! - a box font fills its letter's box: 0,0 is its lower left corner, 1,1 its upper right one, and
+//!   every move of the pen is written down, jumps included;
+//! - a font with a line `cap 21`, the height of a capital in its own units, keeps its proportions:
+//!   an advance follows the character, x = 0 is where the pen comes to, and between lit runs it
+//!   goes in the dark. `Á = A ´` composes a character: the mark stands in the middle over the
+//!   base, lifted as the base is higher than a small letter where it is a mark above it, and moved
+//!   by `dx,dy` where that follows.
 
-use super::{Cell, Glyph, Move};
+use std::collections::BTreeMap;
+
+use super::shape::{Fit, Run, Shape};
+use crate::error::{Error, Result};
+
+/// Farthest that a point may lie from the origin, in boxes or cap heights: a letter's size must stay
+/// a length in metres.
+const MAX_COORDINATE: f64 = 100.0;
+
+/// Height of a small letter by that of a capital, over which marks are drawn.
+const SMALL_LETTER: f64 = 14.0 / 21.0;
 
 /// A single-line font.
 #[derive(Debug)]
 pub(super) struct StrokeFont {
-    letters: Vec<(char, Vec<Run>)>,
-}
-
-/// A run of the pen in the unit box.
-#[derive(Debug)]
-struct Run {
-    lit: bool,
-    points: Vec<[f64; 2]>,
+    pub(super) fit: Fit,
+    letters: BTreeMap<char, Shape>,
 }
 
 impl StrokeFont {
-    /// Reads a font; `None` where a line is not of the form above.
-    pub(super) fn parse(text: &str) -> Option<Self> {
-        let lines = text.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
-        lines.map(parse_letter).collect::<Option<Vec<_>>>().map(|letters| Self { letters })
+    /// Reads a font; `file` is its name in messages.
+    pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
+        let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim_end()));
+        let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+        let mut font = Self { fit: Fit::Box, letters: BTreeMap::new() };
+        let mut units = 1.0;
+        for (number, line) in lines {
+            let read = match line.strip_prefix("cap ") {
+                Some(height) if font.letters.is_empty() => {
+                    height.parse().ok().filter(|cap: &f64| (1e-3..=1e6).contains(cap)).map(|cap| {
+                        units = cap;
+                        font.fit = Fit::Proportional;
+                    })
+                }
+                _ => font.parse_letter(line, units),
+            };
+            read.ok_or_else(|| {
+                let wanted = "a letter and its runs, such as `L + 0,1 0,0 1,0`";
+                let hint = "compare with fonts/ae483.strokes and fonts/simplex.strokes";
+                let found: String = line.chars().take(60).collect();
+                Error::input(format!("{file}:{number}"), format!("`{found}`"), wanted, hint)
+            })?;
+        }
+        Ok(font)
     }
 
-    /// The characters that the font can draw, in the font's order.
+    /// The characters that the font can draw.
     pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        self.letters.iter().map(|(character, _)| *character)
+        self.letters.keys().copied()
     }
 
-    /// Draws a character into a cell; `None` where the font lacks it.
-    pub(super) fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
-        let (_, runs) = self.letters.iter().find(|(c, _)| *c == character)?;
-        let place = |[x, y]: [f64; 2]| {
-            [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
+    /// What a character is drawn with; `None` where the font lacks it.
+    pub(super) fn shape(&self, character: char) -> Option<&Shape> {
+        self.letters.get(&character)
+    }
+
+    /// `None` where the line is not of the form above.
+    fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
+        let mut words = line.split_ascii_whitespace().peekable();
+        let character = parse_name(words.next()?)?;
+        let shape = if words.next_if_eq(&"=").is_some() {
+            let base = self.letters.get(&parse_name(words.next()?)?)?;
+            let mark = self.letters.get(&parse_name(words.next()?)?)?;
+            let moved = words.next().map_or(Some([0.0; 2]), |word| parse_point(word, units))?;
+            words.next().is_none().then(|| compose(base, mark, moved))?
+        } else {
+            let advance = match self.fit {
+                Fit::Box => 1.0,
+                Fit::Proportional => parse_number(words.next()?, units)?,
+            };
+            let mut runs: Vec<Run> = Vec::new();
+            for word in words {
+                match word {
+                    "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),
+                    point => runs.last_mut()?.points.push(parse_point(point, units)?),
+                }
+            }
+            let whole = runs.iter().all(|run| run.points.len() >= 2);
+            whole.then_some(Shape { advance, runs })?
         };
-        let moves = runs.iter().flat_map(|run| {
-            run.points.windows(2).map(move |leg| Move {
-                from_m: place(leg[0]),
-                to_m: place(leg[1]),
-                lit: run.lit,
-            })
-        });
-        Some(Glyph { character, cell, moves: moves.collect() })
+        self.letters.insert(character, shape).is_none().then_some(())
     }
 }
 
-fn parse_letter(line: &str) -> Option<(char, Vec<Run>)> {
-    let mut words = line.split_whitespace();
-    let mut name = words.next()?.chars();
-    let (character, None) = (name.next()?, name.next()) else { return None };
-    let mut runs: Vec<Run> = Vec::new();
-    for word in words {
-        match word {
-            "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),
-            point => {
-                let (x, y) = point.split_once(',')?;
-                runs.last_mut()?.points.push([x.parse().ok()?, y.parse().ok()?]);
-            }
-        }
+/// A base with a mark over, under or beside it.
+fn compose(base: &Shape, mark: &Shape, [dx, dy]: [f64; 2]) -> Shape {
+    let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) = (base.ink(), mark.ink());
+    let lift = if mark_bottom >= SMALL_LETTER { top - SMALL_LETTER } else { 0.0 };
+    let across = 0.5 * (left + right) - 0.5 * (mark_left + mark_right);
+    let placed = mark.runs.iter().map(|run| {
+        let points = run.points.iter().map(|[x, y]| [x + across + dx, y + lift + dy]);
+        Run { lit: run.lit, points: points.collect() }
+    });
+    Shape { advance: base.advance, runs: base.runs.iter().cloned().chain(placed).collect() }
+}
+
+fn parse_name(word: &str) -> Option<char> {
+    if let Some(code) = word.strip_prefix("U+").filter(|code| !code.is_empty()) {
+        return u32::from_str_radix(code, 16).ok().and_then(char::from_u32);
     }
-    runs.iter().all(|run| run.points.len() >= 2).then_some((character, runs))
+    let mut characters = word.chars();
+    let (character, None) = (characters.next()?, characters.next()) else { return None };
+    Some(character)
+}
+
+fn parse_point(word: &str, units: f64) -> Option<[f64; 2]> {
+    let (x, y) = word.split_once(',')?;
+    Some([parse_number(x, units)?, parse_number(y, units)?])
+}
+
+fn parse_number(word: &str, units: f64) -> Option<f64> {
+    let value = word.parse::<f64>().ok()? / units;
+    (value.abs() <= MAX_COORDINATE).then_some(value)
 }
 
 #[cfg(test)]
@@ -69,22 +130,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_broken_line_is_refused() {
-        for broken in ["A 0,0 1,1", "A + 0,0", "AB + 0,0 1,1", "A + 0;0 1,1", "A + 0,x 1,1"] {
-            assert!(StrokeFont::parse(broken).is_none(), "accepted {broken:?}");
+    fn a_broken_line_is_refused_with_its_number() {
+        let broken = [
+            "A 0,0 1,1",
+            "A + 0,0",
+            "AB + 0,0 1,1",
+            "A + 0;0 1,1",
+            "A + 0,x 1,1",
+            "A + 0,nan 1,1",
+            "A + 0,1e9 1,1",
+            "A = B C",
+            "U+D800 + 0,0 1,1",
+            "A + 0,0 1,1\nA + 0,0 1,1",
+            "A + 0,0 1,1\ncap 21",
+        ];
+        for broken in broken {
+            let text = format!("# note\n{broken}\n");
+            let error = StrokeFont::parse(&text, "my.strokes").expect_err(broken).to_string();
+            let line = 2 + broken.matches('\n').count();
+            assert!(error.contains(&format!("my.strokes:{line}: ")), "{broken:?}: {error}");
         }
-        assert!(StrokeFont::parse("# note\n\nA + 0,0 1,1\n").is_some(), "a good line is accepted");
+        assert!(
+            StrokeFont::parse("# note\n\nA + 0,0 1,1\n", "").is_ok(),
+            "a good line is accepted"
+        );
     }
 
     #[test]
-    fn a_letter_fills_its_cell() {
-        let font = StrokeFont::parse("L - 0,1 0,1 + 0,1 0,0 1,0").unwrap();
-        let cell = Cell { left_m: 2.0, baseline_m: 0.5, width_m: 0.3, cap_height_m: 0.4 };
-        let glyph = font.glyph('L', cell).unwrap();
-        assert_eq!(glyph.moves.len(), 3, "one dark and two lit moves");
-        assert_eq!(glyph.moves[1].from_m, [2.0, 0.9], "upper left corner");
-        assert_eq!(glyph.moves[2].to_m, [2.3, 0.5], "lower right corner");
-        assert!(!glyph.moves[0].lit && glyph.moves[2].lit, "the signs are kept");
-        assert!(font.glyph('M', cell).is_none(), "a missing letter is no letter");
+    fn a_mark_stands_in_the_middle_over_its_base() {
+        let text = "cap 21\nI 8 + 4,21 4,0\nı 8 + 4,14 4,0\n´ 10 + 4,16 7,20\n\
+                    Í = I ´\ní = ı ´\nì = ı ´ -1,2\n";
+        let font = StrokeFont::parse(text, "").unwrap();
+        let mark = |c| font.shape(c).unwrap().runs[1].points[0].map(|x| (x * 42.0).round() / 2.0);
+        assert_eq!(mark('í'), [2.5, 16.0], "its middle, 5.5, stands over the base's, 4");
+        assert_eq!(mark('Í'), [2.5, 23.0], "7 higher over a capital");
+        assert_eq!(mark('ì'), [1.5, 18.0], "moved");
+        assert_eq!(font.shape('Í').unwrap().advance, 8.0 / 21.0, "as wide as its base");
     }
 }

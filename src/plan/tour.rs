@@ -54,7 +54,10 @@ impl Tour<'_> {
     /// One letter, then a step to the right of its box and a wait there in the dark.
     fn write(&mut self, glyph: &Glyph) {
         let mut last = self.position_m();
-        for leg in &glyph.moves {
+        for (index, leg) in glyph.moves.iter().enumerate() {
+            if index == 0 && !leg.lit && leg.from_m == leg.to_m {
+                self.fly(last, in_word_plane(leg.to_m), false);
+            }
             last = in_word_plane(leg.to_m);
             self.fly(in_word_plane(leg.from_m), last, leg.lit);
         }

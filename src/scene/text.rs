@@ -13,11 +13,19 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("", "preset", "ae483-2022, cf21, cf21-thrust-kit, cf-brushless or bzzz: the keys left out"),
     ("", "word", "the word to write"),
     ("", "seed", "seed of all noise: the same seed makes the same photo"),
-    ("letters", "font", "stroke font: ae483, the reference team's 26 letters"),
+    ("letters", "font", "ae483 (the team's 26 letters), ae483-fixed, simplex, or a file *.strokes"),
     ("letters", "cap_height_m", "height of a capital, m"),
-    ("letters", "width_m", "width of a letter's box, m"),
-    ("letters", "gap_m", "gap between two boxes, m"),
-    ("letters", "baseline_m", "height of the letters' feet above the floor, m"),
+    ("letters", "width_m", "width of a letter's box (ae483, ae483-fixed), m"),
+    ("letters", "gap_m", "gap between two boxes (ae483, ae483-fixed), m"),
+    ("letters", "spacing_m", "added between two letters of any other font, m"),
+    (
+        "letters",
+        "baseline_m",
+        "height of the letters' feet (of the lowest line) above the floor, m",
+    ),
+    ("letters", "line_gap_m", "gap between a line's feet and the capitals below it, m"),
+    ("letters", "align", "left, centre or right of x = 0; ae483: as the team, n widths / 2 left"),
+    ("letters", "canvas_m", "largest width and height; what is larger is made smaller, m"),
     ("plan", "extent", "whole: floor to floor; letters: from rest at the first letter"),
     ("plan", "lights", "what lit strokes switch on: headlights, ring, color-led"),
     ("plan", "stroke_speed_m_s", "speed along every leg, m/s"),
@@ -182,7 +190,7 @@ const KEYS: &[(&str, &str, &str)] = &[
 
 /// What each section is about.
 const SECTIONS: &[(&str, &str)] = &[
-    ("letters", "The word's drawing: boxes from left to right"),
+    ("letters", "The word's drawing; \\n in the word begins a new line"),
     ("plan", "How it is flown"),
     ("vehicle", "The drone"),
     ("battery", "What drives its motors"),
@@ -281,6 +289,7 @@ mod tests {
         scene.camera.body = Some(crate::camera::BodyName::Phone);
         scene.camera.lens = Some(crate::camera::LensName::Wide28);
         scene.camera.focus_m = Some(3.0);
+        scene.letters.canvas_m = Some([1.0, 1.0]);
         let values = toml::Table::try_from(&scene).unwrap();
         let mut keys: Vec<(String, String)> = Vec::new();
         for (name, value) in &values {

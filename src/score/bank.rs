@@ -1,13 +1,14 @@
 //! The bank of references: every character that could stand in a place, in the flown font and in a
 //! typeface, at several scales, drawn with the trail's pen and blurred as the photo is.
 
+use tiny_skia::Transform;
+
 use super::ink::Page;
 use super::raster::Raster;
 use super::typeface::Typeface;
 use super::window::{Layout, Level, REACH_PX};
 use super::{BLUR_PX, PEN_PX, PX_PER_H, References};
-use crate::error::Result;
-use crate::letters::{self, Cell};
+use crate::letters::{Cell, Font};
 
 /// Scales tried in each direction (legibility.md 6.2).
 const SCALES: [f64; 3] = [0.85, 1.0, 1.17];
@@ -106,30 +107,14 @@ pub(super) fn folded(character: char) -> char {
     alike.and_then(|alike| alike.chars().next()).unwrap_or(character)
 }
 
-/// Whether the font that the word is flown with has a character.
-///
-/// # Errors
-///
-/// If there is no stroke font of that name.
-pub(super) fn is_flown(character: char, font: &str) -> Result<bool> {
-    Ok(letters::glyph(character, UNIT, font)?.is_some())
-}
-
-/// A cell as wide and as high as one.
-const UNIT: Cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
-
 impl Bank {
     /// Draws the references for cells of one aspect (width by cap height).
-    ///
-    /// # Errors
-    ///
-    /// If there is no stroke font of that name.
     pub(super) fn draw(
         aspect: f64,
         classes: &Classes,
-        font: &str,
+        font: &Font,
         references: References,
-    ) -> Result<Self> {
+    ) -> Self {
         let layout = Layout::new(aspect);
         let reach = REACH_PX.cast_signed() / 4;
         let square =
@@ -138,11 +123,14 @@ impl Bank {
 
         let typeface = Typeface::load();
         let rim_px = PEN_PX - typeface.stem() * PX_PER_H as f32;
+        let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: aspect, cap_height_m: 1.0 };
+        #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
+        let box_from_cell = Transform::from_scale((1.0 / aspect) as f32, 1.0);
         let mut templates = Vec::new();
         for &character in &classes.drawn {
             let flown = match references {
                 References::Typeface => None,
-                References::Flown | References::Both => letters::glyph(character, UNIT, font)?,
+                References::Flown | References::Both => font.glyph(character, cell),
             };
             let set = match references {
                 References::Flown => None,
@@ -153,7 +141,7 @@ impl Bank {
                 let page_from_box = layout.page_from_box(scale);
                 let flown = flown.as_ref().map(|glyph| {
                     let mut page = Page::blank(layout.width, layout.height);
-                    page.stroke(&glyph.moves, PEN_PX, page_from_box);
+                    page.stroke(&glyph.moves, PEN_PX, page_from_box.pre_concat(box_from_cell));
                     page
                 });
                 let set = set.as_ref().map(|outline| {
@@ -168,7 +156,7 @@ impl Bank {
                 }
             }
         }
-        Ok(Self { levels: layout.levels(), layout, templates, shifts })
+        Self { levels: layout.levels(), layout, templates, shifts }
     }
 
     /// Whether a shift by pixels of full resolution is within reach.

@@ -149,7 +149,7 @@ fn check(strokes: &Strokes) -> Result<()> {
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
         let character = glyph.character;
         if lettering(glyph)
-            && (bank::is_flown(character, &strokes.font)?
+            && (strokes.font.glyph(character, glyph.cell).is_some()
                 || typeface.outline(character, 1.0).is_some())
         {
             let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;

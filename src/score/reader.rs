@@ -70,8 +70,8 @@ impl Reader {
     /// # Errors
     ///
     /// [`Error::Input`](crate::error::Error::Input) for an empty word, a character that neither
-    /// the font nor the typeface has, letters too narrow or too wide to be letters, an option out
-    /// of range, or an unknown font.
+    /// the font nor the typeface has, letters too narrow or too wide to be letters, or an option out
+    /// of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
         options.check()?;
         check(strokes)?;
@@ -86,13 +86,13 @@ impl Reader {
             cells: Vec::new(),
         };
         for index in 0..strokes.glyphs.len() {
-            let cell = reader.prepare(index)?;
+            let cell = reader.prepare(index);
             reader.cells.push(cell);
         }
         Ok(reader)
     }
 
-    fn prepare(&mut self, index: usize) -> Result<Cell> {
+    fn prepare(&mut self, index: usize) -> Cell {
         let glyph = &self.strokes.glyphs[index];
         let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
         // Equal cells differ in the last bits of their widths.
@@ -100,7 +100,7 @@ impl Reader {
         let index_of_bank = known.unwrap_or(self.banks.len());
         if known.is_none() {
             let (font, references) = (&self.strokes.font, self.options.references);
-            self.banks.push(Bank::draw(aspect, &self.classes, font, references)?);
+            self.banks.push(Bank::draw(aspect, &self.classes, font, references));
         }
         let bank = &self.banks[index_of_bank];
         let grid = bank.layout.grid(&glyph.cell);
@@ -114,7 +114,7 @@ impl Reader {
         let length_h = lit_length_m([glyph]) / glyph.cell.cap_height_m;
         let ink_px = length_h * f64::from(PX_PER_H) * f64::from(PEN_PX);
         let ln_faultless = ln_share(&matches, class);
-        Ok(Cell { bank: index_of_bank, class, grid, ink_px, surroundings, ln_faultless })
+        Cell { bank: index_of_bank, class, grid, ink_px, surroundings, ln_faultless }
     }
 
     /// Reads a photo.

@@ -1,0 +1,214 @@
+//! Font: a name from the scene becomes something that draws characters.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::shape::{Fit, Shape};
+use super::stroke_font::StrokeFont;
+use super::{Cell, Glyph};
+use crate::error::{Error, Result};
+
+/// The fonts that come with the program, by name.
+const FONTS: [(&str, &str); 3] = [
+    ("ae483", include_str!("../../fonts/ae483.strokes")),
+    ("ae483-fixed", include_str!("../../fonts/ae483-fixed.strokes")),
+    ("simplex", include_str!("../../fonts/simplex.strokes")),
+];
+
+/// Largest stroke font that is read from a file.
+const MAX_STROKES_BYTES: u64 = 4 << 20;
+
+/// A font, ready to draw. Clones share it.
+#[derive(Clone)]
+pub struct Font {
+    name: String,
+    face: Arc<StrokeFont>,
+}
+
+impl Font {
+    /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, or a file `*.strokes`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a name that is neither, or a file that is no such font; [`Error::Io`]
+    /// where it cannot be read.
+    pub fn open(name: &str) -> Result<Self> {
+        check_name(name)?;
+        let face = match FONTS.iter().find(|(n, _)| *n == name) {
+            Some((_, text)) => StrokeFont::parse(text, name)?,
+            None => StrokeFont::parse(&read_text(name.as_ref(), MAX_STROKES_BYTES)?, name)?,
+        };
+        Ok(Self { name: name.to_owned(), face: Arc::new(face) })
+    }
+
+    /// The name that it was opened by.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The characters that it can draw, in the order of their codes.
+    #[must_use]
+    pub fn characters(&self) -> String {
+        self.face.characters().collect()
+    }
+
+    /// Draws a character into a cell; `None` where the font lacks it.
+    ///
+    /// The letters of a box font (the team's) fill the cell. Those of any other are as high as it
+    /// and keep their proportions: they stand in its middle, wherever its sides are.
+    #[must_use]
+    pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
+        Some(self.shape(character)?.glyph(character, cell, self.fit()))
+    }
+
+    /// Width of the cell that [`super::write()`] gives a character, by its cap height; `None` where
+    /// the font lacks it, or where it is a box font, whose cells are as wide as one wants.
+    #[must_use]
+    pub fn aspect(&self, character: char) -> Option<f64> {
+        match self.fit() {
+            Fit::Box => None,
+            Fit::Proportional => Some(self.shape(character)?.cell().1),
+        }
+    }
+
+    pub(super) fn fit(&self) -> Fit {
+        self.face.fit
+    }
+
+    pub(super) fn shape(&self, character: char) -> Option<Cow<'_, Shape>> {
+        self.face.shape(character).map(Cow::Borrowed)
+    }
+
+    /// What the gap between two characters is larger than their advances say, in cap heights.
+    pub(super) fn kern(&self, _pair: [char; 2]) -> f64 {
+        0.0
+    }
+}
+
+impl PartialEq for Font {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl fmt::Debug for Font {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "Font({:?})", self.name)
+    }
+}
+
+/// Refuses a name that no font can have, without opening a file.
+pub(super) fn check_name(name: &str) -> Result<()> {
+    let known = FONTS.iter().any(|(n, _)| *n == name);
+    let extension = Path::new(name).extension().and_then(|ext| ext.to_str());
+    if known || extension.is_some_and(|ext| ext.eq_ignore_ascii_case("strokes")) {
+        return Ok(());
+    }
+    let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
+    let wanted = format!("{}, or a file *.strokes", names.join(", "));
+    Err(Error::input("letters.font", format!("{name:?}"), wanted, "choose a font we have"))
+}
+
+/// Reads a text file of at most so many bytes.
+pub(super) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
+    String::from_utf8(read_bytes(path, max_bytes)?).map_err(|broken| {
+        let at = broken.utf8_error().valid_up_to();
+        let place = format!("{}: byte {}", path.display(), at + 1);
+        Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
+    })
+}
+
+/// Reads a file of at most so many bytes.
+pub(super) fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
+    use std::io::Read;
+    let unreadable = |source| Error::read(path, source);
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > max_bytes {
+        let wanted = format!("at most {max_bytes} bytes");
+        let hint = "name a smaller file";
+        return Err(Error::input(path.display().to_string(), "a larger file", wanted, hint));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_font_under_fonts_is_readable() {
+        let have = |name: &str| Font::open(name).unwrap().characters();
+        assert_eq!(have("ae483"), "ABCDEFGHIJKLMNOPQRSTUVWXYZ", "the team's letters");
+        let fixed = have("ae483-fixed");
+        assert!(('A'..='Z').chain('0'..='9').all(|c| fixed.contains(c)), "{fixed}");
+        let simplex = have("simplex");
+        let latin = (' '..='~').chain('\u{a1}'..='\u{ac}').chain('\u{ae}'..='\u{17f}');
+        let missing: String = latin.filter(|c| !simplex.contains(*c)).collect();
+        assert_eq!(missing, "Ĳĳ", "of ASCII, Latin-1 and Latin Extended-A");
+    }
+
+    #[test]
+    fn every_letter_but_the_teams_own_is_reached_in_the_dark_and_never_jumps() {
+        let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
+        for name in ["ae483-fixed", "simplex"] {
+            let font = Font::open(name).unwrap();
+            for character in font.characters().chars() {
+                let moves = font.glyph(character, cell).unwrap().moves;
+                assert!(moves.first().is_none_or(|first| !first.lit), "{name} {character}");
+                let jumps = moves.windows(2).filter(|m| m[0].to_m != m[1].from_m).count();
+                assert_eq!(jumps, 0, "{name} {character}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_fixed_letters_never_draw_a_stroke_twice() {
+        let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
+        let doubled = |name: &str| {
+            let font = Font::open(name).unwrap();
+            let mut found = String::new();
+            for character in font.characters().chars() {
+                let moves = font.glyph(character, cell).unwrap().moves;
+                let lit: Vec<_> = moves.iter().filter(|m| m.lit).collect();
+                let n_points = 200;
+                let on = |m: &super::super::Move, [x, y]: [f64; 2]| {
+                    let (dx, dy) = (m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
+                    let (x, y) = (x - m.from_m[0], y - m.from_m[1]);
+                    let share = (x * dx + y * dy) / (dx * dx + dy * dy);
+                    (1e-9..1.0 - 1e-9).contains(&share) && (x * dy - y * dx).abs() < 1e-9
+                };
+                let twice = lit.iter().enumerate().any(|(index, m)| {
+                    let inside = (1..n_points).map(|k| f64::from(k) / f64::from(n_points));
+                    let points = inside.map(|t| {
+                        [0, 1].map(|axis| m.from_m[axis] + t * (m.to_m[axis] - m.from_m[axis]))
+                    });
+                    let n = points.filter(|p| lit[index + 1..].iter().any(|m| on(m, *p))).count();
+                    n > 3
+                });
+                if twice {
+                    found.push(character);
+                }
+            }
+            found
+        };
+        assert_eq!(doubled("ae483-fixed"), "");
+        assert_eq!(doubled("ae483"), "ABHIJLTW", "what was repaired");
+    }
+
+    #[test]
+    fn a_font_of_ones_own_is_read_from_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mine.strokes");
+        std::fs::write(&path, "L + 0,1 0,0 1,0\n").unwrap();
+        assert_eq!(Font::open(path.to_str().unwrap()).unwrap().characters(), "L");
+        std::fs::write(&path, b"L + 0,1 0,0 1,0\n\xff").unwrap();
+        let error = Font::open(path.to_str().unwrap()).unwrap_err().to_string();
+        assert!(error.contains("byte 17"), "{error}");
+        assert!(Font::open("nowhere.strokes").is_err() && Font::open("comic").is_err());
+    }
+}

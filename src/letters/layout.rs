@@ -1,0 +1,257 @@
+//! Layout: characters side by side, lines below each other.
+
+use super::font::Font;
+use super::options::{Align, LetterOptions};
+use super::shape::Fit;
+use super::{Cell, Glyph, Order, Strokes};
+use crate::error::{Error, Result};
+
+/// Longest text. At 14 s a letter this is an hour of flight; a Crazyflie's battery ends at 16.
+const MAX_LETTERS: usize = 256;
+
+/// Lays out a text: lines from top to bottom (`\n` begins a new one), in each its characters from
+/// left to right. A space leaves room and draws nothing. A letter that the font lacks in lower case
+/// is drawn in upper case.
+///
+/// The default is as the reference team did it: boxes with equal gaps, the first one beginning at
+/// x = −n·width/2 for n letters.
+///
+/// # Errors
+///
+/// [`Error::Input`] for an empty or overlong text, a font that is unknown or broken, or a character
+/// that it lacks, with its position; [`Error::Io`] for a font that cannot be read.
+pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
+    options.check()?;
+    let font = Font::open(&options.font)?;
+    let hint = "name the word to write, for example: noctograph preview NOOR";
+    if word.trim().is_empty() {
+        return Err(Error::input("word", "an empty word", "at least one letter", hint));
+    }
+    let n_characters = word.chars().count();
+    if n_characters > MAX_LETTERS {
+        return Err(Error::input(
+            "word",
+            format!("{n_characters} characters"),
+            format!("at most {MAX_LETTERS}"),
+            "split the text into several words; one flight cannot write so many",
+        ));
+    }
+    let word = drawable(word, &font)?;
+    let strokes = lay_out(&word, &font, options);
+    let Some([width_m, height_m]) = options.canvas_m else { return Ok(strokes) };
+    let [left, bottom, right, top] = strokes.bounds_m();
+    // A canvas without room for rounding errors would shrink what fits.
+    let scale = (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12);
+    Ok(if scale < 1.0 { lay_out(&word, &font, &options.scaled(scale)) } else { strokes })
+}
+
+/// The text in characters that the font has.
+fn drawable(word: &str, font: &Font) -> Result<String> {
+    let known = |character: char| {
+        let blank = character == '\n' || character == ' ';
+        blank || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
+    };
+    word.chars()
+        .enumerate()
+        .map(|(index, typed)| {
+            let mut upper = typed.to_uppercase();
+            let upper = upper.next().filter(|_| upper.len() == 0);
+            let drawn = [Some(typed), upper].into_iter().flatten().find(|c| known(*c));
+            drawn.ok_or_else(|| {
+                Error::input(
+                    format!("word, position {}", index + 1),
+                    format!("{typed:?}"),
+                    format!("one of {}", font.characters()),
+                    format!("write the word with letters that the font {} has", font.name()),
+                )
+            })
+        })
+        .collect()
+}
+
+fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
+    let lines: Vec<&str> = word.split('\n').collect();
+    let mut glyphs = Vec::new();
+    for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
+        #[expect(clippy::cast_precision_loss, reason = "text lengths are below MAX_LETTERS")]
+        let up_m = (options.cap_height_m + options.line_gap_m) * below as f64;
+        glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
+    }
+    let word = word.to_owned();
+    Strokes { word, font: font.clone(), glyphs, order: Order::Free, times_s: Vec::new() }
+}
+
+fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
+    let cells = match font.fit() {
+        Fit::Box => boxes(line, options),
+        Fit::Proportional => advances(line, font, options),
+    };
+    let end = |cell: &(char, f64, f64)| cell.1 + cell.2;
+    let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.1), cells.last().map_or(0.0, end));
+    let left_m = match options.align {
+        // A product, not a sum: rounded as the team's.
+        Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.width_m * cells.len() as f64,
+        Align::Ae483 => -0.5 * cells.iter().map(|(_, _, width_m)| width_m).sum::<f64>() - begin_m,
+        Align::Left => -begin_m,
+        Align::Centre => -0.5 * (begin_m + end_m),
+        Align::Right => -end_m,
+    };
+    let drawn = cells.into_iter().filter(|(character, ..)| *character != ' ');
+    let glyphs = drawn.map(|(character, at_m, width_m)| {
+        let cap_height_m = options.cap_height_m;
+        let cell = Cell { left_m: left_m + at_m, baseline_m, width_m, cap_height_m };
+        font.glyph(character, cell).expect("the text was made drawable")
+    });
+    glyphs.collect()
+}
+
+/// Characters, where their boxes begin, and how wide they are.
+fn boxes(line: &str, options: &LetterOptions) -> Vec<(char, f64, f64)> {
+    let (width_m, gap_m) = (options.width_m, options.gap_m);
+    let each = line.chars().enumerate();
+    each.map(|(index, c)| (c, (width_m + gap_m) * index as f64, width_m)).collect()
+}
+
+/// The same for characters that keep their proportions. A space at an end leaves no room.
+fn advances(line: &str, font: &Font, options: &LetterOptions) -> Vec<(char, f64, f64)> {
+    let (size_m, mut pen, mut before) = (options.cap_height_m, 0.0, None);
+    let mut cells = Vec::new();
+    for character in line.trim_matches(' ').chars() {
+        pen += before.map_or(0.0, |before| font.kern([before, character]));
+        let shape = font.shape(character);
+        let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
+        if let Some(shape) = shape.filter(|_| character != ' ') {
+            let (left, width) = shape.cell();
+            cells.push((character, (pen + left) * size_m, width * size_m));
+        }
+        pen += advance + options.spacing_m / size_m;
+        before = Some(character);
+    }
+    cells
+}
+
+/// Advance of a space, in cap heights, where a font has none: Hershey's.
+const SPACE: f64 = 16.0 / 21.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn simplex() -> LetterOptions {
+        LetterOptions { font: "simplex".into(), ..LetterOptions::default() }
+    }
+
+    #[test]
+    fn boxes_stand_where_the_team_put_them() {
+        let strokes = write("noor", &LetterOptions::default()).unwrap();
+        assert_eq!(strokes.word, "NOOR", "lower case becomes upper case");
+        let left: Vec<f64> = strokes.glyphs.iter().map(|glyph| glyph.cell.left_m).collect();
+        for (left, wanted) in left.iter().zip([-0.6, -0.2, 0.2, 0.6]) {
+            assert!((left - wanted).abs() < 1e-12, "{left} for {wanted}");
+        }
+        let n = &strokes.glyphs[0].moves;
+        assert_eq!((n[0].from_m, n[0].to_m, n[0].lit), ([-0.6, 0.5], [-0.6, 1.0], true));
+        assert!(!n[3].lit, "N comes back to the lower right corner in the dark");
+        let [left, bottom, right, top] = strokes.bounds_m();
+        assert!((left + 0.6).abs() + (right - 0.9).abs() < 1e-12 && (bottom, top) == (0.5, 1.0));
+    }
+
+    #[test]
+    fn i_jumps_as_the_team_let_it_jump() {
+        let strokes = write("I", &LetterOptions::default()).unwrap();
+        let moves = &strokes.glyphs[0].moves;
+        assert_eq!(moves[0].from_m, moves[0].to_m, "the empty first move");
+        assert_ne!(moves[0].to_m, moves[1].from_m, "the jump to the other corner");
+    }
+
+    #[test]
+    fn an_unknown_character_is_named_with_its_position() {
+        let text = write("NOÖR", &LetterOptions::default()).unwrap_err().to_string();
+        assert!(text.contains("position 3") && text.contains('Ö'), "{text}");
+        for empty in ["", "  ", " \n"] {
+            assert!(write(empty, &LetterOptions::default()).is_err(), "an empty word");
+        }
+        let long = "A".repeat(MAX_LETTERS + 1);
+        assert!(write(&long, &LetterOptions::default()).is_err(), "too long");
+        assert_eq!(write("grüße", &simplex()).unwrap().word, "grüße");
+        assert_eq!(
+            write("漢", &simplex()).unwrap_err().to_string().find("word, position 1"),
+            Some(0)
+        );
+    }
+
+    #[test]
+    fn hershey_letters_stand_an_advance_apart() {
+        // Roman Simplex: N is 22 units wide with 4 before its stem, O 22 with 3, cap height 21.
+        let options = LetterOptions { align: Align::Left, ..simplex() };
+        let strokes = write("NO", &options).unwrap();
+        let unit_m = 0.5 / 21.0;
+        let [n, o] = [&strokes.glyphs[0].cell, &strokes.glyphs[1].cell];
+        assert!((n.left_m).abs() < 1e-12 && (n.width_m - 14.0 * unit_m).abs() < 1e-12, "{n:?}");
+        let wanted_m = (22.0 - 4.0 + 3.0) * unit_m;
+        assert!((o.left_m - wanted_m).abs() < 1e-12 && o.width_m == 16.0 * unit_m, "{o:?}");
+        let wide = write("NO", &LetterOptions { spacing_m: 0.1, ..options }).unwrap();
+        assert!((wide.glyphs[1].cell.left_m - wanted_m - 0.1).abs() < 1e-12, "0.1 m more");
+    }
+
+    #[test]
+    fn lines_align_left_right_and_in_the_middle() {
+        for font in ["ae483", "simplex"] {
+            let sides = |align| {
+                let options = LetterOptions { font: font.into(), align, ..simplex() };
+                let strokes = write("NOOR\nOR", &options).unwrap();
+                let lines = strokes.lines();
+                assert_eq!(lines, [0..4, 4..6], "two lines");
+                let up = strokes.glyphs[0].cell.baseline_m - strokes.glyphs[4].cell.baseline_m;
+                assert!((up - 0.75).abs() < 1e-12, "a capital and a gap: {up}");
+                lines.map_sides(&strokes)
+            };
+            let [[l, _], [m, _]] = sides(Align::Left);
+            assert!(l.abs() + m.abs() < 1e-12, "{font}: both begin at 0");
+            let [[_, r], [_, s]] = sides(Align::Right);
+            assert!(r.abs() + s.abs() < 1e-12, "{font}: both end at 0");
+            for [left, right] in sides(Align::Centre) {
+                assert!((left + right).abs() < 1e-12, "{font}: in the middle");
+            }
+        }
+    }
+
+    trait Sides {
+        fn map_sides(&self, strokes: &Strokes) -> [[f64; 2]; 2];
+    }
+
+    impl Sides for Vec<std::ops::Range<usize>> {
+        fn map_sides(&self, strokes: &Strokes) -> [[f64; 2]; 2] {
+            [0, 1].map(|line: usize| {
+                let glyphs = &strokes.glyphs[self[line].clone()];
+                let last = glyphs[glyphs.len() - 1].cell;
+                [glyphs[0].cell.left_m, last.left_m + last.width_m]
+            })
+        }
+    }
+
+    #[test]
+    fn a_text_fits_its_canvas_and_is_never_made_larger() {
+        let canvas_m = Some([1.0, 2.0]);
+        let fitted = write("gjÅ\nNOOR", &LetterOptions { canvas_m, ..simplex() }).unwrap();
+        let [left, bottom, right, top] = fitted.bounds_m();
+        assert!((right - left - 1.0).abs() < 1e-9 && top - bottom < 2.0, "as wide as the canvas");
+        let low = Some([100.0, 0.3]);
+        let fitted = write("gjÅ", &LetterOptions { canvas_m: low, ..simplex() }).unwrap();
+        let [_, bottom, _, top] = fitted.bounds_m();
+        assert!((top - bottom - 0.3).abs() < 1e-9, "accents and tails count: {bottom} to {top}");
+        let large = LetterOptions { canvas_m: Some([100.0, 100.0]), ..simplex() };
+        assert_eq!(write("NO", &large).unwrap(), write("NO", &simplex()).unwrap());
+        let exact = LetterOptions { canvas_m: Some([1.5, 0.5]), ..LetterOptions::default() };
+        let noor = write("NOOR", &exact).unwrap();
+        assert_eq!(noor, write("NOOR", &LetterOptions::default()).unwrap(), "it fits already");
+    }
+
+    #[test]
+    fn a_space_leaves_room_and_draws_nothing() {
+        let strokes = write("N O", &LetterOptions::default()).unwrap();
+        assert_eq!((strokes.glyphs.len(), strokes.word.as_str()), (2, "N O"));
+        let gap_m = strokes.glyphs[1].cell.left_m - strokes.glyphs[0].cell.left_m;
+        assert!((gap_m - 0.8).abs() < 1e-12, "a box and two gaps: {gap_m}");
+    }
+}
