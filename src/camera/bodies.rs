@@ -38,6 +38,16 @@ pub enum BodyName {
 }
 
 impl BodyName {
+    /// The body that a photograph's EXIF calls `model`.
+    #[must_use]
+    pub fn of_model(model: &str) -> Option<Self> {
+        match model.trim() {
+            "ILCE-6400" => Some(Self::A6400),
+            "DSC-RX100M7" => Some(Self::OneInch),
+            _ => None,
+        }
+    }
+
     /// The body's figures.
     #[must_use]
     pub fn body(self) -> Body {

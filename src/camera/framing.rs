@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{BodyName, Camera, LensName};
+use super::{BodyName, Camera, LensName, WhiteBalance};
 use crate::error::{Error, Result, within};
 use crate::geometry::{camera_from_orientation, camera_from_world};
 
@@ -47,8 +47,8 @@ pub struct CameraOptions {
     pub distortion: [f64; 4],
     /// Share of the light that the barrel takes away at the corner.
     pub vignetting: f64,
-    /// Gains of red, green and blue.
-    pub white_balance: [f64; 3],
+    /// What the camera takes for white: gains, or the light's temperature.
+    pub white_balance: WhiteBalance,
     /// Aperture number.
     pub f_number: f64,
     /// Share of light that the lens lets through.
@@ -96,7 +96,7 @@ impl Default for CameraOptions {
             focus_m: None,
             distortion: [0.0; 4],
             vignetting: 0.0,
-            white_balance: [1.0; 3],
+            white_balance: WhiteBalance::default(),
             f_number: 8.0,
             transmission: 0.9,
             blur_m: 15e-6,
@@ -128,9 +128,7 @@ impl CameraOptions {
         for value in self.distortion {
             within("camera.distortion", value, -10.0, 10.0)?;
         }
-        for value in self.white_balance {
-            within("camera.white_balance", value, 0.01, 100.0)?;
-        }
+        self.white_balance.check()?;
         within("camera.vignetting", self.vignetting, 0.0, 1.0)?;
         if let Some(focus_m) = self.focus_m {
             within("camera.focus_m", focus_m, 0.01, 1e6)?;
@@ -186,7 +184,7 @@ impl CameraOptions {
             focus_m: self.focus_m,
             distortion,
             vignetting: self.vignetting,
-            white_balance: self.white_balance,
+            white_balance: self.white_balance.gains(),
             f_number: self.f_number,
             transmission: self.transmission,
             blur_m: self.blur_m,

@@ -9,10 +9,13 @@ pub use bodies::{Body, BodyName, Lens, LensName};
 pub(crate) use framing::check_size;
 pub use framing::{CameraOptions, Framing, MAX_PIXELS, MAX_SIDE_PX};
 pub use outside::Outside;
+pub use white_balance::WhiteBalance;
 
 mod bodies;
+mod exif;
 mod framing;
 mod outside;
+mod white_balance;
 
 /// A camera on a tripod, its shutter open once.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +45,8 @@ pub struct Camera {
     /// Share of the light that the barrel takes away at the corner of the picture; it grows with
     /// the square of the distance from the middle. The fall by cos⁴ comes on top by itself.
     pub vignetting: f64,
-    /// Gains of red, green and blue before the tone curve: what the camera takes for white.
+    /// Gains of red, green and blue after the sensor and before the tone curve: what the camera
+    /// takes for white.
     pub white_balance: [f64; 3],
     /// Sensitivity: `H_sat` = 78 / ISO lx s (ISO 12232).
     pub iso: f64,
@@ -154,6 +158,14 @@ impl Camera {
         self.focus_m.map_or(0.0, |focus_m| {
             f * f / self.f_number * (depth_m - focus_m).abs() / (depth_m * focus_m)
         })
+    }
+
+    /// Luminous exposure in lx s in the picture's middle of a surface of 1 cd/m², `π τ t / (4 N²)`.
+    #[must_use]
+    pub fn lx_s_of_luminance(&self) -> f64 {
+        let exposure_s = self.shutter_close_s - self.shutter_open_s;
+        std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s
+            / (self.f_number * self.f_number)
     }
 
     /// Luminous exposure in lx s at which the sensor saturates (ISO 12232, saturation based).

@@ -19,8 +19,10 @@ use crate::scene::Scene;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
-    /// Flight to expose, as `noctograph fly` writes it, or a light trace: t,x,y,z,r,g,b
-    flight: PathBuf,
+    /// Flights to expose, one for each drone, as `noctograph fly` writes them, or light traces:
+    /// t,x,y,z,r,g,b
+    #[arg(required = true, value_name = "FLIGHT")]
+    flights: Vec<PathBuf>,
     /// Word that the camera frames; the scene's where it is left out
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
@@ -64,7 +66,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
     args.picture.apply(&mut scene)?;
     let bounds_m = bounds_m(&mut scene, args.word.as_deref())?;
     let output = Output::create(&args.output)?;
-    let (trace, end_s) = lamps(&args.flight, &scene)?;
+    let (trace, end_s) = lamps(&args.flights, &scene)?;
     let shot = shoot(&trace, end_s, bounds_m, &scene, args.picture.backend.into())?;
     let format = args.format.unwrap_or_else(|| Format::of(&args.output));
     let bytes = shot.file(format, &scene)?;

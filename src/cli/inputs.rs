@@ -75,6 +75,9 @@ pub(super) struct PictureFlags {
     /// Where the camera stands; auto: square in front of the word, which it frames with a margin
     #[arg(long, value_name = "NAME", default_value = "scene")]
     camera: CameraName,
+    /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect
+    #[arg(long, value_name = "PHOTO")]
+    camera_from: Option<PathBuf>,
 }
 
 /// Who places the camera.
@@ -87,6 +90,10 @@ enum CameraName {
 impl PictureFlags {
     /// Puts the size and the camera's place that were typed into the scene.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let Some(path) = &self.camera_from {
+            scene.camera = std::mem::take(&mut scene.camera).taken_as(path)?;
+            scene.camera.check()?;
+        }
         if let CameraName::Auto = self.camera {
             scene.camera.framing = Framing::Word;
         }
@@ -143,9 +150,25 @@ pub(super) fn tell_warnings(flight: &Flight, path: &Path) {
     }
 }
 
-/// The lamps of a file: a flight with the scene's emitters, or a light trace as it is; and the time
-/// of its last sample.
-pub(super) fn lamps(path: &Path, scene: &Scene) -> Result<(LightTrace, f64)> {
+/// The lamps of files, one for each drone: flights with the scene's emitters, or light traces as
+/// they are; and the time of the last sample. Lamps of several drones have the drone's number, from
+/// 1, before their name.
+pub(super) fn lamps(paths: &[PathBuf], scene: &Scene) -> Result<(LightTrace, f64)> {
+    let (mut all, mut last_s) = (LightTrace::default(), 0.0_f64);
+    for (drone, path) in (0..).zip(paths) {
+        let (mut trace, end_s) = lamps_of(path, scene, drone)?;
+        if paths.len() > 1 {
+            for lamp in &mut trace.lamps {
+                lamp.emitter.name = format!("{}: {}", drone + 1, lamp.emitter.name);
+            }
+        }
+        all.append(trace);
+        last_s = last_s.max(end_s);
+    }
+    Ok((all, last_s))
+}
+
+fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<(LightTrace, f64)> {
     if is_light_trace(path) {
         let trace = LightTrace::read_csv(path)?;
         let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
@@ -154,7 +177,7 @@ pub(super) fn lamps(path: &Path, scene: &Scene) -> Result<(LightTrace, f64)> {
     }
     let flight = read_flight(path)?;
     let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    Ok((light(&flight, &scene.light, scene.seed, 0)?, end_s))
+    Ok((light(&flight, &scene.light, scene.seed, drone)?, end_s))
 }
 
 /// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.

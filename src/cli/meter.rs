@@ -9,7 +9,7 @@ use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps, strokes};
 use super::{Outcome, print};
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::expose::meter::{Reading, meter};
+use crate::expose::meter::{Reading, floor_stops, meter};
 use crate::light::light;
 use crate::plan::plan;
 use crate::scene::Scene;
@@ -18,9 +18,10 @@ use crate::scene::Scene;
 pub(super) struct MeterArgs {
     /// Word to plan, fly and measure; the scene's where it is left out
     word: Option<String>,
-    /// Flight or light trace (t,x,y,z,r,g,b) to measure instead of flying the word
+    /// Flight or light trace (t,x,y,z,r,g,b) to measure instead of flying the word; one for each
+    /// drone
     #[arg(long, value_name = "FILE")]
-    flight: Option<PathBuf>,
+    flight: Vec<PathBuf>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
@@ -37,30 +38,42 @@ pub(super) fn run(args: &MeterArgs) -> Result<Outcome> {
     crate::error::within("--target-stops", args.target_stops, -30.0, 30.0)?;
     let mut scene = args.scene.load()?;
     args.picture.apply(&mut scene)?;
-    let (camera, readings) = read(args, &mut scene)?;
+    let found = read(args, &mut scene)?;
     if args.json {
-        print(&format!("{}\n", json(&camera, &readings, args.target_stops)))?;
+        print(&format!("{}\n", json(&found, args.target_stops)))?;
     } else {
-        print(&table(&camera, &readings, args.target_stops))?;
+        print(&table(&found, args.target_stops))?;
     }
     Ok(Outcome::Done)
 }
 
-fn read(args: &MeterArgs, scene: &mut Scene) -> Result<(Camera, Vec<Reading>)> {
-    let (bounds_m, (trace, end_s)) = if let Some(path) = &args.flight {
-        (bounds_m(scene, args.word.as_deref())?, lamps(path, scene)?)
-    } else {
+/// What the meter found.
+struct Found {
+    camera: Camera,
+    readings: Vec<Reading>,
+    /// Room in the picture's middle, and the floor where it is brightest, in stops over saturation.
+    ambient_stops: Option<f64>,
+    floor_stops: Option<f64>,
+}
+
+fn read(args: &MeterArgs, scene: &mut Scene) -> Result<Found> {
+    let (bounds_m, (trace, end_s)) = if args.flight.is_empty() {
         let strokes = strokes(scene, args.word.as_deref())?;
         let flight = fly(&plan(&strokes, &scene.plan)?, scene)?;
         let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
         (strokes.bounds_m(), (light(&flight, &scene.light, scene.seed, 0)?, end_s))
+    } else {
+        (bounds_m(scene, args.word.as_deref())?, lamps(&args.flight, scene)?)
     };
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let readings = meter(&trace, &camera)?;
-    Ok((camera, readings))
+    let ambient_stops = scene.photo.ambient_stops(&camera);
+    let floor_stops = floor_stops(&trace, &camera, &scene.expose);
+    Ok(Found { camera, readings, ambient_stops, floor_stops })
 }
 
-fn table(camera: &Camera, readings: &[Reading], target_stops: f64) -> String {
+fn table(found: &Found, target_stops: f64) -> String {
+    let Found { camera, readings, ambient_stops, floor_stops } = found;
     let Camera { focal_length_m, f_number, iso, .. } = camera;
     let mut text = format!(
         "{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
@@ -77,6 +90,12 @@ fn table(camera: &Camera, readings: &[Reading], target_stops: f64) -> String {
              {streak_s:10.1}\n",
             reading.evenness_stops()
         );
+    }
+    let surfaces =
+        [("room", ambient_stops, "in the picture's middle"), ("floor", floor_stops, "at most")];
+    for (name, stops, place) in surfaces {
+        let stops = stops.map_or("dark".to_owned(), |stops| format!("{stops:+.1} {place}"));
+        text += &format!("{name:18}         {stops:>9}\n");
     }
     text += &format!("\nto put the middle of the trail at {target_stops:+.1} stops, one of\n");
     text += "lamp                aperture       ISO   level now x\n";
@@ -110,7 +129,8 @@ fn table(camera: &Camera, readings: &[Reading], target_stops: f64) -> String {
 /// Hot spots that a table lists.
 const MOST_SPOTS: usize = 20;
 
-fn json(camera: &Camera, readings: &[Reading], target_stops: f64) -> serde_json::Value {
+fn json(found: &Found, target_stops: f64) -> serde_json::Value {
+    let Found { camera, readings, ambient_stops, floor_stops } = found;
     let lamps: Vec<_> = readings
         .iter()
         .map(|reading| {
@@ -142,5 +162,6 @@ fn json(camera: &Camera, readings: &[Reading], target_stops: f64) -> serde_json:
         .collect();
     serde_json::json!({
         "saturation_lx_s": camera.saturation_lx_s(), "target_stops": target_stops, "lamps": lamps,
+        "ambient_stops": ambient_stops, "floor_stops": floor_stops,
     })
 }

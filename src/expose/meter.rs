@@ -102,15 +102,17 @@ pub fn trail_exposure_lx_s(
         / (4.0 * f_number * f_number * distance_m * speed_m_s * width_m)
 }
 
-/// Reads the exposure of each lamp of a trace; lamps that leave no light in the picture are left
-/// out.
+/// Reads the exposure of each lamp of a trace, by name; lamps that leave no light in the picture are
+/// left out.
 ///
 /// # Errors
 ///
 /// [`Error::Input`], as [`super::expose`].
 pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
     super::check(trace, camera, &super::ExposeOptions::default())?;
-    let readings = trace.lamps.iter().filter_map(|lamp| {
+    // A row that changes its color is several lamps of one name.
+    let mut trails: Vec<(&str, Vec<Segment>)> = Vec::new();
+    for lamp in &trace.lamps {
         let mut segments = Vec::new();
         let luminance = [0.2126, 0.7152, 0.0722];
         let share: f64 = lamp.emitter.rgb.iter().zip(luminance).map(|(c, y)| c * y).sum();
@@ -122,7 +124,15 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
             middle.cmpge(glam::DVec2::ZERO).all() && middle.cmple(size).all()
         };
         segments.retain(inside);
-        reading(&lamp.emitter.name, &segments, camera)
+        let name = &*lamp.emitter.name;
+        match trails.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, all)) => all.append(&mut segments),
+            None => trails.push((name, segments)),
+        }
+    }
+    let readings = trails.into_iter().filter_map(|(name, mut segments)| {
+        segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        reading(name, &segments, camera)
     });
     let readings: Vec<Reading> = readings.collect();
     if readings.is_empty() {
@@ -131,6 +141,18 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
         return Err(Error::input("light", found, "light to measure", hint));
     }
     Ok(readings)
+}
+
+/// Brightest light that the floor shows, in stops over saturation; `None` where it is dark or out
+/// of the picture.
+#[must_use]
+pub fn floor_stops(
+    trace: &LightTrace,
+    camera: &Camera,
+    options: &super::ExposeOptions,
+) -> Option<f64> {
+    let glow = super::floor::Glow::new(trace, camera, options)?;
+    Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
 fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading> {
@@ -268,6 +290,23 @@ mod tests {
         assert!((advice.iso / 100.0 - libm::exp2(-wanted)).abs() < 0.02, "{advice:?}");
         let stops = -2.0 * libm::log2(advice.f_number / camera.f_number);
         assert!((stops + wanted).abs() < 0.02, "{advice:?}");
+    }
+
+    #[test]
+    fn a_lamp_that_changes_its_color_is_one_row() {
+        let half = |from: f64| {
+            let mut lamp = lamp((0..=100).map(|i| {
+                let t = from + f64::from(i) / 100.0;
+                (t, [0.2 * t - 0.2, 3.0, 0.0])
+            }));
+            lamp.emitter.rgb = if from > 0.0 { [4.7, 0.0, 0.0] } else { [0.0, 1.398_210, 0.0] };
+            lamp
+        };
+        let camera = camera(640, 400);
+        let found = meter(&LightTrace { lamps: vec![half(1.0), half(0.0)] }, &camera).unwrap();
+        let [row] = &found[..] else { panic!("{found:?}") };
+        assert!((row.lit_s - 2.0).abs() < 1e-9, "{row:?}");
+        assert!(row.evenness_stops() < 0.3, "equally bright in both colors: {row:?}");
     }
 
     #[test]

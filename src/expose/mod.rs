@@ -10,6 +10,8 @@
 //!    (quadrature, to 6e-6 of the peak). Each record adds amplitude times weight to the counts, in
 //!    integers only, on the CPU or on a graphics device: both leave the same bits.
 //!
+//! 3. Light that falls on the floor and is seen there joins, when the counts are complete.
+//!
 //! Accuracy: light is kept to 1e-6 of itself (spots at least 0.9 px wide), pixels to 1e-5 of the
 //! brightest unmerged and to 1e-3 merged at 0.005 px. No pixel can overflow: the scale of the
 //! counts is chosen from a bound on the brightest.
@@ -18,12 +20,12 @@
 //! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source of
 //! the smeared gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
-//! Not modelled: occlusion by drone or hands, ambient light, pulse-width dimming, rolling shutter,
-//! light of lamps nearer than 0.1 m. Between two samples the
-//! lamp's picture moves evenly and its brightness changes evenly. Glare and noise come after, in
-//! `photo`.
+//! Not modelled: occlusion by drone or hands, rolling shutter, light of lamps nearer than 0.1 m.
+//! Between two samples the lamp's picture moves evenly and its brightness changes evenly. Ambient
+//! light, glare and noise come after, in `photo`.
 
 mod cpu;
+mod floor;
 mod gpu;
 mod merge;
 pub mod meter;
@@ -44,6 +46,7 @@ use sha2::{Digest, Sha256};
 use crate::camera::{Camera, check_size};
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
+use floor::Glow;
 use record::{Record, Stamp};
 
 /// Most samples in a trace, and most segments in a picture.
@@ -118,11 +121,12 @@ pub struct Exposure {
 }
 
 /// Light on its way to the film: what is drawn where, before it is added up.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Latent {
     size_px: [u32; 2],
     scale_log2: i32,
     records: Vec<Record>,
+    glow: Option<Glow>,
 }
 
 /// What adds up the light. Both leave the same bits.
@@ -167,6 +171,12 @@ pub struct ExposeOptions {
     /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs least;
     /// 0.005 (default) errs by up to 1e-3 of the peak; more is faster and coarser.
     pub merge_tolerance_px: f64,
+    /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet 0.1,
+    /// grey concrete 0.3. 0: a floor that nobody sees.
+    pub floor_albedo: f64,
+    /// Height of the floor. A standing Crazyflie's position is that of its board, 2 cm above it (an
+    /// assumption: feet below the motor mounts).
+    pub floor_z_m: f64,
     /// Scale of the film, one count being `2^scale_log2` lx s, for films that are to be added up;
     /// `None` (default) takes the finest that this light allows.
     #[serde(skip)]
@@ -181,6 +191,8 @@ impl ExposeOptions {
     /// [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         within("expose.merge_tolerance_px", self.merge_tolerance_px, 0.0, 1.0)?;
+        within("expose.floor_albedo", self.floor_albedo, 0.0, 1.0)?;
+        within("expose.floor_z_m", self.floor_z_m, -1e3, 1e3)?;
         self.scale_log2.map_or(Ok(()), |scale_log2| {
             within("expose.scale_log2", f64::from(scale_log2), -128.0, 128.0)
         })
@@ -189,7 +201,13 @@ impl ExposeOptions {
 
 impl Default for ExposeOptions {
     fn default() -> Self {
-        Self { backend: BackendChoice::Auto, merge_tolerance_px: 0.005, scale_log2: None }
+        Self {
+            backend: BackendChoice::Auto,
+            merge_tolerance_px: 0.005,
+            floor_albedo: 0.2,
+            floor_z_m: -0.02,
+            scale_log2: None,
+        }
     }
 }
 
@@ -219,7 +237,9 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
     let size_px = [camera.width_px, camera.height_px];
     let stamps = stamps(trace, camera, options.merge_tolerance_px)?;
 
-    let finest = scale::finest_scale_log2(&stamps, size_px);
+    let glow = Glow::new(trace, camera, options);
+    let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
+    let finest = scale::finest_scale_log2(&stamps, glow_lx_s, size_px);
     let scale_log2 = options.scale_log2.unwrap_or(finest);
     if scale_log2 < finest {
         return Err(Error::Infeasible {
@@ -228,7 +248,7 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
         });
     }
     let records = stamps.iter().map(|stamp| stamp.record(scale_log2)).collect();
-    Ok(Latent { size_px, scale_log2, records })
+    Ok(Latent { size_px, scale_log2, records, glow })
 }
 
 impl Latent {
@@ -270,7 +290,11 @@ impl Latent {
 
     fn film(&self, counts: Vec<u32>) -> Film {
         let [width_px, height_px] = self.size_px;
-        Film { width_px, height_px, counts, scale_log2: self.scale_log2 }
+        let mut film = Film { width_px, height_px, counts, scale_log2: self.scale_log2 };
+        if let Some(glow) = &self.glow {
+            glow.add_to(&mut film);
+        }
+        film
     }
 }
 

@@ -60,8 +60,12 @@ pub(super) fn figure(n: u32) -> Lamp {
 
 /// The CPU's film, merged at `merge_tolerance_px`.
 fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
-    let options =
-        ExposeOptions { backend: BackendChoice::Cpu, merge_tolerance_px, scale_log2: scale };
+    let options = ExposeOptions {
+        backend: BackendChoice::Cpu,
+        merge_tolerance_px,
+        scale_log2: scale,
+        ..Default::default()
+    };
     expose(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("film").film
 }
 

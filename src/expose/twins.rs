@@ -25,7 +25,7 @@ fn device() -> Option<Gpu> {
 /// Records of a trace, at the finest scale.
 fn records(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Vec<Record> {
     let stamps = stamps(&LightTrace { lamps }, camera, tolerance_px).expect("stamps");
-    let scale = scale::finest_scale_log2(&stamps, [camera.width_px, camera.height_px]);
+    let scale = scale::finest_scale_log2(&stamps, 0.0, [camera.width_px, camera.height_px]);
     stamps.iter().map(|stamp| stamp.record(scale)).collect()
 }
 

@@ -12,7 +12,7 @@
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the lamp's axis. Not modelled:
-//! light that the body or the floor reflects, rare stalls of the radio (up to 0.7 s in the team's
+//! light that the body reflects, rare stalls of the radio (up to 0.7 s in the team's
 //! log), the firmware's clock that ran 1.2 % slow until 2026, effects of the ring that follow
 //! sensors, falling battery.
 
@@ -102,6 +102,13 @@ impl Emitter {
     /// axis.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
+        self.intensity_cd * self.share(cos_off_axis)
+    }
+
+    /// Share of the intensity on the axis that goes in a direction, given the cosine of its angle
+    /// off the axis.
+    #[must_use]
+    pub fn share(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
             return 0.0;
         }
@@ -110,7 +117,7 @@ impl Emitter {
             cos if self.beam_exponent == 1.0 => cos.min(1.0),
             cos => libm::pow(cos.min(1.0), self.beam_exponent),
         };
-        self.intensity_cd * (self.spill + (1.0 - self.spill) * beam)
+        self.spill + (1.0 - self.spill) * beam
     }
 }
 

@@ -33,14 +33,10 @@ struct Picture {
 impl Backdrop {
     /// The backdrop in shares of `white_lx_s`.
     ///
-    /// Luminance L leaves `π τ L t cos⁴ / (4 N²)` lx s on the sensor.
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, white_lx_s: f64) -> Result<Self> {
-        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        let of_luminance = std::f64::consts::FRAC_PI_4 * camera.transmission * exposure_s
-            / (camera.f_number * camera.f_number);
         let [red, green, blue] = options.ambient_rgb;
         let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
-        let room = of_luminance * options.ambient_cd_m2 / luminance / white_lx_s;
+        let room = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
         let focal_px = narrow(camera.focal_length_px());
         let picture = match &options.background[..] {
             "" => None,

@@ -28,7 +28,7 @@ pub enum Precision {
 
 impl Readout {
     /// Writes the readout as an uncompressed EXR file with the attributes chromaticities,
-    /// whiteLuminance, expTime, aperture, isoSpeed, focus (the word's plane), software, and comments:
+    /// whiteLuminance, expTime, aperture, isoSpeed, focus (where the camera has one), software, and comments:
     /// a line for each note, `keyword: text`. No time stamp.
     ///
     /// # Errors
@@ -74,9 +74,6 @@ impl Readout {
 
     fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        // What a surface's luminance leaves on the sensor, H = π τ L t / (4 N²).
-        let of_luminance = std::f64::consts::FRAC_PI_4 * camera.transmission * exposure_s
-            / (camera.f_number * camera.f_number);
         // The file's text is Latin-1.
         let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
         let notes = notes.collect::<String>().replace(|c: char| u32::from(c) > 255, "?");
@@ -84,8 +81,8 @@ impl Readout {
             exposure: Some(narrow(exposure_s)),
             aperture: Some(narrow(camera.f_number)),
             iso_speed: Some(narrow(camera.iso)),
-            focus: Some(narrow(camera.position_m.y.abs())),
-            white_luminance: Some(narrow(self.white_lx_s / of_luminance)),
+            focus: camera.focus_m.map(narrow),
+            white_luminance: Some(narrow(self.white_lx_s / camera.lx_s_of_luminance())),
             software_name: Text::new_or_none(metadata::SOFTWARE),
             comments: Text::new_or_none(notes),
             ..LayerAttributes::default()
@@ -107,7 +104,8 @@ mod tests {
     fn a_readout_reads_back_from_exr_with_its_attributes() {
         let rgb: Vec<f32> = (0..5 * 3 * 3).map(|i| (i as f32 - 3.0) / 41.0).collect();
         let readout = Readout { width_px: 5, height_px: 3, rgb: rgb.clone(), white_lx_s: 0.78 };
-        let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
+        let options = CameraOptions { focus_m: Some(2.5), ..CameraOptions::default() };
+        let camera = options.camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
         for (precision, error) in [(Precision::Float, 0.0), (Precision::Half, 1.0 / 2048.0)] {
             let mut file = std::io::Cursor::new(Vec::new());
             let notes = [("noctograph.seed", "7 ψ".to_owned())];
@@ -139,7 +137,7 @@ mod tests {
             assert_eq!(attributes.exposure, Some(46.0));
             assert_eq!(attributes.aperture, Some(8.0));
             assert_eq!(attributes.iso_speed, Some(100.0));
-            assert!(attributes.focus.unwrap() > 1.0);
+            assert_eq!(attributes.focus, Some(2.5));
             // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
             assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
             assert_eq!(attributes.capture_date, None, "no time stamp");

@@ -11,7 +11,7 @@
 //! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
 //! number of threads.
 //!
-//! Not modelled: the glow of the floor under the lamps, ghosts, glare of the background (a photo
+//! Not modelled: ghosts, glare of the background (a photo
 //! has its own), the mosaic of colours, JPEG.
 
 use crate::camera::Camera;

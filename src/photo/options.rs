@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::tone::Tone;
+use crate::camera::Camera;
 use crate::error::{Result, within};
 
 /// Settings of the photograph. Every effect has a value that switches it off.
@@ -28,8 +29,9 @@ pub struct PhotoOptions {
     pub background: String,
     /// How much brighter than its file the background is; at 0 its white saturates the sensor.
     pub background_stops: f64,
-    /// Share of a colour's light that the other two colours' photosites see. 0: none. Real filters
-    /// leak 8 to 15 %, which turns overexposed lamps white.
+    /// Share of a colour's light that the photosites of its neighbour in the spectrum see. 0: none.
+    /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan hearts and, over more,
+    /// white ones.
     pub crosstalk_frac: f64,
     /// Whether the sensor is noisy.
     pub noise: Noise,
@@ -106,6 +108,13 @@ impl PhotoOptions {
         }
     }
 
+    /// Light of the room in the picture's middle, in stops over saturation; `None` in the dark.
+    #[must_use]
+    pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
+        let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();
+        (ambient_lx_s > 0.0).then(|| libm::log2(ambient_lx_s / camera.saturation_lx_s()))
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
@@ -120,7 +129,7 @@ impl PhotoOptions {
             within("photo.ambient_rgb", value, 1e-3, 1e3)?;
         }
         within("photo.background_stops", self.background_stops, -20.0, 20.0)?;
-        within("photo.crosstalk_frac", self.crosstalk_frac, 0.0, 0.5)?;
+        within("photo.crosstalk_frac", self.crosstalk_frac, 0.0, 0.3)?;
         within("photo.full_well_e", self.full_well_e, 100.0, 1e9)?;
         within("photo.base_iso", self.base_iso, 1.0, 1e5)?;
         for value in self.response {

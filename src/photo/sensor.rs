@@ -4,7 +4,10 @@
 //! times the colour's response, dark current and hot photosites add theirs, the well or the
 //! converter clips each colour, and reading adds noise. Then the camera takes the mean dark current
 //! off, balances white, clips all colours at the same light, and undoes the leak by its matrix: what
-//! was not clipped has its own colour back, what was is nearer to white.
+//! was not clipped has its own colour back, what was is nearer to its neighbour's and to white.
+//!
+//! A filter leaks most into its neighbour in the spectrum: red and blue into green, green into both,
+//! and a tenth of that from red to blue. So an overexposed blue lamp has a cyan heart.
 //!
 //! White is `78 / ISO` lx s (ISO 12232) from the base sensitivity on; below it the full well is.
 //! A picture shows noise and pattern in one: PRNU joins the variance. Not modelled: rounding of the
@@ -19,9 +22,10 @@ use crate::camera::Camera;
 pub(super) struct Sensor {
     /// Luminous exposure that is white.
     pub(super) white_lx_s: f64,
-    /// What a colour keeps, and what each of three gets of their sum.
-    keep: f32,
-    leak: f32,
+    /// How the colours leak, and what undoes it; nothing where they do not.
+    leak: Option<[[[f32; 3]; 3]; 2]>,
+    /// Gains of the colours.
+    white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
 
@@ -73,8 +77,8 @@ impl Sensor {
         };
         Self {
             white_lx_s,
-            keep: (1.0 - 1.5 * options.crosstalk_frac) as f32,
-            leak: (0.5 * options.crosstalk_frac) as f32,
+            leak: (options.crosstalk_frac > 0.0).then(|| leak(options.crosstalk_frac)),
+            white_balance: camera.white_balance.map(|gain| gain as f32),
             noise: (options.noise == Noise::Emva1288).then(noisy),
         }
     }
@@ -82,29 +86,51 @@ impl Sensor {
     /// Reads row `y`: light in shares of white becomes what the camera makes of it, 1 where it
     /// saturates (and a little off 0 to 1 where the matrix leads there).
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        if self.leak > 0.0 {
-            let [red, green, blue] = rows;
-            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
-                let leaked = self.leak * (*r + *g + *b);
-                *r = self.keep * *r + leaked;
-                *g = self.keep * *g + leaked;
-                *b = self.keep * *b + leaked;
-            }
+        if let Some([leak, _]) = &self.leak {
+            mix(leak, rows);
         }
         match &self.noise {
             Some(noise) => noise.read(y, rows, scratch),
             None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
         }
-        if self.leak > 0.0 {
-            let [red, green, blue] = rows;
-            let undo = 1.0 / self.keep;
-            for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
-                let leaked = self.leak * (*r + *g + *b);
-                *r = (*r - leaked) * undo;
-                *g = (*g - leaked) * undo;
-                *b = (*b - leaked) * undo;
+        for (row, &gain) in rows.iter_mut().zip(&self.white_balance) {
+            if gain != 1.0 {
+                row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
             }
         }
+        if let Some([_, undo]) = &self.leak {
+            mix(undo, rows);
+        }
+    }
+}
+
+/// What the red, green and blue photosites see of red, green and blue light, and its inverse.
+#[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
+fn leak(crosstalk_frac: f64) -> [[[f32; 3]; 3]; 2] {
+    let (near, far) = (crosstalk_frac, 0.1 * crosstalk_frac);
+    let leak = nalgebra::Matrix3::new(
+        1.0 - near - far,
+        near,
+        far,
+        near,
+        1.0 - 2.0 * near,
+        near,
+        far,
+        near,
+        1.0 - near - far,
+    );
+    let undo = leak.try_inverse().expect("less than a third leaks");
+    [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32)))
+}
+
+/// Mixes the channels of each pixel.
+#[inline(always)]
+fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
+    let [red, green, blue] = rows;
+    for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+        let [mixed_r, mixed_g, mixed_b] =
+            std::array::from_fn(|i| by[i][0] * *r + by[i][1] * *g + by[i][2] * *b);
+        (*r, *g, *b) = (mixed_r, mixed_g, mixed_b);
     }
 }
 

@@ -116,9 +116,12 @@ fn noor_reads_through_all_the_light_that_the_team_left_on() {
 #[test]
 fn the_light_of_the_board_shows_the_way_between_letters() {
     // The way from the take-off to the first letter, where the headlights are dark: blue power
-    // LEDs, red status and link LEDs, no green.
+    // LEDs, red status and link LEDs, no green. The floor is black: it would show the ring.
     let light_lx_s = |led_bitmask| {
-        let taken = on_cpu("NOOR", |scene| scene.light.led_bitmask = led_bitmask);
+        let taken = on_cpu("NOOR", |scene| {
+            scene.light.led_bitmask = led_bitmask;
+            scene.expose.floor_albedo = 0.0;
+        });
         let at = |x, z| taken.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();
         let (from, to) = (at(-0.45, 0.35), at(-0.1, 0.0));
         let width = taken.film.width_px as usize;

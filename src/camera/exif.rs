@@ -1,0 +1,213 @@
+//! A camera from a photograph: what its EXIF says of sensor, lens and exposure.
+//!
+//! EXIF 2.32. The sensor's width comes from the body where the model is known, else from the focal
+//! length and its equivalent on 35 mm film (36 mm wide, as most makers reckon it).
+
+use std::path::Path;
+
+use exif::{Exif, In, Tag, Value};
+
+use super::{BodyName, CameraOptions};
+use crate::error::{Error, Result};
+
+/// Most bytes of a photograph that are read: the largest that cameras make, and some.
+const MAX_FILE_BYTES: u64 = 1 << 28;
+
+impl CameraOptions {
+    /// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
+    /// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
+    /// aspect, with as many pixels on the longer side as before. Pose and all else stay.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF or lacks
+    /// what a camera needs; all that is lacking is named.
+    pub fn taken_as(self, path: &Path) -> Result<Self> {
+        let unreadable = |source| Error::read(path, source);
+        let place = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        if length > MAX_FILE_BYTES {
+            let found = format!("{length} bytes");
+            let wanted = format!("a photograph of at most {MAX_FILE_BYTES}");
+            return Err(Error::input(place, found, wanted, HINT));
+        }
+        let mut reader = std::io::BufReader::new(file);
+        match exif::Reader::new().read_from_container(&mut reader) {
+            Ok(exif) => self.told_by(&exif, &place),
+            Err(exif::Error::Io(source)) => Err(unreadable(source)),
+            Err(error) => {
+                let found = format!("no EXIF ({error})");
+                Err(Error::input(place, found, "a photograph as the camera wrote it", HINT))
+            }
+        }
+    }
+
+    fn told_by(mut self, exif: &Exif, place: &str) -> Result<Self> {
+        let body = text(exif, Tag::Model).and_then(|model| BodyName::of_model(&model));
+        let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
+        let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
+        let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
+        let sensor_width_m = body.map(|body| body.body().sensor_width_m).or(of_film);
+        let f_number = number(exif, Tag::FNumber);
+        let exposure_s = number(exif, Tag::ExposureTime);
+        let iso =
+            number(exif, Tag::ISOSpeed).or_else(|| number(exif, Tag::PhotographicSensitivity));
+
+        let needed = [
+            ("FocalLength", focal_length_m.is_some()),
+            ("FocalLengthIn35mmFilm (or a Model that is known)", sensor_width_m.is_some()),
+            ("FNumber", f_number.is_some()),
+            ("ExposureTime", exposure_s.is_some()),
+            ("PhotographicSensitivity", iso.is_some()),
+        ];
+        let lacking: Vec<&str> =
+            needed.iter().filter(|(_, there)| !there).map(|(tag, _)| *tag).collect();
+        let (Some(focal_length_m), Some(sensor_width_m), Some(f_number)) =
+            (focal_length_m, sensor_width_m, f_number)
+        else {
+            return Err(lacks(place, &lacking));
+        };
+        let (Some(exposure_s), Some(iso)) = (exposure_s, iso) else {
+            return Err(lacks(place, &lacking));
+        };
+
+        (self.body, self.lens) = (body, None);
+        (self.focal_length_m, self.sensor_width_m) = (focal_length_m, sensor_width_m);
+        (self.f_number, self.iso) = (f_number, iso);
+        self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
+        self.focus_m = number(exif, Tag::SubjectDistance).or(self.focus_m);
+        self.take_aspect(exif);
+        Ok(self)
+    }
+
+    /// Width and height in the photograph's aspect, upright.
+    fn take_aspect(&mut self, exif: &Exif) {
+        let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
+        let width = side(Tag::PixelXDimension, Tag::ImageWidth);
+        let height = side(Tag::PixelYDimension, Tag::ImageLength);
+        let (Some(width), Some(height)) = (width, height) else { return };
+        // 5 to 8 lie on their side: x and y of the file are y and x of the scene.
+        let turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
+        let longer = self.width_px.max(self.height_px);
+        let shorter = f64::from(longer) * (width.min(height) / width.max(height));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+        let shorter = (shorter.round() as u32).max(1);
+        let upright = (width < height) != turned;
+        [self.width_px, self.height_px] =
+            if upright { [shorter, longer] } else { [longer, shorter] };
+        if upright {
+            // The sensor's longer side stands.
+            self.sensor_width_m *= f64::from(shorter) / f64::from(longer);
+            self.body = None;
+        }
+    }
+}
+
+const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
+                    or set the camera's keys in a scene file";
+
+fn lacks(place: &str, lacking: &[&str]) -> Error {
+    let found = format!("EXIF without {}", lacking.join(", "));
+    Error::input(place, found, "the tags of lens and exposure", HINT)
+}
+
+/// A number above 0 that a tag holds.
+fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::Rational(values) => values.first()?.to_f64(),
+        value => f64::from(value.get_uint(0)?),
+    };
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+fn text(exif: &Exif, tag: Tag) -> Option<String> {
+    match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exif::{Field, Rational, experimental::Writer};
+
+    /// A TIFF file of nothing but these tags.
+    fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
+        let fields: Vec<Field> = fields
+            .iter()
+            .map(|(tag, value)| Field { tag: *tag, ifd_num: In::PRIMARY, value: value.clone() })
+            .collect();
+        let mut writer = Writer::new();
+        fields.iter().for_each(|field| writer.push_field(field));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        writer.write(&mut bytes, false).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes.into_inner()).unwrap();
+        file
+    }
+
+    fn ratio(num: u32, denom: u32) -> Value {
+        Value::Rational(vec![Rational { num, denom }])
+    }
+
+    fn telephone() -> Vec<(Tag, Value)> {
+        vec![
+            (Tag::Model, Value::Ascii(vec![b"Telephone 7".to_vec()])),
+            (Tag::FocalLength, ratio(57, 10)),
+            (Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])),
+            (Tag::FNumber, ratio(18, 10)),
+            (Tag::ExposureTime, ratio(30, 1)),
+            (Tag::PhotographicSensitivity, Value::Short(vec![50])),
+            (Tag::PixelXDimension, Value::Long(vec![4000])),
+            (Tag::PixelYDimension, Value::Long(vec![3000])),
+        ]
+    }
+
+    #[test]
+    fn a_photograph_sets_sensor_lens_and_exposure() {
+        let file = tiff(&telephone());
+        let camera = CameraOptions::default().taken_as(file.path()).unwrap();
+        assert_eq!((camera.focal_length_m, camera.f_number, camera.iso), (0.0057, 1.8, 50.0));
+        assert!((camera.sensor_width_m - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
+        assert_eq!(camera.shutter_close_s, Some(30.0));
+        assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
+        camera.check().unwrap();
+
+        let mut turned = telephone();
+        turned.push((Tag::Orientation, Value::Short(vec![6])));
+        let camera = CameraOptions::default().taken_as(tiff(&turned).path()).unwrap();
+        assert_eq!((camera.width_px, camera.height_px), (1440, 1920), "held upright");
+    }
+
+    #[test]
+    fn a_model_that_is_known_needs_no_35_mm_equivalent() {
+        let mut tags = telephone();
+        tags[0].1 = Value::Ascii(vec![b"ILCE-6400".to_vec()]);
+        tags.remove(2);
+        let camera = CameraOptions::default().taken_as(tiff(&tags).path()).unwrap();
+        assert_eq!((camera.body, camera.sensor_width_m), (Some(BodyName::A6400), 0.0235));
+    }
+
+    #[test]
+    fn all_that_is_lacking_is_named() {
+        let error = |path: &Path| CameraOptions::default().taken_as(path).unwrap_err();
+        let some: Vec<_> = telephone().drain(..2).collect();
+        let message = error(tiff(&some).path()).to_string();
+        for tag in ["FocalLengthIn35mmFilm", "FNumber", "ExposureTime", "PhotographicSensitivity"] {
+            assert!(message.contains(tag), "{message}");
+        }
+        assert!(!message.contains("FocalLength,"), "{message}");
+        let zero = [(Tag::FNumber, ratio(0, 0)), (Tag::ExposureTime, ratio(1, 0))];
+        assert!(error(tiff(&zero).path()).to_string().contains("FNumber"));
+        for bytes in [&b""[..], b"no image", b"\x89PNG\r\n\x1a\n", b"II*\0\xff\xff\xff\xff"] {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), bytes).unwrap();
+            let error = error(file.path());
+            assert!(error.to_string().contains("EXIF"), "{error}");
+            assert!(error.hint().contains("card"), "{error}");
+        }
+        assert!(matches!(error(Path::new("nowhere.jpg")), Error::Io { .. }));
+    }
+}

@@ -1,0 +1,112 @@
+//! White balance: what the camera takes for white.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, within};
+
+/// What the camera takes for white: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum WhiteBalance {
+    /// Gains of red, green and blue; 1 each is balanced for daylight, D65.
+    Gains([f64; 3]),
+    /// Colour temperature of the light that is to look white, in kelvin.
+    Kelvin(f64),
+}
+
+impl Default for WhiteBalance {
+    fn default() -> Self {
+        Self::Gains([1.0; 3])
+    }
+}
+
+/// Range of the approximation of Planck's locus.
+const KELVIN: [f64; 2] = [1700.0, 25_000.0];
+
+impl WhiteBalance {
+    /// Checks the range.
+    pub(super) fn check(self) -> Result<()> {
+        match self {
+            Self::Kelvin(kelvin) => {
+                within("camera.white_balance (kelvin)", kelvin, KELVIN[0], KELVIN[1])
+            }
+            Self::Gains(gains) => {
+                gains.iter().try_for_each(|gain| within("camera.white_balance", *gain, 0.01, 100.0))
+            }
+        }
+    }
+
+    /// Gains of red, green and blue. Those of a colour temperature are at least 1, so that what
+    /// saturates the sensor is white at every temperature.
+    #[must_use]
+    pub fn gains(self) -> [f64; 3] {
+        match self {
+            Self::Gains(gains) => gains,
+            Self::Kelvin(kelvin) => {
+                let light = planckian_rgb(kelvin);
+                let most = light.into_iter().fold(0.0, f64::max);
+                light.map(|channel| most / channel.max(0.01 * most))
+            }
+        }
+    }
+}
+
+/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (1667 to 25000 K; chromaticity to
+/// within 0.0003).
+fn planckian_rgb(kelvin: f64) -> [f64; 3] {
+    let cubic = |[a, b, c, d]: [f64; 4], t: f64| ((a * t + b) * t + c) * t + d;
+    let t = 1000.0 / kelvin;
+    let x = if kelvin <= 4000.0 {
+        cubic([-0.266_123_9, -0.234_358_9, 0.877_695_6, 0.179_910], t)
+    } else {
+        cubic([-3.025_846_9, 2.107_037_9, 0.222_634_7, 0.240_390], t)
+    };
+    let y = match kelvin {
+        ..=2222.0 => cubic([-1.106_381_4, -1.348_110_2, 2.185_558_32, -0.202_196_83], x),
+        ..=4000.0 => cubic([-0.954_947_6, -1.374_185_93, 2.091_370_15, -0.167_488_67], x),
+        _ => cubic([3.081_758_0, -5.873_386_7, 3.751_129_97, -0.370_014_83], x),
+    };
+    let [x, z] = [x / y, (1.0 - x - y) / y];
+    // IEC 61966-2-1, XYZ of luminance 1 to linear sRGB.
+    [
+        3.240_454_2 * x - 1.537_138_5 - 0.498_531_4 * z,
+        -0.969_266 * x + 1.876_010_8 + 0.041_556 * z,
+        0.055_643_4 * x - 0.204_025_9 + 1.057_225_2 * z,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn daylight_needs_no_gain_and_lamp_light_needs_blue() {
+        let near = |found: [f64; 3], wanted: [f64; 3]| {
+            for (found, wanted) in found.into_iter().zip(wanted) {
+                assert!((found / wanted - 1.0).abs() < 0.02, "{found} for {wanted}");
+            }
+        };
+        // A black body of 6504 K is a little more purple than D65.
+        near(WhiteBalance::Kelvin(6504.0).gains(), [1.0, 1.055, 1.016]);
+        // Illuminant A, 2856 K: x 0.4476, y 0.4074; linear sRGB 1.827, 0.810, 0.234... by hand.
+        let a = WhiteBalance::Kelvin(2856.0).gains();
+        assert_eq!(a[0], 1.0, "red is brightest");
+        assert!((2.2..2.3).contains(&a[1]) && (7.0..8.5).contains(&a[2]), "{a:?}");
+        assert_eq!(WhiteBalance::default().gains(), [1.0; 3]);
+    }
+
+    #[test]
+    fn a_scene_names_gains_or_kelvin() {
+        #[derive(Deserialize)]
+        struct Scene {
+            white_balance: WhiteBalance,
+        }
+        let parsed = |text: &str| toml::from_str::<Scene>(text).map(|scene| scene.white_balance);
+        assert_eq!(parsed("white_balance = 3200.0"), Ok(WhiteBalance::Kelvin(3200.0)));
+        assert_eq!(parsed("white_balance = 3200"), Ok(WhiteBalance::Kelvin(3200.0)));
+        let gains = WhiteBalance::Gains([2.0, 1.0, 1.5]);
+        assert_eq!(parsed("white_balance = [2, 1.0, 1.5]"), Ok(gains));
+        assert!(WhiteBalance::Kelvin(100.0).check().is_err());
+        assert!(WhiteBalance::Gains([1.0, f64::NAN, 1.0]).check().is_err());
+    }
+}
