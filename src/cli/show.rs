@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 
 use crate::expose::Backend;
-use crate::flight::Flight;
 use crate::flight::tracking::{Part, Tracking, track};
+use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S};
 use crate::geometry::Attitude;
 use crate::score::{Reason, Verdict};
 
@@ -43,9 +43,13 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
         return format!("flight    {duration_s:.1} s on the floor\n");
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
+    let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
+    let battery = battery.map_or_else(String::new, |(volts, joules)| {
+        format!("battery   {volts:.2} V at the end, {joules:.0} J taken\n")
+    });
     format!(
         "flight    {duration_s:.1} s, RMSE {}: x {:.3}  y {:.3}  z {:.3} m\n          trails by \
-         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n",
+         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n{battery}",
         in_part(tracking.part),
         rmse.x,
         rmse.y,
@@ -55,8 +59,8 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
     )
 }
 
-/// Flight time and tracking error for programs; all but the time is null where the drone never
-/// left the floor.
+/// Flight time, tracking error and the last of the simulator's own columns for programs; the error is
+/// null where the drone never left the floor.
 pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
     let tracking = track(flight, Part::of(flight)).ok();
     let mut json = tracking.as_ref().map_or_else(
@@ -64,6 +68,11 @@ pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
         tracking_json,
     );
     json["duration_s"] = duration_s(flight).into();
+    for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
+        if let Some(last) = at_end(flight, column) {
+            json[column] = last.into();
+        }
+    }
     json["sha256"] = flight.sha256().into();
     json
 }
@@ -128,6 +137,11 @@ pub(super) fn to_json(verdict: &Verdict) -> serde_json::Value {
 /// SHA-256 of a file's bytes, in hexadecimal.
 pub(super) fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The last figure of one of the simulator's own columns.
+fn at_end(flight: &Flight, column: &str) -> Option<f64> {
+    flight.extra.get(column)?.last().copied()
 }
 
 fn duration_s(flight: &Flight) -> f64 {

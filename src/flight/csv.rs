@@ -2,7 +2,8 @@
 //!
 //! The columns of a quantity that a real log does not tell are left out together. `gap_before` is 1
 //! in the first row after a hole, and stands only in files with holes. Columns of other names are
-//! kept as [`Flight::extra`].
+//! kept as [`Flight::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
+//! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;

@@ -16,6 +16,14 @@ pub mod tracking;
 
 pub use airborne::{FLYING_MOTOR_COMMAND, airborne};
 
+/// Column of a simulated flight: time so far, s, in which a motor was asked for more or less than
+/// it has, by its range or by the battery.
+pub const SATURATED_S: &str = "saturated_s";
+/// Column of a simulated flight: voltage of the battery under load, V.
+pub const BATTERY_V: &str = "battery_v";
+/// Column of a simulated flight: energy that has left the battery so far, J.
+pub const ENERGY_J: &str = "energy_j";
+
 /// A flight of one drone, sampled over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Flight {
@@ -24,8 +32,9 @@ pub struct Flight {
     /// Light commands in force at each sample, as received over the radio: one column per
     /// channel, 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
-    /// Further columns of a real log, under the names and in the units of the log, held between
-    /// their own samples; each as long as `samples`.
+    /// Further columns, each as long as `samples`. Of a real log: under the names and in the units
+    /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and, where
+    /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
     /// Holes in a real log: times of the last sample before and of the first sample after, in
     /// rising order. Nothing is known in between: no line is drawn and no lamp shines across one.

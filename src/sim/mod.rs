@@ -139,6 +139,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
+    use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
     use crate::plan::Setpoint;
 
     /// Setpoints `(time, x, z)` with a light on all of them.
@@ -184,6 +185,28 @@ mod tests {
             "{:?}",
             flight.warnings
         );
+        let saturated_s = &flight.extra[SATURATED_S];
+        let cut = |s: &FlightSample| s.motors.iter().any(|m| [0.0, 65_535.0].contains(m));
+        let ticks = flight.samples.iter().filter(|s| cut(s)).count() as f64;
+        // Samples are every second tick.
+        let last_s = *saturated_s.last().unwrap();
+        assert!(ticks > 10.0 && (last_s / (0.004 * ticks) - 1.0).abs() < 0.1, "{last_s} s");
+        assert!(saturated_s.is_sorted() && saturated_s[0] == 0.0, "counts up from nought");
+        assert_eq!(flight.extra.len(), 1, "no battery, no voltage");
+    }
+
+    #[test]
+    fn a_battery_is_in_the_log_with_what_it_gave() {
+        let hover = plan(&[(0.0, 0.0, 0.5), (10.0, 0.0, 0.5)]);
+        let flight = fly(&hover, &SimOptions::cf21(), 1, &mut |_| {}).unwrap();
+        let column = |name: &str| flight.extra[name].as_slice();
+        let (volts, joules) = (column(BATTERY_V), column(ENERGY_J));
+        assert_eq!((volts.len(), column(SATURATED_S).last()), (flight.samples.len(), Some(&0.0)));
+        // In hover 0.24 A + 6.68 A/N · 0.3218 N = 2.39 A.
+        let want_j: f64 = volts.iter().skip(1).map(|v| v * 2.39 * 0.004).sum();
+        let found_j = joules.last().unwrap();
+        assert!((found_j / want_j - 1.0).abs() < 0.01, "{found_j} J of {want_j} J");
+        assert!(joules.is_sorted() && volts[0] > *volts.last().unwrap());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::vehicle::{State, attitude, position, rate, velocity};
 use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightSample};
+use crate::flight::{BATTERY_V, ENERGY_J, Flight, FlightSample, SATURATED_S};
 use crate::geometry::Attitude;
 use crate::plan::{Plan, Setpoint};
 
@@ -14,6 +14,7 @@ use crate::plan::{Plan, Setpoint};
 pub(super) struct Recorder<'a> {
     plan: &'a Plan,
     flight: Flight,
+    further: BTreeMap<&'static str, Vec<f64>>,
 }
 
 /// What the drone knows and does at one tick.
@@ -25,6 +26,10 @@ pub(super) struct Moment {
     pub(super) motors: [f64; 4],
     /// Index of the setpoint in force.
     pub(super) setpoint: usize,
+    /// Time so far with a motor at its limit.
+    pub(super) saturated_s: f64,
+    /// Voltage (V) and energy so far (J), where there is a battery.
+    pub(super) battery: Option<(f64, f64)>,
 }
 
 impl<'a> Recorder<'a> {
@@ -35,6 +40,7 @@ impl<'a> Recorder<'a> {
         Self {
             plan,
             flight: Flight { samples: Vec::with_capacity(n), lights, ..Flight::default() },
+            further: BTreeMap::new(),
         }
     }
 
@@ -44,10 +50,17 @@ impl<'a> Recorder<'a> {
         for (column, sent) in self.flight.lights.values_mut().zip(self.plan.lights.values()) {
             column.push(on_grid(sent[moment.setpoint]));
         }
+        let battery = moment.battery.map(|(v, j)| [(BATTERY_V, v), (ENERGY_J, j)]);
+        for (name, value) in
+            std::iter::once((SATURATED_S, moment.saturated_s)).chain(battery.into_iter().flatten())
+        {
+            self.further.entry(name).or_default().push(on_grid(value));
+        }
     }
 
     pub(super) fn finish(self, warnings: Vec<String>) -> Flight {
-        Flight { warnings, ..self.flight }
+        let extra = self.further.into_iter().map(|(name, column)| (name.to_owned(), column));
+        Flight { warnings, extra: extra.collect(), ..self.flight }
     }
 }
 

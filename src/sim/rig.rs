@@ -35,7 +35,9 @@ pub(super) struct Rig {
     ticks: u32,
     ticks_per_command: u32,
     setpoint: usize,
+    /// Ticks with a motor at its limit, and those of them at which a letter was written.
     saturated_ticks: u32,
+    saturated_writing_ticks: u32,
 }
 
 impl Rig {
@@ -61,6 +63,7 @@ impl Rig {
             ticks_per_command: rate_hz / options.rates.attitude_hz(),
             setpoint: 0,
             saturated_ticks: 0,
+            saturated_writing_ticks: 0,
         })
     }
 
@@ -88,12 +91,16 @@ impl Rig {
             self.command = self.controller.command(&self.estimate, &reference);
         }
         self.ticks += 1;
-        self.saturated_ticks += u32::from(self.command.saturated && setpoint.letter.is_some());
+        let writes = setpoint.letter.is_some();
+        self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
     }
 
     /// Moves the drone to the next tick.
     pub(super) fn advance(&mut self) {
+        let short_steps = self.plant.short_steps();
         pulp::Arch::new().dispatch(Steps(self));
+        let short = self.plant.short_steps() > short_steps;
+        self.saturated_ticks += u32::from(self.command.saturated || short);
     }
 
     /// What is written down at this tick.
@@ -105,6 +112,8 @@ impl Rig {
             estimate: self.estimate,
             motors: self.command.motors.into(),
             setpoint: self.setpoint,
+            saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
+            battery: self.plant.battery_v().zip(self.plant.energy_j()),
         }
     }
 
@@ -129,9 +138,9 @@ impl Rig {
     }
 
     pub(super) fn warnings(&self) -> Vec<String> {
-        let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
+        let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
-        let saturated = (self.saturated_ticks > 0).then_some(text);
+        let saturated = (self.saturated_writing_ticks > 0).then_some(text);
         let others = self.plant.warnings().into_iter().chain(self.sensors.warnings());
         saturated.into_iter().chain(others).collect()
     }

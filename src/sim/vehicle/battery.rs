@@ -17,6 +17,7 @@ pub(super) struct Battery {
     cut_off_v: f64,
     charge_frac: f64,
     voltage_v: f64,
+    energy_j: f64,
     cut_off: bool,
 }
 
@@ -44,6 +45,7 @@ impl Battery {
             cut_off_v: options.cut_off_v,
             charge_frac: options.charge_frac,
             voltage_v: 0.0,
+            energy_j: 0.0,
             cut_off: false,
         };
         battery.drain(0.0, 0.0);
@@ -53,6 +55,11 @@ impl Battery {
     /// Voltage under load.
     pub(super) fn voltage_v(&self) -> f64 {
         self.voltage_v
+    }
+
+    /// Energy that has left it.
+    pub(super) fn energy_j(&self) -> f64 {
+        self.energy_j
     }
 
     /// Whether the voltage has been below the cut-off; the motors stay off from then on.
@@ -66,6 +73,7 @@ impl Battery {
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
         self.charge_frac = (self.charge_frac - current_a * dt_s / self.capacity_a_s).max(0.0);
         self.voltage_v = self.open_circuit_v() - self.resistance_ohm * current_a;
+        self.energy_j += self.voltage_v * current_a * dt_s;
         self.cut_off |= self.voltage_v < self.cut_off_v;
     }
 
@@ -121,6 +129,16 @@ mod tests {
         }
         let slope_v_s = (battery.voltage_v() - start_v) / 35.0;
         assert!((slope_v_s + 2.65e-3).abs() < 0.1e-3, "slope {slope_v_s} V/s");
+    }
+
+    #[test]
+    fn energy_is_voltage_times_current_times_time() {
+        let (mut battery, _) = cf21();
+        (battery.open_circuit_v, battery.resistance_ohm) = ([4.0; 11], 0.5);
+        (battery.idle_current_a, battery.current_a_per_n) = (0.2, 6.0);
+        (0..1000).for_each(|_| battery.drain(0.3, 0.002));
+        // 0.2 + 6 · 0.3 = 2 A leave 4 − 0.5 · 2 = 3 V: 6 W for 2 s.
+        assert!((battery.energy_j() - 12.0).abs() < 1e-9, "{} J", battery.energy_j());
     }
 
     #[test]

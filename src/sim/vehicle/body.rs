@@ -116,6 +116,8 @@ pub(super) struct Inertia {
     mass_kg: f64,
     /// Force per speed through the air along body x, y, z.
     drag_n_s_m: Vector3<f64>,
+    /// Moment per speed through the air, against the motion.
+    airspeed_moment_n_s: f64,
     /// Inverses, for a division costs as much as ten products.
     per_mass: f64,
     per_moment: Vector3<f64>,
@@ -129,6 +131,7 @@ impl Inertia {
         Self {
             mass_kg: options.mass_kg,
             drag_n_s_m: options.body_drag_n_s_m.into(),
+            airspeed_moment_n_s: options.airspeed_moment_n_s,
             per_mass: 1.0 / options.mass_kg,
             per_moment: j.map(|j| 1.0 / j),
             coupling: Vector3::new((j.y - j.z) / j.x, (j.z - j.x) / j.y, (j.x - j.y) / j.z),
@@ -187,13 +190,16 @@ impl Inertia {
         ];
         let air = [s[3] - wind_m_s.x, s[4] - wind_m_s.y, s[5] - wind_m_s.z];
         let along = |b: usize| r[0][b] * air[0] + r[1][b] * air[1] + r[2][b] * air[2];
-        let force = self.drag_n(&Vector3::new(along(0), along(1), along(2)), load);
+        let air = Vector3::new(along(0), along(1), along(2));
+        let force = self.drag_n(&air, load);
         let force = [force.x, force.y, force.z + load.thrust_n];
         let a = |i: usize| {
             (r[i][0] * force[0] + r[i][1] * force[1] + r[i][2] * force[2]) * self.per_mass
         };
         let (p, q, o) = (s[10], s[11], s[12]);
-        let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
+        let (c, per_j) = (&self.coupling, &self.per_moment);
+        let m_u = self.airspeed_moment_n_s;
+        let torque = load.torque_n_m + Vector3::new(m_u * air.y, -m_u * air.x, 0.0);
         [
             s[3],
             s[4],
@@ -351,6 +357,19 @@ mod tests {
             body = inertia.step(&body, &[hover; 3], &wind, 0.002);
         }
         assert!((body.velocity_m_s - wind).norm() < 1e-9, "{}", body.velocity_m_s);
+    }
+
+    #[test]
+    fn a_moving_drone_rears_up_against_its_motion() {
+        let options = VehicleOptions { airspeed_moment_n_s: 4.7e-4, ..Default::default() };
+        let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
+        let body = Body { velocity_m_s, ..Body::at(Vector3::zeros()) };
+        let slope =
+            Inertia::new(&options).slope(&body.row(), &Load::default(), &(velocity_m_s * 0.5));
+        // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
+        let torque = Vector3::from_fn(|i, _| slope[10 + i] * options.inertia_kg_m2[i]);
+        let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
+        assert!((torque - want).norm() < 1e-18, "{torque}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Air that moves: a steady wind and gusts about it.
+//! Air that moves: a steady wind and gusts about it, which push the drone and turn it.
 
 use nalgebra::Vector3;
 
@@ -19,6 +19,17 @@ pub(super) struct Wind {
     axes: [Vector3<f64>; 3],
     filters: Option<[Filter; 3]>,
     noise: Normals,
+    torques: Option<[Filter; 3]>,
+    torque_noise: Normals,
+}
+
+/// What the air does during one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Gust {
+    /// World frame.
+    pub(super) wind_m_s: Vector3<f64>,
+    /// Body frame.
+    pub(super) torque_n_m: Vector3<f64>,
 }
 
 impl Wind {
@@ -41,24 +52,40 @@ impl Wind {
             }
             Gusts::Dryden => None,
         };
-        let noise = Normals::of(Noise::new(seed, drone, "gusts"));
-        let mut wind = Self { mean_m_s, axes, filters, noise };
+        let torque = |sigma| Filter::new([sigma, 0.0], options.gust_torque_time_s, dt_s);
+        let turns = options.gusts == Gusts::OrnsteinUhlenbeck;
+        let mut wind = Self {
+            mean_m_s,
+            axes,
+            filters,
+            noise: Normals::of(Noise::new(seed, drone, "gusts")),
+            torques: turns.then(|| options.gust_torque_sigma_n_m.map(torque)),
+            torque_noise: Normals::of(Noise::new(seed, drone, "gust torque")),
+        };
         for filter in wind.filters.iter_mut().flatten() {
             filter.settle(&mut wind.noise);
+        }
+        for filter in wind.torques.iter_mut().flatten() {
+            filter.settle(&mut wind.torque_noise);
         }
         wind
     }
 
-    /// Wind of the next step, world frame.
+    /// Wind and torque of the next step.
     #[inline(always)]
-    pub(super) fn advance(&mut self) -> Vector3<f64> {
-        let mut wind_m_s = self.mean_m_s;
+    pub(super) fn advance(&mut self) -> Gust {
+        let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
         if let Some(filters) = &mut self.filters {
             for (filter, axis) in filters.iter_mut().zip(&self.axes) {
-                wind_m_s += axis * filter.advance(&mut self.noise);
+                gust.wind_m_s += axis * filter.advance(&mut self.noise);
             }
         }
-        wind_m_s
+        if let Some(filters) = &mut self.torques {
+            for (filter, torque_n_m) in filters.iter_mut().zip(gust.torque_n_m.iter_mut()) {
+                *torque_n_m = filter.advance(&mut self.torque_noise);
+            }
+        }
+        gust
     }
 }
 
@@ -139,16 +166,24 @@ mod tests {
     /// Periods in a segment.
     const BINS: [f64; 5] = [4.0, 10.0, 30.0, 80.0, 200.0];
 
-    /// One-sided densities of the three components at [`BINS`], by Hann-windowed segments.
+    /// One-sided densities of the wind's three components, less the steady wind.
     fn spectra(options: &AirOptions) -> [[f64; BINS.len()]; 3] {
+        let mean_m_s = Vector3::from(options.wind_m_s);
+        spectra_of(options, |gust| gust.wind_m_s - mean_m_s)
+    }
+
+    /// One-sided densities of three components at [`BINS`], by Hann-windowed segments.
+    fn spectra_of(
+        options: &AirOptions,
+        part: impl Fn(Gust) -> Vector3<f64>,
+    ) -> [[f64; BINS.len()]; 3] {
         let mut wind = Wind::new(options, DT_S, 11, 0);
         let window: Vec<f64> =
             (0..N).map(|i| 0.5 - 0.5 * libm::cos(TAU * i as f64 / N as f64)).collect();
         let weight: f64 = window.iter().map(|w| w * w).sum();
-        let mean = Vector3::from(options.wind_m_s);
         let mut density = [[0.0; BINS.len()]; 3];
         for _ in 0..SEGMENTS {
-            let gusts: Vec<Vector3<f64>> = (0..N).map(|_| wind.advance() - mean).collect();
+            let gusts: Vec<Vector3<f64>> = (0..N).map(|_| part(wind.advance())).collect();
             for (axis, row) in density.iter_mut().enumerate() {
                 for (bin, value) in BINS.iter().zip(row) {
                     let (mut re, mut im) = (0.0, 0.0);
@@ -188,6 +223,20 @@ mod tests {
     }
 
     #[test]
+    fn torques_have_their_density() {
+        let options = AirOptions {
+            gusts: Gusts::OrnsteinUhlenbeck,
+            gust_torque_sigma_n_m: [1e-4, 2e-4, 3e-5],
+            gust_torque_time_s: 1.5,
+            ..Default::default()
+        };
+        let found = spectra_of(&options, |gust| gust.torque_n_m);
+        for (found, sigma) in found.iter().zip(options.gust_torque_sigma_n_m) {
+            assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
+        }
+    }
+
+    #[test]
     fn drydens_gusts_have_the_densities_of_the_specification() {
         let options =
             AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
@@ -211,7 +260,8 @@ mod tests {
         let n = 20_000_u32;
         let mut square = Vector3::zeros();
         for seed in 0..n {
-            let gust = Wind::new(&options, DT_S, seed.into(), 0).advance() - Vector3::y() * 2.0;
+            let gust = Wind::new(&options, DT_S, seed.into(), 0).advance().wind_m_s;
+            let gust = gust - Vector3::y() * 2.0;
             square += gust.component_mul(&gust) / f64::from(n);
         }
         let level = 0.2 / libm::pow(0.18523, 0.4);
@@ -222,7 +272,7 @@ mod tests {
 
     #[test]
     fn still_air_is_still_and_a_seed_decides() {
-        assert_eq!(Wind::new(&AirOptions::default(), DT_S, 1, 0).advance(), Vector3::zeros());
+        assert_eq!(Wind::new(&AirOptions::default(), DT_S, 1, 0).advance(), Gust::default());
         let options = AirOptions { gusts: Gusts::OrnsteinUhlenbeck, ..Default::default() };
         let first = |seed, drone| Wind::new(&options, DT_S, seed, drone).advance();
         assert_eq!(first(1, 0), first(1, 0));

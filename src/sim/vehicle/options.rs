@@ -41,6 +41,13 @@ pub struct VehicleOptions {
     /// Drag of one rotor across its axis per airspeed and rotor speed, N/((m/s)(rad/s)): the
     /// H-force of blade element theory, linear as in `RotorS` (Furrer et al. 2016).
     pub rotor_drag_n_s2_m: f64,
+    /// Moment of the air about body x and y per airspeed across the rotors' axes, N m/(m/s): the
+    /// side of a rotor that moves into the air lifts more than the other, and its drag acts above
+    /// the centre of mass, so that the drone rears up against its motion (speed stability: Pounds,
+    /// Mahony, Corke, "Modelling and control of a large quadrotor robot", 2010). A regulator without
+    /// integral action trails by so much the more. 4.7e-4 in the log of the reference flight, by
+    /// the slow part of its pitch torque over its speed in x (σ 0.6 of 0.8e-4 N m is left).
+    pub airspeed_moment_n_s: f64,
     /// Moment of inertia of one rotor with the turning part of its motor, about its axis: the
     /// gyroscopic torque, and the yaw that a rotor gives by speeding up.
     pub rotor_inertia_kg_m2: f64,
@@ -112,13 +119,19 @@ pub enum Compensation {
 pub struct AirOptions {
     /// Steady wind, world frame.
     pub wind_m_s: [f64; 3],
-    /// Gusts about it. They move the drone through its drag alone.
+    /// Gusts about it. They push the drone through its drag.
     pub gusts: Gusts,
     /// Standard deviation of the gusts along world x, y, z (Ornstein–Uhlenbeck).
     pub gust_sigma_m_s: [f64; 3],
     /// Time over which they are correlated (Ornstein–Uhlenbeck): the size of an eddy over the speed
     /// at which it drifts past.
     pub gust_time_s: f64,
+    /// Standard deviation of the torque about body x, y, z (Ornstein–Uhlenbeck) with which uneven
+    /// air and rotors that do not keep their thrust turn the drone. A regulator without integral
+    /// action pays for it with its position: this, more than the push, moves it in a room.
+    pub gust_torque_sigma_n_m: [f64; 3],
+    /// Time over which that torque is correlated.
+    pub gust_torque_time_s: f64,
 }
 
 /// A model of gusts.
@@ -158,6 +171,7 @@ impl Default for VehicleOptions {
             motor_fall_s: 0.0,
             body_drag_n_s_m: [0.0; 3],
             rotor_drag_n_s2_m: 0.0,
+            airspeed_moment_n_s: 0.0,
             rotor_inertia_kg_m2: 0.0,
             ground_effect: GroundEffect::None,
             rotor_radius_m: 0.023,
@@ -193,8 +207,20 @@ impl Default for AirOptions {
     /// "Field measurements of boundary-layer flows in ventilated rooms" (ASHRAE Transactions),
     /// find a turbulent energy of up to 0.01 m²/s² in weakly turbulent flow, σ = √(2k/3) = 0.08 m/s,
     /// at mean speeds of 0.05 to 0.25 m/s; with eddies of 0.2 m that drift at 0.2 m/s, 1 s.
+    ///
+    /// The torque is what the motors of the reference flight paid for below 1 Hz, between take-off
+    /// and landing, through the team's k_F, k_M and 35 mm: σ 1.12, 1.01 (less what goes with the
+    /// speed in x) and 0.54e-4 N m about a mean of 1.35, 3.4 and −0.49e-4; its autocorrelation falls
+    /// to 0.5, 0 and 0.5 after a second. A tenth is added for what lies above 1 Hz.
     fn default() -> Self {
-        Self { wind_m_s: [0.0; 3], gusts: Gusts::None, gust_sigma_m_s: [0.08; 3], gust_time_s: 1.0 }
+        Self {
+            wind_m_s: [0.0; 3],
+            gusts: Gusts::None,
+            gust_sigma_m_s: [0.08; 3],
+            gust_time_s: 1.0,
+            gust_torque_sigma_n_m: [1.2e-4, 1.1e-4, 5.5e-5],
+            gust_torque_time_s: 1.5,
+        }
     }
 }
 
@@ -213,6 +239,7 @@ impl VehicleOptions {
         within("vehicle.motor_fall_s", self.motor_fall_s, 0.0, 10.0)?;
         within_all("vehicle.body_drag_n_s_m", &self.body_drag_n_s_m, 0.0, 10.0)?;
         within("vehicle.rotor_drag_n_s2_m", self.rotor_drag_n_s2_m, 0.0, 1e-2)?;
+        within("vehicle.airspeed_moment_n_s", self.airspeed_moment_n_s, 0.0, 10.0)?;
         within("vehicle.rotor_inertia_kg_m2", self.rotor_inertia_kg_m2, 0.0, 1e-2)?;
         within("vehicle.rotor_radius_m", self.rotor_radius_m, 1e-3, 1.0)?;
         within("vehicle.rotor_height_m", self.rotor_height_m, 0.0, 2.0)?;
@@ -260,6 +287,8 @@ impl AirOptions {
     pub(in crate::sim) fn check(&self) -> Result<()> {
         within_all("air.wind_m_s", &self.wind_m_s, -50.0, 50.0)?;
         within_all("air.gust_sigma_m_s", &self.gust_sigma_m_s, 0.0, 50.0)?;
-        within("air.gust_time_s", self.gust_time_s, 1e-2, 1e4)
+        within("air.gust_time_s", self.gust_time_s, 1e-2, 1e4)?;
+        within_all("air.gust_torque_sigma_n_m", &self.gust_torque_sigma_n_m, 0.0, 10.0)?;
+        within("air.gust_torque_time_s", self.gust_torque_time_s, 1e-2, 1e4)
     }
 }

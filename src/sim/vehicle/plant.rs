@@ -78,8 +78,10 @@ impl Plant {
         // What changes slowly is held through the step: the ground effect at its middle height.
         let ground =
             self.floor.thrust_ratio(body.position_m.z + 0.5 * self.dt_s * body.velocity_m_s.z);
-        let loads = self.rotors.advance(&wanted_n, ground);
-        self.wind_m_s = self.wind.advance();
+        let mut loads = self.rotors.advance(&wanted_n, ground);
+        let gust = self.wind.advance();
+        self.wind_m_s = gust.wind_m_s;
+        loads.iter_mut().for_each(|load| load.torque_n_m += gust.torque_n_m);
         if let Some(battery) = &mut self.battery {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
         }
@@ -101,6 +103,18 @@ impl Plant {
     #[must_use]
     pub fn battery_v(&self) -> Option<f64> {
         self.battery.as_ref().map(Battery::voltage_v)
+    }
+
+    /// Energy that has left the battery, J; `None` as for [`Self::battery_v`].
+    #[must_use]
+    pub fn energy_j(&self) -> Option<f64> {
+        self.battery.as_ref().map(Battery::energy_j)
+    }
+
+    /// Steps so far in which the battery could not give a motor the thrust asked for.
+    #[must_use]
+    pub fn short_steps(&self) -> u32 {
+        self.short_steps
     }
 
     /// What an accelerometer at the body origin reads, body frame: all forces but gravity, per mass.
@@ -234,6 +248,8 @@ mod tests {
     fn the_same_seed_gives_the_same_bits() {
         let mut options = SimOptions::cf21();
         options.air.gusts = crate::sim::Gusts::OrnsteinUhlenbeck;
+        // Nobody steers: the torque of a room would turn it over.
+        options.air.gust_torque_sigma_n_m = [1e-7; 3];
         let end = |seed| {
             let mut drone = Plant::new(&options, 0.002, seed, 0, Vector3::z());
             advance(&mut drone, hover(&options), 500);
@@ -245,7 +261,7 @@ mod tests {
         let bits = end(1).position_m.map(f64::to_bits);
         assert_eq!(
             [bits.x, bits.y, bits.z],
-            [13_809_601_066_533_468_084, 13_805_937_660_245_503_189, 4_607_131_025_127_991_874,]
+            [13_809_910_240_826_039_975, 13_805_344_770_072_206_819, 4_607_130_987_054_665_022,]
         );
     }
 }
