@@ -209,7 +209,7 @@ impl Default for AirOptions {
     /// at mean speeds of 0.05 to 0.25 m/s; with eddies of 0.2 m that drift at 0.2 m/s, 1 s.
     ///
     /// The torque is what the motors of the reference flight paid for below 1 Hz, between take-off
-    /// and landing, through the team's k_F, k_M and 35 mm: σ 1.12, 1.01 (less what goes with the
+    /// and landing, through the team's `k_F`, `k_M` and 35 mm: σ 1.12, 1.01 (less what goes with the
     /// speed in x) and 0.54e-4 N m about a mean of 1.35, 3.4 and −0.49e-4; its autocorrelation falls
     /// to 0.5, 0 and 0.5 after a second. A tenth is added for what lies above 1 Hz.
     fn default() -> Self {
