@@ -129,13 +129,12 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
 }
 
 /// Flies the setpoints of the team's log of NOOR: our flight and theirs; `None` where the log is not
-/// at hand: it was never part of the product.
+/// at hand: it was never part of the product (`NOCTOGRAPH_SHARED` names the folder of the data).
 fn flown_again(options: &SimOptions, seed: u64) -> Option<(Flight, Flight)> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
     let log = shared.join("data/ae483/noor_flight.json");
     if !log.exists() {
-        println!("skipped: no {} (set NOCTOGRAPH_SHARED)", log.display());
         return None;
     }
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
@@ -156,7 +155,7 @@ fn apart_m((flown, real): &(Flight, Flight)) -> Vector3<f64> {
 #[test]
 fn the_teams_flight_is_flown_again_as_it_was() {
     let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::default() };
-    let Some(plain) = flown_again(&options, 0) else { return };
+    let Some(plain) = flown_again(&options, 0) else { return println!("skipped: no log") };
     let plain_m = apart_m(&plain);
     for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
         assert!(*found_m <= most_m, "{plain_m}");
@@ -174,7 +173,9 @@ fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
     options.air.gusts = Gusts::OrnsteinUhlenbeck;
     let mut mean_sq = Vector3::<f64>::zeros();
     for seed in 0..8 {
-        let Some((flown, _)) = flown_again(&options, seed) else { return };
+        let Some((flown, _)) = flown_again(&options, seed) else {
+            return println!("skipped: no log");
+        };
         let rmse_m = track(&flown, Part::Airborne).unwrap().rmse_m;
         mean_sq += rmse_m.component_mul(&rmse_m) / 8.0;
     }
