@@ -12,6 +12,7 @@ use crate::flight::Flight;
 use crate::letters::{self, Strokes};
 use crate::light::{LightTrace, csv::is_light_trace, light};
 use crate::logs::{self, ImportOptions};
+use crate::plan::{PlanOptions, Style};
 use crate::scene::Scene;
 use crate::sim::read_lighthouse_config;
 
@@ -122,6 +123,46 @@ impl From<BackendName> for BackendChoice {
             BackendName::Cpu => Self::Cpu,
         }
     }
+}
+
+/// Whose way of flying.
+#[derive(Debug, Args)]
+pub(super) struct StyleFlag {
+    /// How the word is flown; the scene's where it is left out, else its defaults replace the
+    /// scene's section plan
+    #[arg(long, value_name = "NAME")]
+    style: Option<StyleName>,
+}
+
+/// Whose way of flying.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum StyleName {
+    /// The reference team's: letter by letter, with waits
+    Team,
+    /// Evenly lit strokes in the shortest order, at the limits in the dark
+    Even,
+}
+
+impl StyleFlag {
+    /// Puts the style that was typed into the scene; its light channels stay.
+    pub(super) fn apply(&self, scene: &mut Scene) {
+        let style = match self.style {
+            Some(StyleName::Team) => Style::Team,
+            Some(StyleName::Even) => Style::Even,
+            None => return,
+        };
+        let lights = std::mem::take(&mut scene.plan.lights);
+        scene.plan = PlanOptions { lights, ..PlanOptions::of(style) };
+    }
+}
+
+/// Refuses a scene of several drones where one is shown.
+pub(super) fn one_drone(scene: &Scene) -> Result<()> {
+    if scene.plan.drones == 1 {
+        return Ok(());
+    }
+    let hint = "run `noctograph plan --drones N -o DIR`, `fly` each plan, and `expose` all flights";
+    Err(Error::input("plan.drones", scene.plan.drones, "1", hint))
 }
 
 /// The drawing of a scene's word; a typed word goes before the scene's. In a typed word `\n`, as a

@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::fly::fly;
-use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps, strokes};
+use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps, one_drone, strokes};
 use super::{Outcome, print};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{Reading, floor_stops, meter};
 use crate::light::light;
-use crate::plan::plan;
 use crate::scene::Scene;
 
 #[derive(Debug, Args)]
@@ -59,7 +58,8 @@ struct Found {
 fn read(args: &MeterArgs, scene: &mut Scene) -> Result<Found> {
     let (bounds_m, (trace, end_s)) = if args.flight.is_empty() {
         let strokes = strokes(scene, args.word.as_deref())?;
-        let flight = fly(&plan(&strokes, &scene.plan)?, scene)?;
+        one_drone(scene)?;
+        let flight = fly(&scene.first_plan(&strokes)?, scene)?;
         let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
         (strokes.bounds_m(), (light(&flight, &scene.light, scene.seed, 0)?, end_s))
     } else {

@@ -7,12 +7,11 @@ use clap::Args;
 
 use super::expose::shoot;
 use super::fly::fly;
-use super::inputs::{LetterFlags, PictureFlags, SceneFlags, strokes};
+use super::inputs::{LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone, strokes};
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
 use crate::error::Result;
 use crate::light::light;
-use crate::plan::plan;
 use crate::score::score;
 
 #[derive(Debug, Args)]
@@ -23,6 +22,8 @@ pub(super) struct PreviewArgs {
     scene: SceneFlags,
     #[command(flatten)]
     letters: LetterFlags,
+    #[command(flatten)]
+    style: StyleFlag,
     #[command(flatten)]
     picture: PictureFlags,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and verdict.json
@@ -39,9 +40,11 @@ const FILES: [&str; 5] = ["photo.png", "flight.csv", "plan.csv", "scene.toml", "
 pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.letters.apply(&mut scene)?;
+    args.style.apply(&mut scene);
     args.picture.apply(&mut scene)?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
-    let plan = plan(&strokes, &scene.plan)?;
+    one_drone(&scene)?;
+    let plan = scene.first_plan(&strokes)?;
     let folder = OutputFolder::create(&args.output)?;
 
     let flight = fly(&plan, &scene)?;

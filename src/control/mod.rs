@@ -21,6 +21,7 @@ mod linear;
 mod lqr;
 mod margins;
 mod poles;
+mod response;
 mod riccati;
 
 pub use linear::{
@@ -29,4 +30,5 @@ pub use linear::{
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};
 pub use poles::poles;
+pub use response::StepResponse;
 pub use riccati::{care, dare};

@@ -12,11 +12,17 @@ use crate::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
-/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters.
+/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. A plan that
+/// leads its loop or its lamps has [`SENT_COLUMNS`] or [`LIT_COLUMN`] before the light channels.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
 ];
+
+/// Columns of the positions that are sent instead of the design, where they differ.
+pub const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
+/// Column of what the design wants lit, where light commands run ahead of it.
+pub const LIT_COLUMN: &str = "lit";
 
 impl Plan {
     /// Writes the plan as CSV, on the grid of 1e-6.
@@ -26,13 +32,18 @@ impl Plan {
     /// What the writer says.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
-        let header: Vec<String> = COLUMNS.map(str::to_owned).into_iter().chain(lights).collect();
+        let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
+        let lit = Some(&LIT_COLUMN).filter(|_| !self.lit.is_empty());
+        let names = COLUMNS.iter().chain(sent).chain(lit).map(|name| (*name).to_owned());
+        let header: Vec<String> = names.chain(lights).collect();
         let rows = self.setpoints.iter().enumerate().map(|(row, setpoint)| {
             let Setpoint { time_s, position_m: p, velocity_m_s: v, .. } = setpoint;
             let a = &setpoint.acceleration_m_s2;
             let letter = number_from_letter(setpoint.letter);
             let numbers = [*time_s, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, letter];
-            numbers.into_iter().chain(self.lights.values().map(move |levels| levels[row]))
+            let sent = self.sent_m.get(row).into_iter().flat_map(|sent| [sent.x, sent.y, sent.z]);
+            let lights = self.lights.values().map(move |levels| levels[row]);
+            numbers.into_iter().chain(sent).chain(self.lit.get(row).copied()).chain(lights)
         });
         write_table(out, &header, rows)
     }
@@ -61,7 +72,17 @@ impl Plan {
             letter: letter_from_number(columns[10][row]),
         });
         let setpoints = setpoints.collect();
-        Ok(Self { setpoints, lights: light_columns(table)? })
+        let sent_m = if table.has(SENT_COLUMNS[0]) {
+            let columns = SENT_COLUMNS.map(|name| table.column(name));
+            let [x, y, z] = columns;
+            let (x, y, z) = (x?, y?, z?);
+            (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect()
+        } else {
+            Vec::new()
+        };
+        let lit =
+            if table.has(LIT_COLUMN) { table.column(LIT_COLUMN)?.to_vec() } else { Vec::new() };
+        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m })
     }
 }
 
@@ -79,5 +100,11 @@ mod tests {
         plan.write_csv(&mut file).unwrap();
         let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
         assert_eq!(back, plan);
+        let n = plan.setpoints.len();
+        let led = Plan { lit: vec![0.5; n], sent_m: vec![Vector3::x(); n], ..plan };
+        let mut file = Vec::new();
+        led.write_csv(&mut file).unwrap();
+        let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
+        assert_eq!(back, led, "with what leads the loop and the lamps");
     }
 }

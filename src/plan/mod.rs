@@ -2,21 +2,38 @@
 //!
 //! Product in: [`Strokes`]. Product out: [`Plan`], the list of what is sent to the drone.
 //! The plane of the word becomes the world's x-z plane at y = 0.
+//!
+//! Two styles: `team`, letter by letter with waits as the reference flight went, and `even`: strokes
+//! in the order with the least dark time (Held–Karp, 2-opt), corners rounded within a stated error
+//! by two moving averages over time, one speed where the limits permit and light dimmed with the
+//! speed where they do not, time-optimal jerk-limited ways in the dark (Ruckig).
 
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result, within};
+use crate::error::{Error, Result};
 use crate::geometry::polyline_length_m;
-use crate::letters::Strokes;
+use crate::letters::{self, Strokes};
+use pen::PenStroke;
 
 pub mod csv;
+mod even;
+mod fleet;
+pub mod lamp;
+pub mod lead;
+mod motion;
+mod options;
+mod order;
+mod pen;
 mod relight;
 mod replay;
+mod speed;
 mod tour;
+mod transit;
 
+pub use fleet::{Meeting, SIDEWAYS_M, UPWARD_M, fleet, nearest_meeting};
+pub use options::{Exposure, Extent, LightClock, Order, PlanOptions, ReferenceKind, Style};
 pub use relight::relight;
 pub use replay::{Replay, replay};
 
@@ -29,6 +46,12 @@ pub struct Plan {
     /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1, each as long
     /// as `setpoints`.
     pub lights: BTreeMap<String, Vec<f64>>,
+    /// What the design wants lit, where commands are sent ahead of it ([`lamp`]); as long as
+    /// `setpoints`, or empty where `lights` are it. See [`Plan::lit()`].
+    pub lit: Vec<f64>,
+    /// Positions that are sent instead of the setpoints' own, to lead a slow loop or against a mean
+    /// error ([`lead`]); as long as `setpoints`, or empty. See [`Plan::sent_m()`].
+    pub sent_m: Vec<Vector3<f64>>,
 }
 
 /// One packet to the drone: where it should be now, and how the design moves on from there.
@@ -67,91 +90,75 @@ impl Setpoint {
     }
 }
 
-/// How a word is flown.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PlanOptions {
-    /// Which part of the flight is planned.
-    pub extent: Extent,
-    /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or what the
-    /// scene's lamps listen to.
-    pub lights: Vec<String>,
-    /// Speed along every leg.
-    pub stroke_speed_m_s: f64,
-    /// Time between two setpoints on a leg; the drone holds each until the next.
-    pub setpoint_interval_s: f64,
-    /// Step to the right of a letter's box when it is done.
-    pub step_m: f64,
-    /// Wait after that step, in the dark.
-    pub letter_wait_s: f64,
-    /// Wait on the floor with motors off, before take-off and after landing.
-    pub floor_wait_s: f64,
-    /// Height of the first setpoint in the air.
-    pub lift_off_height_m: f64,
-    /// Height at which the way to the first letter ends.
-    pub approach_height_m: f64,
-    /// Height to which the drone sinks after the last letter, and at which it returns.
-    pub landing_height_m: f64,
-}
-
-/// Part of a flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Extent {
-    /// From the floor to the floor.
-    #[default]
-    Whole,
-    /// From rest at the first letter to the end of the last wait.
-    Letters,
-}
-
-impl Default for PlanOptions {
-    /// The reference flight of 2022.
-    fn default() -> Self {
-        Self {
-            extent: Extent::Whole,
-            lights: vec!["headlights".to_owned()],
-            stroke_speed_m_s: 0.2,
-            setpoint_interval_s: 0.1,
-            step_m: 0.1,
-            letter_wait_s: 2.0,
-            floor_wait_s: 1.1,
-            lift_off_height_m: 0.1,
-            approach_height_m: 0.3,
-            landing_height_m: 0.15,
-        }
-    }
-}
-
-impl PlanOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with the key that is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("plan.stroke_speed_m_s", self.stroke_speed_m_s, 0.001, 100.0)?;
-        within("plan.setpoint_interval_s", self.setpoint_interval_s, 0.001, 10.0)?;
-        within("plan.step_m", self.step_m, 0.0, 10.0)?;
-        within("plan.letter_wait_s", self.letter_wait_s, 0.0, 600.0)?;
-        within("plan.floor_wait_s", self.floor_wait_s, 0.0, 600.0)?;
-        within("plan.lift_off_height_m", self.lift_off_height_m, 0.001, 1000.0)?;
-        within("plan.approach_height_m", self.approach_height_m, 0.001, 1000.0)?;
-        within("plan.landing_height_m", self.landing_height_m, 0.001, 1000.0)
-    }
-}
-
 /// Longest flight that is planned: an hour, twelve times a Crazyflie's battery.
 const MAX_DURATION_S: f64 = 3600.0;
 
-/// Plans the flight that writes a word, as the reference team flew it.
+/// Most strokes of a drawing. Its order is looked for among all pairs.
+const MAX_STROKES: usize = 10_000;
+
+/// Plans the flight of one drone that writes a word, in the style that the options name.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, [`Error::Infeasible`] for a flight longer than an
-/// hour.
+/// [`Error::Input`] for an option out of range or a drawing without light, [`Error::Infeasible`]
+/// for a flight longer than an hour and a drawing of more than 10 000 strokes.
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
+    let plan = match options.style {
+        Style::Team => plan_as_the_team(strokes, options)?,
+        Style::Even => even::even(&in_order(strokes, options)?, options)?,
+    };
+    Ok(paced(plan, options))
+}
+
+/// The plan in true time, and against the mean error of earlier flights.
+fn paced(plan: Plan, options: &PlanOptions) -> Plan {
+    let plan = match options.trajectory_clock {
+        1.0 => plan,
+        clock => lamp::on_a_skewed_clock(plan, clock),
+    };
+    match Vector3::from(options.mean_error_m) {
+        none if none == Vector3::zeros() => plan,
+        mean_error_m => lead::offset(&plan, mean_error_m),
+    }
+}
+
+/// The strokes of a drawing in the order and direction in which they are flown; those that a writer
+/// drew keep the writer's.
+fn in_order(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<PenStroke>> {
+    let drawn = pen::pen_strokes(strokes);
+    if drawn.is_empty() {
+        let hint = "write letters that leave light";
+        return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
+    }
+    let lit_s = drawn.iter().map(PenStroke::length_m).sum::<f64>() / options.stroke_speed_m_s;
+    if lit_s > MAX_DURATION_S || drawn.len() > MAX_STROKES {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{} strokes of {lit_s:.0} s in all are too much for a flight",
+                drawn.len()
+            ),
+            hint: "raise plan.stroke_speed_m_s, or draw less, or smaller".into(),
+        });
+    }
+    let kept = strokes.order == letters::Order::Kept;
+    Ok(if kept { drawn } else { ordered(&drawn, options) })
+}
+
+/// Strokes in the order and direction in which they are flown.
+fn ordered(drawn: &[PenStroke], options: &PlanOptions) -> Vec<PenStroke> {
+    if options.order == Order::Drawn {
+        return drawn.to_vec();
+    }
+    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(options)).collect();
+    let flown = order::shortest(&ways, options).into_iter().map(|(stroke, way)| PenStroke {
+        letter: drawn[stroke].letter,
+        points_m: drawn[stroke].drawn(way),
+    });
+    flown.collect()
+}
+
+fn plan_as_the_team(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     let duration_s = longest_duration_s(strokes, options);
     if duration_s > MAX_DURATION_S {
         return Err(Error::Infeasible {

@@ -57,6 +57,14 @@ pub(super) struct Panel {
     pub(super) height_px: f64,
     pub(super) y_name: &'static str,
     pub(super) curves: Vec<Curve>,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// A word at a place, on its upper right.
+#[derive(Clone, Debug)]
+pub(super) struct Mark {
+    pub(super) at: (f64, f64),
+    pub(super) text: String,
 }
 
 /// Everything that a figure shows.
@@ -161,6 +169,12 @@ impl Panel {
                 chart.draw_series([PathElement::new(points, curve.pen.style())])?;
             }
         }
+        let right_of = (whole(4.0), -whole(9.0));
+        for mark in &self.marks {
+            let style = text_style(12.0, INK, HPos::Left);
+            let text = Text::new(mark.text.clone(), right_of, style);
+            chart.draw_series([EmptyElement::at(mark.at) + text])?;
+        }
         Ok(())
     }
 }
@@ -195,8 +209,11 @@ fn number(value: f64) -> String {
 }
 
 fn at(x_px: f64, y_px: f64) -> (i32, i32) {
-    let whole = |px: f64| i32::try_from(fine(px)).expect("a figure is a few thousand pixels");
     (whole(x_px), whole(y_px))
+}
+
+fn whole(px: f64) -> i32 {
+    i32::try_from(fine(px)).expect("a figure is a few thousand pixels")
 }
 
 /// Pixels on the fine canvas.

@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, PANEL_WIDTH_PX, Panel, Pen, VERMILION};
+use super::figure::{
+    BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, Pen, VERMILION,
+};
 use crate::flight::FlightSample;
 use crate::flight::tracking::CORRIDOR_M;
 
@@ -82,6 +84,7 @@ pub fn error_over_time(traces: &[Trace]) -> String {
         height_px: 150.0,
         y_name,
         curves: curves(axis),
+        marks: Vec::new(),
     });
     Figure {
         title: "Flown minus design".to_owned(),
@@ -121,14 +124,26 @@ impl Trace {
 }
 
 /// A projection of flights, with the same scale on both axes.
-struct View {
-    curves: Vec<Curve>,
-    legend: Vec<(String, Pen)>,
+pub(super) struct View {
+    pub(super) curves: Vec<Curve>,
+    pub(super) marks: Vec<Mark>,
+    pub(super) legend: Vec<(String, Pen)>,
     x: Range<f64>,
     y: Range<f64>,
 }
 
 impl View {
+    /// A view of curves that are there already.
+    pub(super) fn of(curves: Vec<Curve>, legend: Vec<(String, Pen)>, marks: Vec<Mark>) -> Self {
+        let nothing = f64::INFINITY..f64::NEG_INFINITY;
+        let mut view = Self { curves: Vec::new(), marks, legend, x: nothing.clone(), y: nothing };
+        for (x, y) in curves.iter().flat_map(|curve| curve.pieces.iter().flatten()) {
+            view.x = view.x.start.min(*x)..view.x.end.max(*x);
+            view.include_y(*y);
+        }
+        Self { curves, ..view }
+    }
+
     fn new(traces: &[Trace], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let (mut curves, mut legend) = (Vec::new(), Vec::new());
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
@@ -138,13 +153,7 @@ impl View {
         let flown = pens(traces).map(|(t, pen)| t.curve(pen, |s| project(s.position_m)));
         curves.extend(flown);
         legend.extend(names(traces, |_| true));
-        let nothing = f64::INFINITY..f64::NEG_INFINITY;
-        let mut view = Self { curves: Vec::new(), legend, x: nothing.clone(), y: nothing };
-        for (x, y) in curves.iter().flat_map(|curve| curve.pieces.iter().flatten()) {
-            view.x = view.x.start.min(*x)..view.x.end.max(*x);
-            view.include_y(*y);
-        }
-        Self { curves, ..view }
+        Self::of(curves, legend, Vec::new())
     }
 
     fn include_y(&mut self, y: f64) {
@@ -152,7 +161,7 @@ impl View {
     }
 
     /// What both axes cover, with a margin, so that a metre is as long on either.
-    fn ranges(&self) -> [Range<f64>; 2] {
+    pub(super) fn ranges(&self) -> [Range<f64>; 2] {
         let [x, y] = [&self.x, &self.y].map(|range| {
             let margin = (0.04 * (range.end - range.start)).max(0.02);
             range.start - margin..range.end + margin
@@ -163,9 +172,16 @@ impl View {
         [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
     }
 
-    fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
+    pub(super) fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
         let height_px = PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start);
-        let panel = Panel { x, y, height_px: height_px.round(), y_name, curves: self.curves };
+        let panel = Panel {
+            x,
+            y,
+            height_px: height_px.round(),
+            y_name,
+            curves: self.curves,
+            marks: self.marks,
+        };
         Figure {
             title: title.to_owned(),
             legend: self.legend,

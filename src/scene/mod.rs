@@ -21,9 +21,11 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
+mod planned;
 mod preset;
 mod text;
 
+pub use planned::Planned;
 pub use preset::Preset;
 
 /// Everything that a photo depends on.
@@ -95,7 +97,7 @@ impl Scene {
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let alone: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
-        let mut scene = alone.preset.under(toml);
+        let mut scene = alone.preset.under(toml, alone.plan.style);
         scene.light.fixtures = Some(scene.light.fixtures());
         scene.check().map_err(|error| text::with_line(error, toml, file))?;
         Ok(scene)

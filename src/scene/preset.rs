@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Scene;
 use crate::error::{Error, Result};
+use crate::plan::{PlanOptions, Style};
 use crate::sim::SimOptions;
 
 /// A named set of values that a scene starts from. They differ in the drone: its body, battery and
@@ -55,9 +56,11 @@ impl Preset {
         }
     }
 
-    /// The preset with the keys of a scene file, known to be sound, laid over it.
-    pub(super) fn under(self, toml: &str) -> Scene {
-        let mut values = toml::Table::try_from(Scene::preset(self)).expect("a preset is a table");
+    /// The preset with the keys of a scene file, known to be sound, laid over it; the file's style
+    /// of flying goes before the preset's.
+    pub(super) fn under(self, toml: &str, style: Style) -> Scene {
+        let scene = Scene { plan: PlanOptions::of(style), ..Scene::preset(self) };
+        let mut values = toml::Table::try_from(scene).expect("a preset is a table");
         lay_over(&mut values, toml.parse().expect("the text was read before"));
         values.try_into().expect("sound keys over sound keys")
     }

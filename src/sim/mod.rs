@@ -32,6 +32,7 @@ mod presets;
 mod recorder;
 #[cfg(test)]
 mod reference_flight;
+mod response;
 mod rig;
 mod sensors;
 mod vehicle;
@@ -39,6 +40,7 @@ mod vehicle;
 pub use coverage::{Coverage, Place, coverage};
 pub use estimator::{EstimatorKind, ObserverOptions};
 pub use options::{ControllerKind, ControllerOptions, RateOptions, SimOptions};
+pub use response::step_responses;
 pub use sensors::{
     Generation, HeightSensor, Positioning, SensorOptions, Station, read_lighthouse_config,
 };
@@ -104,12 +106,15 @@ pub fn fly(
 fn check_plan(plan: &Plan) -> Result<()> {
     let n = plan.setpoints.len();
     assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
+    assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
     let hint = "make the plan anew from its word, or mend the file it was read from";
     if plan.setpoints.is_empty() {
         return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));
     }
     for (i, s) in plan.setpoints.iter().enumerate() {
-        for value in s.position_m.iter().chain(&s.velocity_m_s).chain(&s.acceleration_m_s2) {
+        let sent_m = plan.sent_m(i);
+        let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
+        for value in s.position_m.iter().chain(moving).chain(&sent_m) {
             if value.is_nan() || value.abs() >= LOST {
                 let wanted = format!("a number within ±{LOST}");
                 return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
@@ -153,7 +158,7 @@ mod tests {
         };
         let setpoints: Vec<_> = points.iter().map(setpoint).collect();
         let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
-        Plan { setpoints, lights }
+        Plan { setpoints, lights, ..Plan::default() }
     }
 
     fn fly_default(plan: &Plan) -> Result<Flight> {

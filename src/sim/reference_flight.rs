@@ -35,7 +35,7 @@ fn noor_on_one_grid() -> Plan {
         })
         .collect();
     let lights = [("headlights".to_owned(), vec![0.0; setpoints.len()])].into();
-    Plan { setpoints, lights }
+    Plan { setpoints, lights, ..Plan::default() }
 }
 
 /// Ideal sensors, the centre of mass in the middle of the motors.

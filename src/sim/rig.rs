@@ -87,7 +87,7 @@ impl Rig {
             self.command = Command::default();
         } else if self.ticks.is_multiple_of(self.ticks_per_command) {
             self.refresh_estimate();
-            let reference = Reference::at(setpoint, time_s);
+            let reference = Reference::at(setpoint, plan.sent_m(self.setpoint), time_s);
             self.command = self.controller.command(&self.estimate, &reference);
         }
         self.ticks += 1;

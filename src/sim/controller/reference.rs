@@ -11,7 +11,7 @@ use crate::sim::vehicle::{GRAVITY_M_S2, State};
 pub(in crate::sim) struct Reference {
     /// Position as sent, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Position of the design now.
+    /// Position of the design now, off by as much as what was sent is off the setpoint.
     pub(super) position_m: Vector3<f64>,
     /// Velocity of the design now.
     pub(super) velocity_m_s: Vector3<f64>,
@@ -20,12 +20,12 @@ pub(in crate::sim) struct Reference {
 }
 
 impl Reference {
-    /// `time_s` is at or after the setpoint's own.
-    pub(in crate::sim) fn at(setpoint: &Setpoint, time_s: f64) -> Self {
+    /// A setpoint with the position that is sent for it; `time_s` is at or after its own.
+    pub(in crate::sim) fn at(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
-            held_m: setpoint.position_m,
-            position_m: setpoint.design_m(time_s),
+            held_m: sent_m,
+            position_m: setpoint.design_m(time_s) + (sent_m - setpoint.position_m),
             velocity_m_s: setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s,
             acceleration_m_s2: setpoint.acceleration_m_s2,
         }
@@ -66,7 +66,7 @@ mod tests {
             acceleration_m_s2: Vector3::new(2.0, -1.0, 0.5),
             letter: None,
         };
-        let reference = Reference::at(&setpoint, 1.1);
+        let reference = Reference::at(&setpoint, setpoint.position_m, 1.1);
         let (state, thrust) = reference.trim();
         assert_eq!(reference.held_m, setpoint.position_m);
         let options = VehicleOptions::default();

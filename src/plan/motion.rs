@@ -1,0 +1,292 @@
+//! The motion along a lit stroke: as fast as the limits allow, its corners rounded within a stated
+//! error.
+//!
+//! A pen would run along the drawn line with a speed that jumps in direction at every corner. Two
+//! moving averages over time, one after the other, make of it what a drone can fly: with the longer
+//! one, `T1`, a change of velocity Δv becomes an acceleration of Δv/T1, and the shorter one, `T2`,
+//! bounds its change (jerk) by Δv/(T1 T2). Straight lines at constant speed stay as they are, and a
+//! corner is cut by `Δv (T1/8 + T2²/(24 T1))` at most, so that the two follow from the limits and
+//! the error, and the most that the velocity may change within T1 from all of them. Where a corner
+//! turns by more than that at the speed of strokes, the pen slows down before it and in it.
+//!
+//! The pen's way is a list of stretches of constant acceleration, its averages are differences of
+//! its integrals, and so position, velocity and acceleration are exact at any time.
+
+use nalgebra::Vector2;
+
+use super::PlanOptions;
+use super::speed::profile;
+
+/// The design at one instant, in the plane of the word.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Moment {
+    pub(super) position_m: Vector2<f64>,
+    pub(super) velocity_m_s: Vector2<f64>,
+    pub(super) acceleration_m_s2: Vector2<f64>,
+}
+
+/// Lengths of the two averages, and what they allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Smoothing {
+    pub(super) long_s: f64,
+    short_s: f64,
+    /// Most that the velocity may change within the longer one.
+    pub(super) turn_m_s: f64,
+}
+
+impl Smoothing {
+    pub(super) fn new(options: &PlanOptions) -> Self {
+        let (a, j) = (options.acceleration_m_s2, options.jerk_m_s3);
+        let error_m = options.corner_error_m;
+        let short_s = a / j;
+        // With T1 = T2 = T the jerk alone counts, and the corner is cut by j T³ / 6.
+        let equal_s = libm::cbrt(6.0 * error_m / j);
+        if equal_s <= short_s {
+            let turn_m_s = j * equal_s * equal_s;
+            return Self { long_s: equal_s, short_s: equal_s, turn_m_s };
+        }
+        let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
+        // No pen turns by more than twice its speed: longer would only cut corners more.
+        let enough_s = (2.0 * options.stroke_speed_m_s / a).max(short_s);
+        let long_s = by_error_s.min(enough_s);
+        Self { long_s, short_s, turn_m_s: a * long_s }
+    }
+
+    /// What a change of speed or direction becomes: the limit, or less where jerk decides.
+    pub(super) fn acceleration_m_s2(&self) -> f64 {
+        self.turn_m_s / self.long_s
+    }
+
+    /// How long before and after an instant the pen counts.
+    fn reach_s(&self) -> f64 {
+        0.5 * (self.long_s + self.short_s)
+    }
+}
+
+/// The pen from one instant on: constant acceleration along one line. With its integrals up to
+/// there.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    start_s: f64,
+    position_m: Vector2<f64>,
+    velocity_m_s: Vector2<f64>,
+    acceleration_m_s2: Vector2<f64>,
+    once_m_s: Vector2<f64>,
+    twice_m_s2: Vector2<f64>,
+}
+
+/// The motion along a stroke.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    smoothing: Smoothing,
+    origin_m: Vector2<f64>,
+    stretches: Vec<Stretch>,
+    /// Time of the pen over time of the stroke: the stroke is stretched to whole ticks.
+    pace: f64,
+    duration_s: f64,
+}
+
+impl Motion {
+    /// The motion along a polyline, lasting a multiple of `tick_s`.
+    pub(super) fn new(points_m: &[Vector2<f64>], options: &PlanOptions, tick_s: f64) -> Self {
+        let smoothing = Smoothing::new(options);
+        let origin_m = points_m[0];
+        let nodes = profile(points_m, &smoothing, options);
+        let mut pen = Pen::default();
+        // The pen comes from afar and goes on: the ends of a stroke are no corners.
+        let reach_s = smoothing.reach_s();
+        let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
+        let [first_m_s, last_m_s] =
+            [(nodes[0], nodes[1], first), (nodes[nodes.len() - 2], last, last)]
+                .map(|(a, b, end)| (b.position_m - a.position_m).normalize() * end.speed_m_s);
+        let before_m = first.position_m - origin_m - first_m_s * reach_s;
+        pen.draw(before_m, first_m_s, Vector2::zeros(), reach_s);
+        for leg in nodes.windows(2) {
+            let way = leg[1].position_m - leg[0].position_m;
+            let (length_m, along) = (way.norm(), way.normalize());
+            let lasts_s = 2.0 * length_m / (leg[0].speed_m_s + leg[1].speed_m_s);
+            let acceleration = along * ((leg[1].speed_m_s - leg[0].speed_m_s) / lasts_s);
+            let start_m = leg[0].position_m - origin_m;
+            pen.draw(start_m, along * leg[0].speed_m_s, acceleration, lasts_s);
+        }
+        let pen_s = pen.end_s - reach_s;
+        pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
+        let duration_s = (pen_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
+        let pace = pen_s / duration_s;
+        Self { smoothing, origin_m, stretches: pen.stretches, pace, duration_s }
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Where the drone is `time_s` after the beginning of the stroke.
+    pub(super) fn at(&self, time_s: f64) -> Moment {
+        let Smoothing { long_s, short_s, .. } = self.smoothing;
+        let middle_s = time_s * self.pace + self.smoothing.reach_s();
+        let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
+        let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
+        let mut average = Moment::default();
+        for (off_s, sign) in corners {
+            let (pen, once, twice) = self.pen_at(middle_s + off_s);
+            average.position_m += twice * sign;
+            average.velocity_m_s += once * sign;
+            average.acceleration_m_s2 += pen * sign;
+        }
+        let area_s2 = long_s * short_s;
+        Moment {
+            position_m: self.origin_m + average.position_m / area_s2,
+            velocity_m_s: average.velocity_m_s * (self.pace / area_s2),
+            acceleration_m_s2: average.acceleration_m_s2 * (self.pace * self.pace / area_s2),
+        }
+    }
+
+    /// The pen and its first and second integral.
+    fn pen_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+        let next = self.stretches.partition_point(|stretch| stretch.start_s <= time_s);
+        self.stretches[next.max(1) - 1].at(time_s)
+    }
+}
+
+/// The pen's way while it is drawn.
+#[derive(Debug, Default)]
+struct Pen {
+    stretches: Vec<Stretch>,
+    end_s: f64,
+}
+
+impl Pen {
+    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
+        let (_, once_m_s, twice_m_s2) = self
+            .stretches
+            .last()
+            .map_or_else(|| (p, Vector2::zeros(), Vector2::zeros()), |last| last.at(self.end_s));
+        self.stretches.push(Stretch {
+            start_s: self.end_s,
+            position_m: p,
+            velocity_m_s: v,
+            acceleration_m_s2: a,
+            once_m_s,
+            twice_m_s2,
+        });
+        self.end_s += lasts_s;
+    }
+}
+
+impl Stretch {
+    /// The pen and its first and second integral.
+    fn at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+        let t = time_s - self.start_s;
+        let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
+        let pen = p + v * t + a * (t * t / 2.0);
+        let once = p * t + v * (t * t / 2.0) + a * (t * t * t / 6.0);
+        let twice = p * (t * t / 2.0) + v * (t * t * t / 6.0) + a * (t * t * t * t / 24.0);
+        (pen, self.once_m_s + once, self.twice_m_s2 + self.once_m_s * t + twice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(points: &[[f64; 2]], options: &PlanOptions) -> Motion {
+        let points: Vec<_> = points.iter().map(|p| Vector2::from(*p)).collect();
+        Motion::new(&points, options, 0.05)
+    }
+
+    /// Largest distance from the motion to a polyline, speed, acceleration and jerk.
+    fn extremes(motion: &Motion, points: &[[f64; 2]]) -> [f64; 4] {
+        let mut most = [0.0_f64; 4];
+        let mut before: Option<Moment> = None;
+        let dt_s = 0.001;
+        let mut time_s = 0.0;
+        while time_s <= motion.duration_s() {
+            let now = motion.at(time_s);
+            let off = points.windows(2).map(|leg| {
+                let [a, b] = [Vector2::from(leg[0]), Vector2::from(leg[1])];
+                let along = (now.position_m - a).dot(&(b - a)) / (b - a).norm_squared();
+                (now.position_m - a - (b - a) * along.clamp(0.0, 1.0)).norm()
+            });
+            let jerk =
+                before.map_or(0.0, |b| (now.acceleration_m_s2 - b.acceleration_m_s2).norm() / dt_s);
+            let found = [
+                off.fold(f64::INFINITY, f64::min),
+                now.velocity_m_s.norm(),
+                now.acceleration_m_s2.norm(),
+                jerk,
+            ];
+            for (most, found) in most.iter_mut().zip(found) {
+                *most = most.max(found);
+            }
+            before = Some(now);
+            time_s += dt_s;
+        }
+        most
+    }
+
+    const N: [[f64; 2]; 4] = [[0.0, 0.5], [0.0, 1.0], [0.3, 0.5], [0.3, 1.0]];
+
+    #[test]
+    fn a_straight_stroke_is_flown_at_one_speed_from_end_to_end() {
+        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], &PlanOptions::even());
+        assert!((line.duration_s() - 2.5).abs() < 1e-12, "0.5 m at 0.2 m/s");
+        for k in 0..=50 {
+            let found = line.at(0.05 * f64::from(k));
+            let want = Vector2::new(0.1, 0.5 + 0.01 * f64::from(k));
+            assert!((found.position_m - want).norm() < 1e-9, "{found:?}");
+            assert!((found.velocity_m_s - Vector2::new(0.0, 0.2)).norm() < 1e-9, "{found:?}");
+            assert!(found.acceleration_m_s2.norm() < 1e-7, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn corners_keep_within_error_and_limits_at_any_speed() {
+        for (speed, error_m) in [(0.2, 0.01), (0.2, 0.002), (0.5, 0.01), (0.5, 0.0005), (1.0, 0.02)]
+        {
+            let options = PlanOptions {
+                stroke_speed_m_s: speed,
+                corner_error_m: error_m,
+                ..PlanOptions::even()
+            };
+            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, &options), &N);
+            assert!(off_m < error_m * 1.02 + 1e-9, "{speed} m/s, {error_m} m: {off_m} m off");
+            assert!(m_s < speed * (1.0 + 1e-6), "{speed} m/s: {m_s} m/s");
+            assert!(m_s2 < 2.0 * 1.04, "{speed} m/s, {error_m} m: {m_s2} m/s²");
+            assert!(m_s3 < 30.0 * 1.05, "{speed} m/s, {error_m} m: {m_s3} m/s³");
+        }
+    }
+
+    #[test]
+    fn the_teams_letters_at_their_speed_lose_no_time_at_corners() {
+        let n = motion(&N, &PlanOptions::even());
+        let length_m = 1.0 + libm::hypot(0.3, 0.5);
+        assert!(n.duration_s() - length_m / 0.2 < 0.05, "{} s", n.duration_s());
+    }
+
+    #[test]
+    fn a_circle_of_many_corners_is_a_circle() {
+        let points: Vec<[f64; 2]> = (0..=100)
+            .map(|k| {
+                let (sin, cos) = libm::sincos(f64::from(k) * std::f64::consts::TAU / 100.0);
+                [0.05 * cos, 0.05 * sin]
+            })
+            .collect();
+        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, &PlanOptions::even()), &points);
+        assert!(off_m < 0.003 && m_s < 0.2001, "{off_m} m, {m_s} m/s");
+        assert!(m_s2 < 2.0 * 0.2 * 0.2 / 0.05, "centripetal: {m_s2} m/s²");
+    }
+
+    #[test]
+    fn velocity_and_acceleration_are_the_slopes() {
+        let n = motion(&N, &PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() });
+        let h = 1e-5;
+        for k in 1..100 {
+            let t = n.duration_s() * f64::from(k) / 100.0;
+            let [before, now, after] = [n.at(t - h), n.at(t), n.at(t + h)];
+            let slope = (after.position_m - before.position_m) / (2.0 * h);
+            assert!((slope - now.velocity_m_s).norm() < 1e-5, "at {t}");
+            let slope = (after.velocity_m_s - before.velocity_m_s) / (2.0 * h);
+            assert!((slope - now.acceleration_m_s2).norm() < 1e-3, "at {t}");
+        }
+    }
+}

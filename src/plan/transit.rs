@@ -1,0 +1,180 @@
+//! Transits: the fastest dark way from one state to another within speed, acceleration and jerk.
+//!
+//! Time-optimal per axis and synchronised, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
+//! along the way and across it, and share the limits of speed and of acceleration by an angle each;
+//! the fastest of a few angles is flown. The drone rolls out of one stroke and into the next: it never stops at their ends.
+
+use nalgebra::{Rotation2, Vector2};
+use rsruckig::prelude::{
+    DataArrayOrVec, IgnoreErrorHandler, InputParameter, Ruckig, RuckigResult, Trajectory,
+};
+
+use super::PlanOptions;
+use super::motion::Moment;
+
+/// Angles by which along and across share the limits.
+const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
+
+/// A dark way.
+#[derive(Debug)]
+pub(super) struct Transit {
+    from_m: Vector2<f64>,
+    world_from_way: Rotation2<f64>,
+    trajectory: Trajectory<2>,
+}
+
+impl Transit {
+    /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
+    /// found, which no pair of states within the limits has shown yet.
+    pub(super) fn new(
+        from: &Moment,
+        to: &Moment,
+        options: &PlanOptions,
+        tick_s: f64,
+    ) -> Option<Self> {
+        let way = to.position_m - from.position_m;
+        let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
+        let world_from_way = Rotation2::new(angle_rad);
+        let shares = SHARES_RAD.iter().flat_map(|a| SHARES_RAD.iter().map(move |v| [*v, *a]));
+        let shared = shares.filter_map(|shares_rad| {
+            let mut input = input(from, to, &world_from_way, options, shares_rad);
+            calculate(&mut input, tick_s)
+        });
+        let fastest_m_s = options.dark_speed_m_s.max(from.velocity_m_s.norm());
+        let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
+        let ways = shared.map(|trajectory| {
+            let way = Self { from_m: from.position_m, world_from_way, trajectory };
+            (way.top_speed_m_s() > limit_m_s, way)
+        });
+        // A way that is too fast where both axes meet is taken only where there is no other.
+        ways.min_by(|(fast, way), (other_fast, other)| {
+            fast.cmp(other_fast).then(way.duration_s().total_cmp(&other.duration_s()))
+        })
+        .map(|(_, way)| way)
+    }
+
+    fn top_speed_m_s(&self) -> f64 {
+        let part = |k: u32| self.at(self.duration_s() * f64::from(k) / 32.0).velocity_m_s.norm();
+        (0..=32).map(part).fold(0.0, f64::max)
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.trajectory.get_duration()
+    }
+
+    /// Where the drone is `time_s` after the beginning.
+    pub(super) fn at(&self, time_s: f64) -> Moment {
+        let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
+        let (mut p, mut v, mut a) = (zero(), zero(), zero());
+        let (p_out, v_out, a_out) = (&mut Some(&mut p), &mut Some(&mut v), &mut Some(&mut a));
+        self.trajectory.at_time(time_s, p_out, v_out, a_out, &mut None, &mut None);
+        let world = |x: &DataArrayOrVec<f64, 2>| self.world_from_way * Vector2::new(x[0], x[1]);
+        Moment {
+            position_m: self.from_m + world(&p),
+            velocity_m_s: world(&v),
+            acceleration_m_s2: world(&a),
+        }
+    }
+}
+
+fn input(
+    from: &Moment,
+    to: &Moment,
+    world_from_way: &Rotation2<f64>,
+    options: &PlanOptions,
+    [speed_rad, force_rad]: [f64; 2],
+) -> InputParameter<2> {
+    let way = |v: Vector2<f64>| world_from_way.inverse() * v;
+    let (across, along) = libm::sincos(speed_rad);
+    let (sin, cos) = libm::sincos(force_rad);
+    let mut input = InputParameter::<2>::new(None);
+    let states = [way(from.velocity_m_s), way(to.velocity_m_s)];
+    let accelerations = [way(from.acceleration_m_s2), way(to.acceleration_m_s2)];
+    let target = way(to.position_m - from.position_m);
+    // What is flown at either end is allowed all along.
+    let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
+    let along_m_s = (options.dark_speed_m_s * along).max(most(&states, 0));
+    let across_m_s = (options.dark_speed_m_s * across).max(most(&states, 1));
+    for (axis, (speed_m_s, share)) in [(along_m_s, cos), (across_m_s, sin)].into_iter().enumerate()
+    {
+        input.current_velocity[axis] = states[0][axis];
+        input.current_acceleration[axis] = accelerations[0][axis];
+        input.target_position[axis] = target[axis];
+        input.target_velocity[axis] = states[1][axis];
+        input.target_acceleration[axis] = accelerations[1][axis];
+        input.max_velocity[axis] = speed_m_s * (1.0 + 1e-9);
+        let limit_m_s2 = options.acceleration_m_s2 * share;
+        input.max_acceleration[axis] = limit_m_s2.max(most(&accelerations, axis)) * (1.0 + 1e-9);
+        input.max_jerk[axis] = options.jerk_m_s3 * share;
+    }
+    input
+}
+
+fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>> {
+    let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, 0.01);
+    for _ in 0..8 {
+        let mut trajectory = Trajectory::<2>::new(None);
+        let Ok(RuckigResult::Working | RuckigResult::Finished) =
+            ruckig.calculate(input, &mut trajectory)
+        else {
+            return None;
+        };
+        let ticks = trajectory.get_duration() / tick_s;
+        if ticks - ticks.round() < 1e-6 && ticks.round() - ticks < 1e-6 {
+            return Some(trajectory);
+        }
+        input.minimum_duration = Some((ticks - 1e-6).ceil() * tick_s);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    #[test]
+    fn a_transit_meets_both_ends_on_a_tick_within_the_limits() {
+        let options = PlanOptions::even();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for case in 0..500 {
+            let mut vector = |most: f64| {
+                let x = rng.random_range(-most..most);
+                Vector2::new(x, rng.random_range(-most..most))
+            };
+            let [from, to] = [(); 2].map(|()| Moment {
+                position_m: vector(1.0),
+                velocity_m_s: vector(0.14),
+                acceleration_m_s2: Vector2::zeros(),
+            });
+            let transit = Transit::new(&from, &to, &options, 0.05).unwrap();
+            let duration_s = transit.duration_s();
+            assert!((duration_s / 0.05 - (duration_s / 0.05).round()).abs() < 1e-6, "case {case}");
+            let end = transit.at(duration_s);
+            assert!((transit.at(0.0).position_m - from.position_m).norm() < 1e-9, "case {case}");
+            assert!((end.position_m - to.position_m).norm() < 1e-6, "case {case}");
+            assert!((end.velocity_m_s - to.velocity_m_s).norm() < 1e-6, "case {case}");
+            for k in 0..=200 {
+                let Moment { velocity_m_s: v, acceleration_m_s2: a, .. } =
+                    transit.at(duration_s * f64::from(k) / 200.0);
+                assert!(v.norm() < 1.0 + 1e-6 && a.norm() < 2.0 + 1e-6, "case {case}: {v} {a}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_metre_from_rest_to_rest_takes_the_time_of_the_limits() {
+        let rest = |x: f64| Moment { position_m: Vector2::new(x, 0.0), ..Moment::default() };
+        let options = PlanOptions { jerk_m_s3: 1e4, ..PlanOptions::even() };
+        let transit = Transit::new(&rest(0.0), &rest(1.0), &options, 1e-4).unwrap();
+        // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
+        let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));
+        assert!(
+            (transit.duration_s() - (1.0 / v + v / a)).abs() < 2e-3,
+            "{}",
+            transit.duration_s()
+        );
+    }
+}

@@ -1,0 +1,173 @@
+//! Plans of a scene: its word as it is to be flown by its drone, with its controller and its lamps.
+//!
+//! [`crate::plan`] knows neither a simulator nor lamps. Here it is handed what it reckons with: how
+//! the loop answers a step, the flight that a plan leads to, and how a command becomes light.
+
+use super::Scene;
+use crate::error::Result;
+use crate::flight::Flight;
+use crate::letters::Strokes;
+use crate::light::LightOptions;
+use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock};
+use crate::plan::lead::{lead, learn};
+use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
+use crate::sim::{fly, step_responses};
+
+/// A plan of one drone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// What is sent.
+    pub plan: Plan,
+    /// What is left at the strokes' ends, where lights were put on the light's clock.
+    pub ends: Vec<StrokeEnd>,
+}
+
+impl Scene {
+    /// Plans the flights that write a drawing, one a drone: as [`fleet`], then led by the inverse of
+    /// the scene's loop, with lights on the light's clock, as the scene's `[plan]` says.
+    ///
+    /// # Errors
+    ///
+    /// As [`fleet`], [`step_responses`] and [`fly`].
+    pub fn plans(&self, strokes: &Strokes) -> Result<Vec<Planned>> {
+        let plans = fleet(strokes, &self.plan)?;
+        let follows_design = self.controller.kind.follows_design();
+        let inverse = self.plan.reference == ReferenceKind::Inverse;
+        let responses = if inverse { Some(step_responses(&self.sim())?) } else { None };
+        let planned = plans.into_iter().map(|plan| {
+            let plan = match &responses {
+                None => plan,
+                Some(responses) if follows_design => {
+                    learn(&plan, &self.rehearse(&plan)?, responses)
+                }
+                Some(responses) => lead(&plan, responses),
+            };
+            match self.plan.light_clock {
+                LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
+                LightClock::Light => self.aim(&plan, &self.rehearse(&plan)?),
+            }
+        });
+        planned.collect()
+    }
+
+    /// The plan of one drone, whichever the scene's first one is.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::plans`].
+    pub fn first_plan(&self, strokes: &Strokes) -> Result<Plan> {
+        Ok(self.plans(strokes)?.swap_remove(0).plan)
+    }
+
+    /// Flies a plan with nothing that disturbs it: [`crate::sim::SimOptions::rehearsal`].
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`].
+    pub fn rehearse(&self, plan: &Plan) -> Result<Flight> {
+        fly(plan, &self.sim().rehearsal(), self.seed, &mut |_| {})
+    }
+
+    /// Puts a plan's lights where a flight of it, rehearsed or real, had the strokes' ends.
+    ///
+    /// # Errors
+    ///
+    /// As [`on_the_lights_clock`].
+    pub fn aim(&self, plan: &Plan, flight: &Flight) -> Result<Planned> {
+        let follows = match self.controller.kind.follows_design() {
+            true => Follows::Design,
+            false => Follows::Held,
+        };
+        let (plan, ends) = on_the_lights_clock(plan, flight, &lamp_clock(&self.light), follows)?;
+        Ok(Planned { plan, ends })
+    }
+}
+
+/// How a command becomes light, on average.
+fn lamp_clock(options: &LightOptions) -> LampClock {
+    LampClock {
+        delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
+        tick_s: options.tick_s,
+        phase_s: options.tick_phase_s,
+        rise_s: options.rise_s,
+        decay_s: options.decay_s,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::mean_error_m;
+    use crate::flight::tracking::{Part, track};
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+    use crate::sim::{ControllerKind, SensorOptions, SimOptions};
+
+    fn noor() -> Strokes {
+        write("NOOR", &LetterOptions::default()).unwrap()
+    }
+
+    fn scene(options: PlanOptions, kind: ControllerKind) -> Scene {
+        let mut scene = Scene { plan: options, ..Scene::default() };
+        scene.controller.kind = kind;
+        scene
+    }
+
+    /// Root mean square of the distance from the path, undisturbed, and the largest streak.
+    fn flown(scene: &Scene) -> (f64, f64) {
+        let planned = scene.plans(&noor()).unwrap().swap_remove(0);
+        let flight = scene.rehearse(&planned.plan).unwrap();
+        let tracking = track(&flight, Part::Letters).unwrap();
+        let contour_m = tracking.contour.rms_m;
+        let streak_m = planned.ends.iter().map(|end| end.streak_m.abs()).fold(0.0, f64::max);
+        (contour_m, streak_m)
+    }
+
+    #[test]
+    fn the_default_scene_is_planned_as_the_team_planned() {
+        let scene = Scene::default();
+        let planned = scene.plans(&noor()).unwrap();
+        assert_eq!(planned.len(), 1);
+        assert_eq!(planned[0].plan, plan(&noor(), &scene.plan).unwrap());
+    }
+
+    #[test]
+    fn with_its_loop_inverted_the_teams_controller_flies_the_letters() {
+        let (team_m, _) = flown(&scene(PlanOptions::default(), ControllerKind::Lqr));
+        let (even_m, streak_m) = flown(&scene(PlanOptions::even(), ControllerKind::Lqr));
+        assert!(even_m <= 0.02 && even_m < team_m, "{even_m} m against {team_m} m");
+        assert!(streak_m <= 0.01, "{streak_m} m");
+    }
+
+    #[test]
+    fn with_feed_forward_the_letters_are_flown_within_fifteen_millimetres() {
+        for kind in [
+            ControllerKind::LqrFeedforward,
+            ControllerKind::LqrIntegral,
+            ControllerKind::Geometric,
+            ControllerKind::Pid,
+        ] {
+            let (contour_m, streak_m) = flown(&scene(PlanOptions::even(), kind));
+            assert!(contour_m <= 0.015, "{kind:?}: {contour_m} m");
+            assert!(streak_m <= 0.01, "{kind:?}: {streak_m} m");
+        }
+    }
+
+    #[test]
+    fn a_mean_error_that_is_told_is_taken_off() {
+        let mut tipped = Scene { plan: PlanOptions::even(), ..Scene::default() };
+        let fly_tipped = |scene: &Scene| {
+            let plan = scene.first_plan(&noor()).unwrap();
+            let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
+            fly(&plan, &sim, 0, &mut |_| {}).unwrap()
+        };
+        let before = fly_tipped(&tipped);
+        let mean_m = mean_error_m(&before).unwrap();
+        assert!(mean_m.x < -0.05, "the centre of mass stands off: {mean_m}");
+        tipped.plan.mean_error_m = mean_m.into();
+        let after = fly_tipped(&tipped);
+        let tracking = track(&after, Part::Letters).unwrap();
+        assert!(tracking.mean_error_m.norm() < 0.01, "{}", tracking.mean_error_m);
+        assert!(tracking.contour.rms_m <= 0.02, "{}", tracking.contour.rms_m);
+    }
+}
