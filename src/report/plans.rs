@@ -143,10 +143,6 @@ mod tests {
         let strokes = write("NE", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let svg = plan_view(std::slice::from_ref(&plan), "NE");
-        println!(
-            "{}",
-            svg.lines().filter(|l| !l.contains("polyline")).collect::<Vec<_>>().join("\n")
-        );
         assert!(svg.contains("start") && svg.contains("to 0.20 m/s"), "legend and marks");
         let lit = plan.lit();
         let first = (0..lit.len()).find(|row| lit[*row] > 0.0).unwrap();
