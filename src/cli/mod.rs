@@ -24,6 +24,7 @@ mod outputs;
 mod plan;
 mod preview;
 mod progress;
+mod read;
 mod scene;
 mod score;
 mod show;
@@ -56,7 +57,9 @@ enum Verb {
     Expose(expose::ExposeArgs),
     /// Measure a flight's light: stops over saturation, hot spots, and what to set
     Meter(meter::MeterArgs),
-    /// Read a photograph, and say whether its word is legible
+    /// Say what word a photograph shows, without being told
+    Read(read::ReadArgs),
+    /// Judge whether a photograph's word is legible, and say why not
     Score(score::ScoreArgs),
     /// Print the gains of regulator and observer, their poles, and what they stand
     Gains(gains::GainsArgs),
@@ -92,6 +95,7 @@ pub fn main() -> ExitCode {
         Verb::Compare(args) => compare::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Meter(args) => meter::run(&args),
+        Verb::Read(args) => read::run(&args),
         Verb::Score(args) => score::run(&args),
         Verb::Gains(args) => gains::run(&args),
         Verb::Identify(args) => identify::run(&args),

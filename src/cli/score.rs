@@ -1,48 +1,140 @@
-//! `noctograph score`: a photograph is read.
+//! `noctograph score`: a photograph is read, and judged.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::strokes;
-use super::{Outcome, print, show};
-use crate::error::Result;
+use super::inputs::{Corners, strokes};
+use super::{Outcome, print, show, tell};
+use crate::error::{Error, Result};
+use crate::letters::Strokes;
 use crate::photo::Photo;
+use crate::plan::Plan;
 use crate::scene::Scene;
-use crate::score::score;
+use crate::score::{Homography, Reader, Reading, View, locate, read};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// Photo to read, as `noctograph preview` or `noctograph expose` writes it
+    /// Photo to read: PNG or JPEG, ours or a camera's
     photo: PathBuf,
     /// Word that it should show; the scene's where it is left out
     word: Option<String>,
     /// Scene file (TOML) with letters and camera; the one inside the photo where it is left out
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
+    /// Scene file (TOML) whose camera took the photo. Where there is neither this nor a scene, the
+    /// word is looked for by its ink
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
+    /// The word's upper left, upper right, lower right and lower left corner in the photo, in
+    /// pixels, instead of a camera
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with = "camera")]
+    corners: Option<Corners>,
+    /// Plan that was flown: must write the word
+    #[arg(long, value_name = "FILE")]
+    plan: Option<PathBuf>,
+    /// Probability from which the word counts as legible; the scene's where it is left out
+    #[arg(long, value_name = "P")]
+    min_p: Option<f64>,
     /// Print the verdict as one JSON object instead of a table
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
-    let photo = Photo::read_png(&args.photo)?;
-    let mut scene = match (&args.scene, &photo.scene_toml) {
-        (Some(path), _) => Scene::read(path)?,
-        (None, Some(toml)) => Scene::parse(toml, &format!("{} (scene)", args.photo.display()))?,
-        (None, None) => Scene::default(),
+    let photo = Photo::read(&args.photo)?;
+    let named = match (&args.scene, &photo.scene_toml) {
+        (Some(path), _) => Some(Scene::read(path)?),
+        (None, Some(toml)) => {
+            Some(Scene::parse(toml, &format!("{} (scene)", args.photo.display()))?)
+        }
+        (None, None) => None,
     };
+    let has_camera = named.is_some() || args.camera.is_some();
+    let mut scene = named.unwrap_or_default();
+    if let Some(path) = &args.camera {
+        scene.camera = Scene::read(path)?.camera;
+    }
+    if let Some(min_p) = args.min_p {
+        scene.score.legible_probability = min_p;
+    }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, whatever word is looked for now.
     let flown = (!scene.word.is_empty()).then(|| strokes(&mut scene, None)).transpose()?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
-    let framed = flown.as_ref().unwrap_or(&strokes);
-    let camera = scene.camera.camera(framed.bounds_m(), 0.0)?;
-    let verdict = score(&photo, &strokes, &camera, &scene.score)?;
+    if let Some(path) = &args.plan {
+        check_plan(&Plan::read_csv(path)?, &strokes, &path.display().to_string())?;
+    }
+    let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
+    let from_scene =
+        |scene: &Scene| -> Result<View> { Ok((&scene.camera.camera(bounds_m, 0.0)?).into()) };
+    let view = match &args.corners {
+        Some(corners) => {
+            let size_px = [photo.width_px, photo.height_px];
+            View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
+        }
+        None if has_camera => from_scene(&scene)?,
+        None => match by_ink(&photo, &strokes)? {
+            Some(view) => view,
+            None => from_scene(&scene)?,
+        },
+    };
+    let verdict = Reader::new(&strokes, &scene.score)?.score(&photo, &view)?;
     if args.json {
         print(&format!("{}\n", show::to_json(&verdict)))?;
     } else {
         print(&show::verdict_table(&verdict))?;
     }
     Ok(Outcome::of(&verdict))
+}
+
+/// Where a word hangs in a photo without a camera.
+fn by_ink(photo: &Photo, strokes: &Strokes) -> Result<Option<View>> {
+    let reading: Reading = read(photo)?;
+    let view = locate(photo, &reading, strokes)?;
+    tell(match view {
+        Some(_) => "note: no camera was named, so the word is placed by its ink",
+        None => {
+            "note: no camera was named and no writing found: taken as framed by the default camera"
+        }
+    });
+    Ok(view)
+}
+
+/// Farthest that a plan's light may be from the word's strokes, in cap heights.
+const PLAN_TOLERANCE_H: f64 = 0.1;
+
+/// Refuses a plan that writes something else.
+fn check_plan(plan: &Plan, strokes: &Strokes, file: &str) -> Result<()> {
+    let lit = |row: usize| plan.lights.values().any(|levels| levels[row] > 0.0);
+    let rows = (0..plan.setpoints.len()).filter(|row| lit(*row));
+    let far_m = PLAN_TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
+    for row in rows {
+        let setpoint = &plan.setpoints[row];
+        let point = [setpoint.position_m.x, setpoint.position_m.z];
+        let glyph = setpoint.letter.map(|letter| strokes.glyphs.get(letter));
+        let Some(glyph) = glyph else { continue };
+        let moves = glyph.into_iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+        let off_m = moves.map(|step| off_m(point, step.from_m, step.to_m));
+        if off_m.fold(f64::INFINITY, f64::min) > far_m {
+            let letter = setpoint.letter.map_or(0, |letter| letter + 1);
+            return Err(Error::input(
+                format!("{file}, {:.1} s", setpoint.time_s),
+                format!("light at {:.2} m, {:.2} m in letter {letter}", point[0], point[1]),
+                format!("the strokes of {}", strokes.word),
+                "name the plan, the word and the scene of the same flight",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Distance of a point from a segment.
+fn off_m(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
+    let along = [to[0] - from[0], to[1] - from[1]];
+    let away = [point[0] - from[0], point[1] - from[1]];
+    let squares = along[0] * along[0] + along[1] * along[1];
+    let dot = away[0] * along[0] + away[1] * along[1];
+    let part = if squares > 0.0 { (dot / squares).clamp(0.0, 1.0) } else { 0.0 };
+    libm::hypot(away[0] - part * along[0], away[1] - part * along[1])
 }

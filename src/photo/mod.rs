@@ -34,6 +34,7 @@ pub mod exr;
 mod glare;
 mod metadata;
 mod noise;
+mod open;
 mod options;
 pub mod png;
 mod sensor;

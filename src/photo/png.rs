@@ -133,7 +133,7 @@ fn write(
     Ok(writer.finish()?)
 }
 
-fn read_bounded(path: &Path) -> Result<Vec<u8>> {
+pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>> {
     let unreadable = |source| Error::read(path, source);
     let file = std::fs::File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();

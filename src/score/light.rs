@@ -1,6 +1,7 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
 use super::plane::{Grid, Placed};
+use super::raster::overlaps;
 use super::view::View;
 use crate::photo::Photo;
 use crate::photo::srgb::linear_from_level;
@@ -71,6 +72,12 @@ impl Light {
         Some(Self::of_frame(photo, &frame, step, block))
     }
 
+    /// Decodes the whole photo, `step` pixels to one; letters are about `letter_px` high.
+    pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
+        let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
+        Self::of_frame(photo, &Frame::of(photo), step, block)
+    }
+
     fn of_frame(photo: &Photo, frame: &Frame, step: usize, block: usize) -> Self {
         let [left, top] = [frame.left_px, frame.top_px].map(|px| whole(px) / step);
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
@@ -128,6 +135,16 @@ impl Light {
         }
         let per_area = narrow(1.0 / area);
         sum.map(|sum| sum * per_area)
+    }
+
+    /// Pixels across and down, in ours.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// Light of every pixel, row by row.
+    pub(super) fn values(&self) -> &[Rgb] {
+        &self.values
     }
 }
 
@@ -238,16 +255,6 @@ fn light_of_level() -> [u32; 256] {
         #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
         let light = (65535.0 * linear).round() as u32;
         light
-    })
-}
-
-/// The pixels that an interval touches, each with the length of what it touches.
-fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Item = (usize, f32)> {
-    let first = whole(from.clamp(0.0, n_pixels as f64));
-    let end = whole(to.ceil().clamp(first as f64, n_pixels as f64));
-    (first..end).map(move |pixel| {
-        let (left, right) = (pixel as f64, (pixel + 1) as f64);
-        (pixel, narrow((right.min(to) - left.max(from)).max(0.0)))
     })
 }
 

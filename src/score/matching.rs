@@ -71,8 +71,27 @@ impl Surroundings {
     /// Compares a picture of the cell with the bank: the best hypothesis for each class.
     pub(super) fn compare(&self, bank: &Bank, picture: &Raster, n_classes: usize) -> Vec<Match> {
         let pages = picture.clone().pyramid();
-        let seen: [Seen; 3] =
-            std::array::from_fn(|at| Seen::new(&bank.levels[at], &pages[at], &self.neighbours[at]));
+        let seen = [0, 1, 2].map(|at| self.seen(bank, &pages[at], at));
+        let candidates = self.candidates(bank, &seen[2], n_classes);
+        let best = candidates.iter().map(|c| c[0].similarity).fold(f32::NEG_INFINITY, f32::max);
+        let refined = candidates.iter().map(|candidates| {
+            if candidates[0].similarity < best - CLOSE {
+                return candidates[0];
+            }
+            let found = candidates.iter().filter(|candidate| candidate.similarity.is_finite());
+            let halves = found.map(|candidate| self.refine(bank, &seen[1], 1, *candidate));
+            let half = halves.reduce(|a, b| if b.similarity > a.similarity { b } else { a });
+            self.refine(bank, &seen[0], 0, half.expect("the best is finite"))
+        });
+        refined.collect()
+    }
+
+    fn seen(&self, bank: &Bank, page: &Raster, at: usize) -> Seen {
+        Seen::new(&bank.levels[at], page, &self.neighbours[at])
+    }
+
+    /// The best references of each class at quarter resolution, the best first.
+    fn candidates(&self, bank: &Bank, seen: &Seen, n_classes: usize) -> Vec<[Match; N_CANDIDATES]> {
         let none = Match { similarity: f32::NEG_INFINITY, template: 0, shift: [0, 0] };
         let mut candidates = vec![[none; N_CANDIDATES]; n_classes];
         for (index, norms) in self.inverse_norms.chunks_exact(bank.shifts.len()).enumerate() {
@@ -80,10 +99,10 @@ impl Surroundings {
             let mut best = none;
             for (&shift, inverse_norm) in bank.shifts.iter().zip(norms) {
                 let rows = bank.levels[2].rows(&template.pages[2], shift);
-                let product = seen[2].product + dots([rows], &seen[2].values)[0];
+                let product = seen.product + dots([rows], &seen.values)[0];
                 let shift = shift.map(|quarter_px| 4 * quarter_px);
                 let cost = template.cost + shift_cost(shift);
-                let similarity = product * inverse_norm * seen[2].norm - cost;
+                let similarity = product * inverse_norm * seen.norm - cost;
                 if similarity > best.similarity {
                     best = Match { similarity, template: index, shift };
                 }
@@ -94,22 +113,12 @@ impl Surroundings {
                 candidates.sort_by(|a, b| b.similarity.total_cmp(&a.similarity));
             }
         }
-        let best = candidates.iter().map(|c| c[0].similarity).fold(f32::NEG_INFINITY, f32::max);
-        let refined = candidates.iter().map(|candidates| {
-            if candidates[0].similarity < best - CLOSE {
-                return candidates[0];
-            }
-            let found = candidates.iter().filter(|candidate| candidate.similarity.is_finite());
-            let halves = found.map(|candidate| self.refine(bank, &seen, 1, *candidate));
-            let half = halves.reduce(|a, b| if b.similarity > a.similarity { b } else { a });
-            self.refine(bank, &seen, 0, half.expect("the best is finite"))
-        });
-        refined.collect()
+        candidates
     }
 
     /// The best hypothesis at a resolution, a pixel to every side of a candidate tried.
-    fn refine(&self, bank: &Bank, seen: &[Seen; 3], at: usize, candidate: Match) -> Match {
-        let (level, seen) = (&bank.levels[at], &seen[at]);
+    fn refine(&self, bank: &Bank, seen: &Seen, at: usize, candidate: Match) -> Match {
+        let level = &bank.levels[at];
         let template = &bank.templates[candidate.template];
         let step = 1_isize << at;
         let mut best = Match { similarity: f32::NEG_INFINITY, ..candidate };

@@ -22,7 +22,9 @@ use crate::letters::{Glyph, Strokes};
 use crate::photo::Photo;
 
 pub use calibration::{CALIBRATION, Calibration};
+pub use locate::locate;
 pub use reader::Reader;
+pub use spell::{ReadLetter, Reading, read};
 pub use verdict::{LetterVerdict, Placement, Reason, Rival, Verdict};
 pub use view::{Homography, View};
 
@@ -33,10 +35,13 @@ mod color;
 mod ink;
 mod level;
 mod light;
+mod line;
+mod locate;
 mod matching;
 mod plane;
 mod raster;
 mod reader;
+mod spell;
 mod typeface;
 mod verdict;
 mod view;

@@ -26,6 +26,18 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
+    /// Light in a rectangle given by its columns and rows; outside is dark.
+    pub(super) fn sum(&self, columns: [f64; 2], rows: [f64; 2]) -> f32 {
+        let mut sum = 0.0;
+        for (y, high) in overlaps(rows[0], rows[1], self.height) {
+            let row = &self.values[y * self.width..][..self.width];
+            sum += overlaps(columns[0], columns[1], self.width)
+                .map(|(x, wide)| high * wide * row[x])
+                .sum::<f32>();
+        }
+        sum
+    }
+
     /// Gaussian blur, cut off at 3 σ; outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
@@ -86,6 +98,27 @@ impl Raster {
 
 fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
+}
+
+/// The pixels that an interval touches, each with the length of what it touches.
+pub(super) fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Item = (usize, f32)> {
+    let first = whole(from.clamp(0.0, n_pixels as f64));
+    let end = whole(to.ceil().clamp(first as f64, n_pixels as f64));
+    (first..end).map(move |pixel| {
+        let (left, right) = (pixel as f64, (pixel + 1) as f64);
+        (pixel, narrow((right.min(to) - left.max(from)).max(0.0)))
+    })
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
+#[expect(clippy::cast_sign_loss, reason = "callers keep it from falling below 0")]
+fn whole(pixels: f64) -> usize {
+    pixels as usize
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
+fn narrow(value: f64) -> f32 {
+    value as f32
 }
 
 /// Scalar products of several rows with one, in lanes whose order is fixed, so that the bits are

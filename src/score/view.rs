@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::photo::Photo;
 
 /// Where points of the word's plane (x and height, metres) fall in the picture.
 #[derive(Clone, Debug)]
@@ -51,6 +52,31 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
+    /// A photo of the plane seen square on: `bounds_m` (`[left, bottom, right, top]`) at a
+    /// resolution, each pixel the nearest one's.
+    #[must_use]
+    pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
+        let [left, bottom, right, top] = bounds_m;
+        let side = |length_m: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
+            #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
+            let side_px = (length_m * px_per_m).clamp(1.0, MAX_SQUARE_ON_PX) as u32;
+            side_px
+        };
+        let (width_px, height_px) = (side(right - left), side(top - bottom));
+        let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
+        for y in 0..height_px {
+            for x in 0..width_px {
+                let point = [
+                    left + (right - left) * (f64::from(x) + 0.5) / f64::from(width_px),
+                    top - (top - bottom) * (f64::from(y) + 0.5) / f64::from(height_px),
+                ];
+                rgb8.extend(self.image_from_plane(point).map_or([0; 3], |at| pixel(photo, at)));
+            }
+        }
+        Photo { width_px, height_px, rgb8, scene_toml: None }
+    }
+
     /// Size of the photo that it was made for.
     #[must_use]
     pub fn size_px(&self) -> [u32; 2] {
@@ -59,6 +85,19 @@ impl View {
             Self::Plane(plane) => [plane.width_px, plane.height_px],
         }
     }
+}
+
+/// Longest side of a picture seen square on.
+const MAX_SQUARE_ON_PX: f64 = 4096.0;
+
+/// The pixel at a place; black outside.
+fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
+    let inside =
+        x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
+    #[expect(clippy::cast_possible_truncation, reason = "a pixel of the photo")]
+    #[expect(clippy::cast_sign_loss, reason = "a pixel of the photo")]
+    let at = 3 * (y as usize * photo.width_px as usize + x as usize);
+    if inside { [photo.rgb8[at], photo.rgb8[at + 1], photo.rgb8[at + 2]] } else { [0; 3] }
 }
 
 impl Homography {

@@ -106,7 +106,8 @@ impl Layout {
             .fold(0.0, f32::max)
     }
 
-    fn middle_px(&self) -> [f64; 2] {
+    /// The middle of the cell.
+    pub(super) fn middle_px(&self) -> [f64; 2] {
         self.window.map(|side| REACH_PX as f64 + 0.5 * side as f64)
     }
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::letters::{LetterOptions, Move, write};
 use studio::{Dice, Shot, camera, word};
 
+mod reading;
 mod studio;
 
 fn box_of_light(strokes: &Strokes) -> Vec<Move> {

@@ -1,0 +1,93 @@
+//! Where a word hangs in a photo whose camera nobody knows: found from the ink.
+//!
+//! The letters that [`read`] finds are laid against the word's cells, one by one where there are as
+//! many, else from the first to the last. The plane is taken as seen square on, with its own scale
+//! across and down and a slope of the line.
+
+use super::spell::{ReadLetter, Reading};
+use super::view::{Homography, View};
+use crate::error::Result;
+use crate::letters::{Glyph, Strokes};
+use crate::photo::Photo;
+
+/// Most that one scale may be of the other.
+const MAX_STRETCH: f64 = 2.5;
+
+/// Steepest line: rise by run.
+const MAX_SLOPE: f64 = 0.3;
+
+/// The view that puts a word where a photo shows its ink; `None` where too little is written.
+///
+/// # Errors
+///
+/// None but what broken corners would cause.
+pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+    let boxes: Vec<[f64; 4]> = strokes.glyphs.iter().filter_map(lit_box).collect();
+    let letters = &reading.letters;
+    let (Some(first), Some(last)) = (letters.first(), letters.last()) else { return Ok(None) };
+    if boxes.is_empty() {
+        return Ok(None);
+    }
+    // Edges of letters, or of the word: where they are in the plane, and where in the picture.
+    let pairs: Vec<[f64; 2]> = if letters.len() == boxes.len() {
+        let edges = |(plane, letter): (&[f64; 4], &ReadLetter)| {
+            [[plane[0], letter.box_px[0]], [plane[2], letter.box_px[2]]]
+        };
+        boxes.iter().zip(letters).flat_map(edges).collect()
+    } else {
+        let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
+        vec![[left, first.box_px[0]], [right, last.box_px[2]]]
+    };
+    let Some((at_zero, across)) = line_through(&pairs) else { return Ok(None) };
+    let bottom = boxes.iter().map(|plane| plane[1]).fold(f64::INFINITY, f64::min);
+    let top = boxes.iter().map(|plane| plane[3]).fold(f64::NEG_INFINITY, f64::max);
+    let high_px = median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1]));
+    let down = high_px / (top - bottom);
+    let middle = |letter: &ReadLetter| {
+        let [left, top, right, bottom] = letter.box_px;
+        [0.5 * (left + right), 0.5 * (top + bottom)]
+    };
+    let middles: Vec<[f64; 2]> = letters.iter().map(middle).collect();
+    let slope = if letters.len() < 3 { None } else { line_through(&middles) };
+    let slope = slope.map_or(0.0, |(_, slope)| slope).clamp(-MAX_SLOPE, MAX_SLOPE);
+    let height_px = median(middles.iter().map(|[x, y]| y - slope * x));
+
+    let stretch = (across / down).max(down / across);
+    if !(across > 0.0 && down > 0.0 && stretch <= MAX_STRETCH) {
+        return Ok(None);
+    }
+    let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
+    let corner = |x: f64, above: f64| {
+        let x = at_zero + across * x;
+        [x, height_px + slope * x - 0.5 * above * high_px]
+    };
+    let corners = [corner(left, 1.0), corner(right, 1.0), corner(right, -1.0), corner(left, -1.0)];
+    let size_px = [photo.width_px, photo.height_px];
+    let plane = Homography::from_corners([left, bottom, right, top], corners, size_px);
+    // An I alone has no width.
+    Ok(plane.ok().map(View::Plane))
+}
+
+/// The box of what a glyph lights: left, bottom, right, top.
+fn lit_box(glyph: &Glyph) -> Option<[f64; 4]> {
+    let points = glyph.moves.iter().filter(|step| step.lit).flat_map(|s| [s.from_m, s.to_m]);
+    points.fold(None, |found: Option<[f64; 4]>, [x, y]| {
+        let [left, bottom, right, top] = found.unwrap_or([x, y, x, y]);
+        Some([left.min(x), bottom.min(y), right.max(x), top.max(y)])
+    })
+}
+
+/// The straight line through points with the least squares: height at zero and slope.
+fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
+    let n = points.len() as f64;
+    let [x, y] = [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / n);
+    let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
+    let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / spread;
+    (spread > 0.0 && slope.is_finite()).then_some((y - slope * x, slope))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

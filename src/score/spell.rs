@@ -1,0 +1,246 @@
+//! Reading without being told: what word a photo shows.
+//!
+//! Each run of ink between two places where a letter may end is compared with the bank of
+//! references; of all ways to cut the line, the one whose letters explain the most ink wins.
+
+use serde::Serialize;
+
+use super::bank::{Bank, Classes};
+use super::calibration::ln_share;
+use super::line::{InkColor, InkRule, Line};
+use super::matching::{Match, Surroundings};
+use super::raster::Raster;
+use super::{BLUR_PX, PX_PER_H, References};
+use crate::error::Result;
+use crate::letters::Font;
+use crate::photo::Photo;
+
+/// Width by height of the cells that letters are stretched into: the team's.
+const ASPECT: f64 = 0.6;
+
+/// Narrower letters than this, by their height, keep their shape.
+const MIN_ASPECT: f64 = 0.3;
+
+/// Widest letter, by its height, and least ink, by a letter's height of stroke.
+const MAX_WIDTH_H: f64 = 1.7;
+
+/// Similarity from which ink is a letter at all; what is less like any is passed over.
+const LEAST_SIMILARITY: f64 = 0.5;
+
+/// What one more letter must explain better, in strokes as long as a letter is high. Too little
+/// makes I of every stroke of an O, too much leaves out a true I.
+const LETTER_COST: f64 = 0.3;
+
+/// What a letter costs more whose ink hangs together with the one before it.
+const TOUCH_COST: f64 = 0.1;
+
+/// Letters higher or lower than most by more than this are measured by the line instead.
+const HEIGHTS: [f64; 2] = [0.75, 1.3];
+
+/// The font, beside the typeface, whose letters are known.
+const FONT: &str = "ae483";
+
+/// What a photo was read as.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reading {
+    /// The word; empty where nothing is written.
+    pub text: String,
+    /// Letter by letter, from left to right.
+    pub letters: Vec<ReadLetter>,
+}
+
+/// A letter that was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReadLetter {
+    /// The letter.
+    pub letter: char,
+    /// Its share in the choice among all, 0 to 1.
+    pub p: f64,
+    /// Correlation less what shift and stretch cost, up to 1.
+    pub similarity: f64,
+    /// Its box along the middles of its strokes: left, top, right, bottom, in pixels of the photo.
+    pub box_px: [f64; 4],
+}
+
+/// A run of ink, compared with the bank.
+struct Look {
+    matches: Vec<Match>,
+    /// Left, top, right and bottom along the middles of its strokes.
+    extent: [f64; 4],
+    /// Its ink.
+    mass: f64,
+}
+
+/// One way to cut the line.
+struct Parsed {
+    score: f64,
+    letters: Vec<Look>,
+}
+
+/// Reads a photo.
+///
+/// # Errors
+///
+/// None but what a broken font would cause.
+pub fn read(photo: &Photo) -> Result<Reading> {
+    let classes = Classes::of("".chars());
+    let mut bank = Bank::draw(ASPECT, &classes, &Font::open(FONT)?, References::Both);
+    // The ink's box says where a letter is.
+    bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
+    let blank = Raster::dark(bank.layout.width, bank.layout.height);
+    let surroundings = Surroundings::new(&bank, &blank);
+    let mut best: Option<(f64, Reading)> = None;
+    let rules = [0.95, 0.6]
+        .map(|full_rank| [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank }));
+    let lines = rules.into_iter().flat_map(|rules| {
+        let [own, any] = rules.map(|rule| Line::find(photo, rule));
+        let alike = own.as_ref().zip(any.as_ref()).is_some_and(|(own, any)| own.is_like(any));
+        [own, any.filter(|_| !alike)].into_iter().flatten()
+    });
+    for line in lines {
+        let compare = |picture: &Raster| surroundings.compare(&bank, picture, classes.len());
+        let parsed = parse(&line, &bank, &compare);
+        // A word has letters or digits, not both.
+        for digits in [false, true] {
+            let (score, reading) = spell(&line, &parsed, &classes, digits);
+            if best.as_ref().is_none_or(|best| score > best.0) {
+                best = Some((score, reading));
+            }
+        }
+    }
+    Ok(best.map_or(Reading { text: String::new(), letters: Vec::new() }, |(_, reading)| reading))
+}
+
+/// Cuts the line so that its letters explain the most ink.
+fn parse(line: &Line, bank: &Bank, compare: &impl Fn(&Raster) -> Vec<Match>) -> Parsed {
+    let n_cuts = line.cuts.len();
+    let total = line.mass(line.cuts[0], line.cuts[n_cuts - 1]).max(1e-9);
+    let letter_mass = line.letter_px * line.stroke_px;
+    let mut best: Vec<(f64, Option<usize>)> = vec![(0.0, None)];
+    let mut found: Vec<Vec<Option<Look>>> = vec![Vec::new()];
+    for end in 1..n_cuts {
+        let mut here = (best[end - 1].0, None);
+        let mut row = Vec::new();
+        for (start, (before, _)) in best.iter().enumerate() {
+            let [from, to] = [line.cuts[start], line.cuts[end]];
+            let narrow = (to - from) as f64 <= MAX_WIDTH_H * line.letter_px + line.stroke_px;
+            let look = narrow.then(|| look(line, bank, [from, to], compare)).flatten();
+            if let Some(Look { matches, mass, .. }) = &look {
+                let similarity = f64::from(top(matches, |_| true).1);
+                let touch_cost = if line.touches(from) { TOUCH_COST } else { 0.0 };
+                let cost = (LETTER_COST + touch_cost) * letter_mass;
+                let gain = before + mass * (similarity - LEAST_SIMILARITY) - cost;
+                if gain > here.0 {
+                    here = (gain, Some(start));
+                }
+            }
+            row.push(look);
+        }
+        best.push(here);
+        found.push(row);
+    }
+    let mut letters = Vec::new();
+    let mut end = n_cuts - 1;
+    while end > 0 {
+        match best[end].1 {
+            None => end -= 1,
+            Some(start) => {
+                letters.extend(found[end][start].take());
+                end = start;
+            }
+        }
+    }
+    letters.reverse();
+    Parsed { score: best[n_cuts - 1].0 / total, letters }
+}
+
+/// Compares the ink between two columns with the bank: its matches, box and ink.
+fn look(
+    line: &Line,
+    bank: &Bank,
+    [from, to]: [usize; 2],
+    compare: &impl Fn(&Raster) -> Vec<Match>,
+) -> Option<Look> {
+    let ink_box = line.ink_box(from, to)?;
+    let mass = line.mass(from, to);
+    if mass < 0.5 * line.letter_px * line.stroke_px {
+        return None;
+    }
+    let own = [ink_box[1], ink_box[3]];
+    let likely = (HEIGHTS[0]..=HEIGHTS[1]).contains(&((own[1] - own[0]) / line.letter_px));
+    let extents = [Some(line.extent), likely.then_some(own)];
+    let looks = extents.into_iter().flatten().map(|[top, bottom]| {
+        let extent = [ink_box[0], top, ink_box[2], bottom];
+        let picture = cell_picture(line, bank, [from, to], extent);
+        Look { matches: compare(&picture.blur(BLUR_PX)), extent, mass }
+    });
+    let similarity = |look: &Look| top(&look.matches, |_| true).1;
+    looks.reduce(|a, b| if similarity(&b) > similarity(&a) { b } else { a })
+}
+
+/// The ink between two columns, its box stretched onto the bank's cell.
+fn cell_picture(
+    line: &Line,
+    bank: &Bank,
+    [from, to]: [usize; 2],
+    [left, top, right, bottom]: [f64; 4],
+) -> Raster {
+    let cell_h = f64::from(PX_PER_H);
+    let down = (bottom - top).max(1.0) / cell_h;
+    let aspect = (right - left) / (bottom - top).max(1.0);
+    let across = if aspect < MIN_ASPECT { down } else { (right - left) / (ASPECT * cell_h) };
+    let [middle_x, middle_y] = bank.layout.middle_px();
+    let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
+    let mut picture = Raster::dark(bank.layout.width, bank.layout.height);
+    for (index, value) in picture.values.iter_mut().enumerate() {
+        let column = (index % bank.layout.width) as f64 - middle_x;
+        let row = (index / bank.layout.width) as f64 - middle_y;
+        let clip = |at: f64| at.clamp(from as f64, to as f64);
+        let columns = [clip(x + across * column), clip(x + across * (column + 1.0))];
+        let rows = [y + down * row, y + down * (row + 1.0)];
+        *value = line.ink.sum(columns, rows) / narrow(across * down);
+    }
+    picture
+}
+
+/// Names the letters of a cut line, from the letters or from the digits.
+fn spell(line: &Line, parsed: &Parsed, classes: &Classes, digits: bool) -> (f64, Reading) {
+    let allowed = |class: usize| {
+        let name = classes.name(class, None);
+        name.is_ascii_digit() == digits || (digits && "OI".contains(name))
+    };
+    let mut missed = 0.0;
+    let letters = parsed.letters.iter().map(|Look { matches, extent, mass, .. }| {
+        let ((class, similarity), best) = (top(matches, allowed), top(matches, |_| true).1);
+        missed += mass * f64::from(best - similarity);
+        let name = classes.name(class, None);
+        let letter = match name {
+            'O' if digits => '0',
+            'I' if digits => '1',
+            name => name,
+        };
+        let box_px = extent.map(|px| px * line.step);
+        let p = libm::exp(ln_share(matches, class));
+        ReadLetter { letter, p, similarity: f64::from(similarity), box_px }
+    });
+    let letters: Vec<ReadLetter> = letters.collect();
+    let total = line.mass(line.cuts[0], line.cuts[line.cuts.len() - 1]).max(1e-9);
+    let text = letters.iter().map(|letter| letter.letter).collect();
+    (parsed.score - missed / total, Reading { text, letters })
+}
+
+/// The most similar of some classes.
+fn top(matches: &[Match], allowed: impl Fn(usize) -> bool) -> (usize, f32) {
+    let mut best = (0, f32::NEG_INFINITY);
+    for (class, found) in matches.iter().enumerate().filter(|(class, _)| allowed(*class)) {
+        if found.similarity > best.1 {
+            best = (class, found.similarity);
+        }
+    }
+    best
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}

@@ -1,0 +1,67 @@
+//! Reading without being told, and finding a word by its ink.
+
+use super::studio::{Shot, camera, word};
+use super::*;
+
+const WORDS: [&str; 4] = ["NOOR", "QUIZ", "FLOCK", "DRAWN"];
+
+#[test]
+fn words_are_read_without_being_told() {
+    for text in WORDS {
+        let strokes = word(text);
+        let reading = read(&Shot::of(&strokes).photo()).unwrap();
+        assert_eq!(reading.text, text, "{reading:?}");
+        let boxes = reading.letters.windows(2);
+        assert!(boxes.clone().all(|pair| pair[0].box_px[2] < pair[1].box_px[0]), "{reading:?}");
+    }
+}
+
+#[test]
+fn the_teams_faults_leave_the_word_readable_without_being_told() {
+    let shot = Shot::of(&word("NOOR"));
+    let faults = [
+        ("trailing by 6 cm", shot.clone().trailing(0.06)),
+        ("last 8 cm missing", shot.clone().ending_early(0.08)),
+        ("blue light", Shot { tint: [0.0, 0.02, 1.0], ..shot.clone() }),
+        ("the floor aglow", Shot { floor_glow: 0.7, ..shot.clone() }),
+        ("noise", Shot { noise: 12.0, ..shot }),
+    ];
+    for (fault, shot) in faults {
+        assert_eq!(read(&shot.photo()).unwrap().text, "NOOR", "{fault}");
+    }
+}
+
+#[test]
+fn nothing_is_read_where_nothing_is_written() {
+    let shot = Shot::of(&word("NOOR"));
+    assert_eq!(read(&shot.showing(Vec::new()).photo()).unwrap().text, "");
+    for [width_px, height_px] in [[1, 1], [1, 500], [7, 3]] {
+        for level in [0, 255] {
+            let rgb8 = vec![level; 3 * width_px as usize * height_px as usize];
+            let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+            assert_eq!(read(&photo).unwrap().text, "", "{width_px}x{height_px}");
+        }
+    }
+}
+
+#[test]
+fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
+    for text in ["NOOR", "QUIZ", "BOX"] {
+        let strokes = word(text);
+        let photo = Shot::of(&strokes).photo();
+        let view = locate(&photo, &read(&photo).unwrap(), &strokes).unwrap().unwrap();
+        let verdict = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
+        let verdict = verdict.score(&photo, &view).unwrap();
+        assert!(verdict.legible && verdict.read == text, "{verdict:?}");
+    }
+}
+
+#[test]
+fn a_photo_taken_at_an_angle_is_turned_square_on() {
+    let strokes = word("NOOR");
+    let shot = Shot { camera: camera(&strokes, 640, 0.7), ..Shot::of(&strokes) };
+    let view = View::from(&shot.camera);
+    let flat = view.square_on(&shot.photo(), [-0.9, 0.2, 1.2, 1.3], 300.0);
+    assert_eq!([flat.width_px, flat.height_px], [630, 330]);
+    assert_eq!(read(&flat).unwrap().text, "NOOR");
+}
