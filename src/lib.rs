@@ -37,7 +37,7 @@
 //! | 0 | [`error`] | one Error, by what the reader must mend |
 //! | 0 | [`geometry`] | poses, frames, polylines |
 //! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
-//! | 1 | [`letters`] | word → [`letters::Strokes`] |
+//! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
 //! | 1 | [`camera`] | a description without pixels: pose, lens, shutter, sensitivity |
 //! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
@@ -48,7 +48,7 @@
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
-//! | 8 | [`report`] | products → plots |
+//! | 8 | [`report`] | products → plots, sheets |
 //! | 9 | [`cli`] | what was typed |
 //!
 //! What a room must not know keeps the house good:

@@ -41,7 +41,8 @@ pub(super) struct CoverageArgs {
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
-    let has_word = args.word.is_some() || !scene.word.is_empty();
+    let drawn = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
+    let has_word = args.word.is_some() || drawn;
     let word = if has_word { Some(strokes(&mut scene, args.word.as_deref())?) } else { None };
     let word_m = word.map(|strokes| strokes.bounds_m());
     let around = |[l, b, r, t]: [f64; 4]| {

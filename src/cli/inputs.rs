@@ -51,9 +51,13 @@ impl SceneFlags {
 /// How the word is drawn.
 #[derive(Debug, Args)]
 pub(super) struct LetterFlags {
-    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes; the scene's where it is left out
+    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf; the scene's where it
+    /// is left out
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
+    /// Drawing instead of a word: *.svg, or handwriting as *.json or *.inkml
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<String>,
 }
 
 impl LetterFlags {
@@ -61,6 +65,10 @@ impl LetterFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         if let Some(font) = &self.font {
             font.clone_into(&mut scene.letters.font);
+        }
+        if let Some(drawing) = &self.drawing {
+            drawing.clone_into(&mut scene.letters.drawing);
+            scene.word.clear();
         }
         scene.letters.check()
     }
@@ -167,11 +175,14 @@ pub(super) fn one_drone(scene: &Scene) -> Result<()> {
     Err(Error::input("plan.drones", scene.plan.drones, "1", hint))
 }
 
-/// The drawing of a scene's word; a typed word goes before the scene's. In a typed word `\n`, as a
+/// The strokes of a scene's drawing or word; a typed word goes before both. In a typed word `\n`, as a
 /// shell hands it over, begins a new line.
 pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> {
     if let Some(word) = word {
         scene.word = word.replace("\\n", "\n");
+        scene.letters.drawing.clear();
+    } else if !scene.letters.drawing.is_empty() {
+        return letters::draw(scene.letters.drawing.as_ref(), &scene.letters);
     } else if scene.word.is_empty() {
         let hint = "name the word on the command line, or as `word = \"NOOR\"` in the scene file";
         return Err(Error::input("word", "no word", "the word that is written", hint));
@@ -225,7 +236,8 @@ fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<(LightTrace, f64)>
 
 /// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.
 pub(super) fn bounds_m(scene: &mut Scene, word: Option<&str>) -> Result<[f64; 4]> {
-    if word.is_none() && scene.word.is_empty() && scene.camera.framing == Framing::Fixed {
+    let nothing = scene.word.is_empty() && scene.letters.drawing.is_empty();
+    if word.is_none() && nothing && scene.camera.framing == Framing::Fixed {
         return Ok([0.0; 4]);
     }
     Ok(strokes(scene, word)?.bounds_m())

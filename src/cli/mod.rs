@@ -28,6 +28,7 @@ mod read;
 mod scene;
 mod score;
 mod show;
+mod specimen;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
@@ -67,6 +68,8 @@ enum Verb {
     Identify(identify::IdentifyArgs),
     /// Show where Lighthouse base stations see the drone, and how well they place it
     Coverage(coverage::CoverageArgs),
+    /// Draw a sheet of a font's characters: order and direction of their strokes
+    Specimen(specimen::SpecimenArgs),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -100,6 +103,7 @@ pub fn main() -> ExitCode {
         Verb::Gains(args) => gains::run(&args),
         Verb::Identify(args) => identify::run(&args),
         Verb::Coverage(args) => coverage::run(&args),
+        Verb::Specimen(args) => specimen::run(&args),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

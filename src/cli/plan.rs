@@ -17,6 +17,7 @@ use crate::scene::Planned;
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
     /// Word to write; the scene's where it is left out
+    #[arg(conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
@@ -56,19 +57,20 @@ pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
         Sink::File(Output::create(&args.output)?)
     };
     let planned = scene.plans(&strokes)?;
+    let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
     let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
     let files = match sink {
         Sink::Folder(folder) => write_folder(folder, &plans, &strokes.word)?,
         Sink::File(file) if drawing => {
-            let svg = plan_view(&plans, &strokes.word);
+            let svg = plan_view(&plans, title);
             vec![file.keep(|out| out.write_all(svg.as_bytes()))?]
         }
         Sink::File(file) => vec![file.keep(|out| plans[0].write_csv(out))?],
     };
     if args.json {
-        print(&format!("{}\n", json(&strokes.word, &planned, &files)))?;
+        print(&format!("{}\n", json(title, &planned, &files)))?;
     } else {
-        print(&table(&strokes.word, &planned, &files))?;
+        print(&table(title, &planned, &files))?;
     }
     Ok(Outcome::Done)
 }

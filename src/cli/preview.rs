@@ -17,6 +17,7 @@ use crate::score::score;
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
     /// Word to write; the scene's where it is left out
+    #[arg(conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
@@ -26,7 +27,7 @@ pub(super) struct PreviewArgs {
     style: StyleFlag,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Folder for photo.png, flight.csv, plan.csv, scene.toml and verdict.json
+    /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
     /// Print one JSON object instead of a table
@@ -52,24 +53,30 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
     let backend = args.picture.backend.into();
     let shot = shoot(&trace, end_s, strokes.bounds_m(), &scene, backend)?;
-    let verdict = score(&shot.photo, &strokes, &shot.camera, &scene.score)?;
+    // A drawing has no word to read, so nothing is said of its legibility.
+    let verdict = match strokes.font {
+        Some(_) => Some(score(&shot.photo, &strokes, &shot.camera, &scene.score)?),
+        None => None,
+    };
 
     let png = shot.png();
     folder.write("photo.png", |out| out.write_all(&png))?;
     folder.write("flight.csv", |out| flight.write_csv(out))?;
     folder.write("plan.csv", |out| plan.write_csv(out))?;
     folder.write("scene.toml", |out| out.write_all(scene.to_toml().as_bytes()))?;
-    folder.write("verdict.json", |out| writeln!(out, "{:#}", show::to_json(&verdict)))?;
-    let files = folder.keep(&FILES)?;
+    if let Some(verdict) = &verdict {
+        folder.write("verdict.json", |out| writeln!(out, "{:#}", show::to_json(verdict)))?;
+    }
+    let files = folder.keep(if verdict.is_some() { &FILES } else { &FILES[..FILES.len() - 1] })?;
 
     let (backend, adapter) = (shot.exposure.backend, &shot.exposure.adapter);
     if args.json {
         let json = serde_json::json!({
-            "word": verdict.word,
-            "read": verdict.read,
-            "legible": verdict.legible,
-            "probability": verdict.probability,
-            "letters": verdict.letters,
+            "word": verdict.as_ref().map(|verdict| &verdict.word),
+            "read": verdict.as_ref().map(|verdict| &verdict.read),
+            "legible": verdict.as_ref().map(|verdict| verdict.legible),
+            "probability": verdict.as_ref().map(|verdict| verdict.probability),
+            "letters": verdict.as_ref().map(|verdict| &verdict.letters),
             "flight": show::flight_json(&flight),
             "backend": backend.name(),
             "adapter": adapter,
@@ -82,11 +89,14 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
             files.iter().map(|file| format!("files     {}\n", file.display())).collect();
         print(&format!(
             "{}\n{}{}{}",
-            show::verdict_table(&verdict),
+            verdict.as_ref().map_or_else(
+                || format!("{}: a drawing is not read\n", scene.letters.drawing),
+                show::verdict_table
+            ),
             show::flight_lines(&flight),
             show::exposure_line(backend, adapter),
             files.replacen("\nfiles     ", "\n          ", FILES.len())
         ))?;
     }
-    Ok(Outcome::of(&verdict))
+    Ok(verdict.as_ref().map_or(Outcome::Done, Outcome::of))
 }

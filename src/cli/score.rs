@@ -60,7 +60,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, whatever word is looked for now.
-    let flown = (!scene.word.is_empty()).then(|| strokes(&mut scene, None)).transpose()?;
+    let framed = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
+    let flown = framed.then(|| strokes(&mut scene, None)).transpose()?;
     let strokes = strokes(&mut scene, args.word.as_deref())?;
     if let Some(path) = &args.plan {
         check_plan(&Plan::read_csv(path)?, &strokes, &path.display().to_string())?;

@@ -1,13 +1,13 @@
 //! Font: a name from the scene becomes something that draws characters.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
 use super::shape::{Fit, Shape};
 use super::stroke_font::StrokeFont;
-use super::{Cell, Glyph};
+use super::typeface::Typeface;
+use super::{Cell, Glyph, Trace};
 use crate::error::{Error, Result};
 
 /// The fonts that come with the program, by name.
@@ -20,27 +20,42 @@ const FONTS: [(&str, &str); 3] = [
 /// Largest stroke font that is read from a file.
 const MAX_STROKES_BYTES: u64 = 4 << 20;
 
-/// A font, ready to draw. Clones share it.
+/// Largest typeface that is read.
+const MAX_TYPEFACE_BYTES: u64 = 64 << 20;
+
+/// A font, ready to draw. Clones share it, and what was traced of a typeface.
 #[derive(Clone)]
 pub struct Font {
     name: String,
-    face: Arc<StrokeFont>,
+    trace: Trace,
+    face: Arc<Face>,
+}
+
+enum Face {
+    Strokes(StrokeFont),
+    Outlines(Typeface),
 }
 
 impl Font {
-    /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, or a file `*.strokes`.
+    /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, or a file: `*.strokes`, or a typeface
+    /// `*.ttf`, `*.otf`, `*.ttc`, of which `trace` says what is followed.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] for a name that is neither, or a file that is no such font; [`Error::Io`]
     /// where it cannot be read.
-    pub fn open(name: &str) -> Result<Self> {
-        check_name(name)?;
-        let face = match FONTS.iter().find(|(n, _)| *n == name) {
-            Some((_, text)) => StrokeFont::parse(text, name)?,
-            None => StrokeFont::parse(&read_text(name.as_ref(), MAX_STROKES_BYTES)?, name)?,
+    pub fn open(name: &str, trace: Trace) -> Result<Self> {
+        let path = Path::new(name);
+        let face = match check_name(name)? {
+            Kind::Ours(text) => Face::Strokes(StrokeFont::parse(text, name)?),
+            Kind::Strokes => {
+                Face::Strokes(StrokeFont::parse(&read_text(path, MAX_STROKES_BYTES)?, name)?)
+            }
+            Kind::Outlines => {
+                Face::Outlines(Typeface::read(read_bytes(path, MAX_TYPEFACE_BYTES)?, trace, name)?)
+            }
         };
-        Ok(Self { name: name.to_owned(), face: Arc::new(face) })
+        Ok(Self { name: name.to_owned(), trace, face: Arc::new(face) })
     }
 
     /// The name that it was opened by.
@@ -52,7 +67,10 @@ impl Font {
     /// The characters that it can draw, in the order of their codes.
     #[must_use]
     pub fn characters(&self) -> String {
-        self.face.characters().collect()
+        match &*self.face {
+            Face::Strokes(font) => font.characters().collect(),
+            Face::Outlines(face) => face.characters().collect(),
+        }
     }
 
     /// Draws a character into a cell; `None` where the font lacks it.
@@ -75,41 +93,63 @@ impl Font {
     }
 
     pub(super) fn fit(&self) -> Fit {
-        self.face.fit
+        match &*self.face {
+            Face::Strokes(font) => font.fit,
+            Face::Outlines(_) => Fit::Proportional,
+        }
     }
 
-    pub(super) fn shape(&self, character: char) -> Option<Cow<'_, Shape>> {
-        self.face.shape(character).map(Cow::Borrowed)
+    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        match &*self.face {
+            Face::Strokes(font) => font.shape(character),
+            Face::Outlines(face) => face.shape(character),
+        }
     }
 
-    /// What the gap between two characters is larger than their advances say, in cap heights.
-    pub(super) fn kern(&self, _pair: [char; 2]) -> f64 {
-        0.0
+    /// What is added between two characters, in cap heights.
+    pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
+        match &*self.face {
+            Face::Strokes(_) => 0.0,
+            Face::Outlines(face) => face.kern(pair),
+        }
     }
 }
 
 impl PartialEq for Font {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+        self.name == other.name && self.trace == other.trace
     }
 }
 
 impl fmt::Debug for Font {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "Font({:?})", self.name)
+        write!(out, "Font({:?}, {:?})", self.name, self.trace)
     }
 }
 
-/// Refuses a name that no font can have, without opening a file.
-pub(super) fn check_name(name: &str) -> Result<()> {
-    let known = FONTS.iter().any(|(n, _)| *n == name);
-    let extension = Path::new(name).extension().and_then(|ext| ext.to_str());
-    if known || extension.is_some_and(|ext| ext.eq_ignore_ascii_case("strokes")) {
-        return Ok(());
+/// Where a font comes from.
+pub(super) enum Kind {
+    Ours(&'static str),
+    Strokes,
+    Outlines,
+}
+
+/// What a name names, without opening a file; refused where no font can have it.
+pub(super) fn check_name(name: &str) -> Result<Kind> {
+    if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
+        return Ok(Kind::Ours(text));
     }
-    let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
-    let wanted = format!("{}, or a file *.strokes", names.join(", "));
-    Err(Error::input("letters.font", format!("{name:?}"), wanted, "choose a font we have"))
+    let extension = Path::new(name).extension().and_then(|ext| ext.to_str());
+    match extension.map(str::to_ascii_lowercase).as_deref() {
+        Some("strokes") => Ok(Kind::Strokes),
+        Some("ttf" | "otf" | "ttc" | "otc") => Ok(Kind::Outlines),
+        _ => {
+            let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
+            let wanted = format!("{}, or a file *.strokes, *.ttf or *.otf", names.join(", "));
+            let hint = "choose a font we have, or name a font file";
+            Err(Error::input("letters.font", format!("{name:?}"), wanted, hint))
+        }
+    }
 }
 
 /// Reads a text file of at most so many bytes.
@@ -142,7 +182,7 @@ mod tests {
 
     #[test]
     fn every_font_under_fonts_is_readable() {
-        let have = |name: &str| Font::open(name).unwrap().characters();
+        let have = |name: &str| Font::open(name, Trace::CentreLine).unwrap().characters();
         assert_eq!(have("ae483"), "ABCDEFGHIJKLMNOPQRSTUVWXYZ", "the team's letters");
         let fixed = have("ae483-fixed");
         assert!(('A'..='Z').chain('0'..='9').all(|c| fixed.contains(c)), "{fixed}");
@@ -156,7 +196,7 @@ mod tests {
     fn every_letter_but_the_teams_own_is_reached_in_the_dark_and_never_jumps() {
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         for name in ["ae483-fixed", "simplex"] {
-            let font = Font::open(name).unwrap();
+            let font = Font::open(name, Trace::CentreLine).unwrap();
             for character in font.characters().chars() {
                 let moves = font.glyph(character, cell).unwrap().moves;
                 assert!(moves.first().is_none_or(|first| !first.lit), "{name} {character}");
@@ -170,7 +210,7 @@ mod tests {
     fn the_fixed_letters_never_draw_a_stroke_twice() {
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         let doubled = |name: &str| {
-            let font = Font::open(name).unwrap();
+            let font = Font::open(name, Trace::CentreLine).unwrap();
             let mut found = String::new();
             for character in font.characters().chars() {
                 let moves = font.glyph(character, cell).unwrap().moves;
@@ -205,10 +245,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("mine.strokes");
         std::fs::write(&path, "L + 0,1 0,0 1,0\n").unwrap();
-        assert_eq!(Font::open(path.to_str().unwrap()).unwrap().characters(), "L");
+        assert_eq!(
+            Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap().characters(),
+            "L"
+        );
         std::fs::write(&path, b"L + 0,1 0,0 1,0\n\xff").unwrap();
-        let error = Font::open(path.to_str().unwrap()).unwrap_err().to_string();
+        let error = Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap_err().to_string();
         assert!(error.contains("byte 17"), "{error}");
-        assert!(Font::open("nowhere.strokes").is_err() && Font::open("comic").is_err());
+        assert!(
+            Font::open("nowhere.strokes", Trace::Outline).is_err() && check_name("comic").is_err()
+        );
     }
 }

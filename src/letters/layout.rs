@@ -22,7 +22,7 @@ const MAX_LETTERS: usize = 256;
 /// that it lacks, with its position; [`Error::Io`] for a font that cannot be read.
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
-    let font = Font::open(&options.font)?;
+    let font = Font::open(&options.font, options.trace)?;
     let hint = "name the word to write, for example: noctograph preview NOOR";
     if word.trim().is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
@@ -61,12 +61,18 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
                 Error::input(
                     format!("word, position {}", index + 1),
                     format!("{typed:?}"),
-                    format!("one of {}", font.characters()),
+                    format!("one of {}", some_of(&font.characters())),
                     format!("write the word with letters that the font {} has", font.name()),
                 )
             })
         })
         .collect()
+}
+
+/// Characters for a message.
+fn some_of(characters: &str) -> String {
+    let some: String = characters.chars().take(120).collect();
+    if some.len() < characters.len() { some + " ..." } else { some }
 }
 
 fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
@@ -78,7 +84,7 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes { word, font: font.clone(), glyphs, order: Order::Free, times_s: Vec::new() }
+    Strokes { word, font: Some(font.clone()), glyphs, order: Order::Free, times_s: Vec::new() }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

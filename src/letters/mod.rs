@@ -1,28 +1,36 @@
-//! Letters: a word becomes [`Strokes`] in the plane of the word.
+//! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
 //!
-//! Product in: a word. Product out: placed glyphs, each a list of moves of the pen, lit or dark.
+//! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves of the pen, lit or dark.
 //! The plane of the word has x to the viewer's right and y up, in metres; y = 0 is the floor.
 //!
 //! Letters know no speed and no drone.
 
+mod centre_line;
+mod curves;
+mod drawing;
 mod font;
 mod layout;
 mod options;
+mod outline;
 mod shape;
+mod smooth;
 mod stroke_font;
+mod typeface;
 
+pub use drawing::{DRAWING, draw};
 pub use font::Font;
 pub use layout::write;
-pub use options::{Align, LetterOptions};
+pub use options::{Align, LetterOptions, Trace};
 
-/// The drawing of a word: glyphs line by line, in each from left to right.
+/// A word as strokes, glyphs line by line, in each from left to right; or a drawing, which is one
+/// glyph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strokes {
     /// The word as it is drawn, after lower case was turned to upper case where the font has none;
-    /// spaces and line ends included.
+    /// spaces and line ends included; empty for a drawing.
     pub word: String,
-    /// The font it is drawn with.
-    pub font: Font,
+    /// The font it is drawn with; a drawing has none.
+    pub font: Option<Font>,
     /// One per drawn character; spaces and line ends have none.
     pub glyphs: Vec<Glyph>,
     /// Whether the moves may be flown in another order.

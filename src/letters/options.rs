@@ -10,8 +10,16 @@ use crate::error::{Result, within};
 #[serde(default, deny_unknown_fields)]
 pub struct LetterOptions {
     /// The font: `ae483` is the reference team's own 26 letters, `ae483-fixed` those repaired,
-    /// `simplex` a whole single-line alphabet; or a file.
+    /// `simplex` a whole single-line alphabet; or a file: strokes or a typeface.
     pub font: String,
+    /// What is followed of a typeface's outlines.
+    pub trace: Trace,
+    /// A drawing instead of a word: a file `*.svg`, `*.json` or `*.inkml`; empty: none.
+    pub drawing: String,
+    /// Farthest that straight strokes may lie from a drawing's curves.
+    pub tolerance_m: f64,
+    /// Farthest that smoothing moves handwriting; 0: it stays as it is.
+    pub smoothing_m: f64,
     /// Height of a capital.
     pub cap_height_m: f64,
     /// Width of a letter's box, where the letters have boxes (`ae483`, `ae483-fixed`); others keep
@@ -27,8 +35,20 @@ pub struct LetterOptions {
     pub line_gap_m: f64,
     /// Where each line stands.
     pub align: Align,
-    /// Largest width and height; a text that is larger is made smaller, gaps and all.
+    /// Largest width and height; a text that is larger is made smaller, gaps and all. A drawing
+    /// fills it, and where there is none, four cap heights by one.
     pub canvas_m: Option<[f64; 2]>,
+}
+
+/// What is followed of a typeface's outlines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Trace {
+    /// The middle lines of their strokes, as a pen would write them.
+    #[default]
+    CentreLine,
+    /// The outlines themselves.
+    Outline,
 }
 
 /// Where a line stands beside x = 0.
@@ -52,6 +72,10 @@ impl Default for LetterOptions {
     fn default() -> Self {
         Self {
             font: "ae483".into(),
+            trace: Trace::CentreLine,
+            drawing: String::new(),
+            tolerance_m: 0.001,
+            smoothing_m: 0.005,
             cap_height_m: 0.5,
             width_m: 0.3,
             gap_m: 0.1,
@@ -73,6 +97,8 @@ impl LetterOptions {
     pub fn check(&self) -> Result<()> {
         font::check_name(&self.font)?;
         within("letters.cap_height_m", self.cap_height_m, 0.01, 100.0)?;
+        within("letters.tolerance_m", self.tolerance_m, 1e-4, 1.0)?;
+        within("letters.smoothing_m", self.smoothing_m, 0.0, 1.0)?;
         within("letters.width_m", self.width_m, 0.01, 100.0)?;
         within("letters.gap_m", self.gap_m, 0.0, 100.0)?;
         within("letters.spacing_m", self.spacing_m, -1.0, 100.0)?;

@@ -11,6 +11,7 @@
 //!   by `dx,dy` where that follows.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::shape::{Fit, Run, Shape};
 use crate::error::{Error, Result};
@@ -26,7 +27,7 @@ const SMALL_LETTER: f64 = 14.0 / 21.0;
 #[derive(Debug)]
 pub(super) struct StrokeFont {
     pub(super) fit: Fit,
-    letters: BTreeMap<char, Shape>,
+    letters: BTreeMap<char, Arc<Shape>>,
 }
 
 impl StrokeFont {
@@ -62,8 +63,8 @@ impl StrokeFont {
     }
 
     /// What a character is drawn with; `None` where the font lacks it.
-    pub(super) fn shape(&self, character: char) -> Option<&Shape> {
-        self.letters.get(&character)
+    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        self.letters.get(&character).cloned()
     }
 
     /// `None` where the line is not of the form above.
@@ -90,7 +91,7 @@ impl StrokeFont {
             let whole = runs.iter().all(|run| run.points.len() >= 2);
             whole.then_some(Shape { advance, runs })?
         };
-        self.letters.insert(character, shape).is_none().then_some(())
+        self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 }
 

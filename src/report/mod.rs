@@ -1,7 +1,7 @@
 //! Report: products as pictures and pages for people.
 //!
 //! Products in: [`Flight`](crate::flight::Flight)s, [`Plan`](crate::plan::Plan)s. Products out: plots as SVG
-//! text.
+//! text; and sheets of a [`Font`](crate::letters::Font)'s characters, as SVG text or pixels ([`specimen`]).
 //!
 //! Method: curves are thinned to what a pixel can show and drawn with plotters; nothing but the
 //! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colours are those of
@@ -12,6 +12,7 @@
 mod figure;
 mod flights;
 mod plans;
+pub mod specimen;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use plans::plan_view;

@@ -150,11 +150,15 @@ fn check(strokes: &Strokes) -> Result<()> {
     if strokes.glyphs.is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
+    let Some(font) = &strokes.font else {
+        let hint = "look at the photo: only words are read";
+        return Err(Error::input("word", "a drawing", "a word", hint));
+    };
     let typeface = typeface::Typeface::load();
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
         let character = glyph.character;
         if lettering(glyph)
-            && (strokes.font.glyph(character, glyph.cell).is_some()
+            && (font.glyph(character, glyph.cell).is_some()
                 || typeface.outline(character, 1.0).is_some())
         {
             let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;

@@ -69,7 +69,7 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) for an empty word, a character that neither
+    /// [`Error::Input`](crate::error::Error::Input) for an empty word or a drawing, a character that neither
     /// the font nor the typeface has, letters too narrow or too wide to be letters, or an option out
     /// of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
@@ -99,7 +99,8 @@ impl Reader {
         let known = self.banks.iter().position(|bank| (bank.layout.aspect - aspect).abs() < 1e-6);
         let index_of_bank = known.unwrap_or(self.banks.len());
         if known.is_none() {
-            let (font, references) = (&self.strokes.font, self.options.references);
+            let font = self.strokes.font.as_ref().expect("a drawing is not read");
+            let references = self.options.references;
             self.banks.push(Bank::draw(aspect, &self.classes, font, references));
         }
         let bank = &self.banks[index_of_bank];

@@ -7,5 +7,6 @@ mod compare;
 mod compare_flights;
 mod coverage;
 mod golden;
+mod letters;
 mod road;
 mod twins;

@@ -1,0 +1,131 @@
+//! The medial axis of an outline, as a graph.
+//!
+//! Samples of the rim are triangulated (Delaunay). The circumcentres of the triangles in the ink are
+//! the nodes, joined where triangles share a side: as samples grow dense this is the set of middles
+//! of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). Each node knows its
+//! disc's radius, half the stroke's width there.
+
+use spade::{DelaunayTriangulation, Point2, Triangulation};
+
+use super::super::outline::Ink;
+
+/// A graph of disc middles. Nodes that were cut off stay, without neighbours.
+#[derive(Debug, Default)]
+pub(super) struct Axis {
+    pub(super) middles: Vec<[f64; 2]>,
+    pub(super) radii: Vec<f64>,
+    pub(super) neighbours: Vec<Vec<usize>>,
+}
+
+/// A way between two nodes that are not merely passed, both included; or a loop, whose first node is
+/// repeated at its end.
+pub(super) type Branch = Vec<usize>;
+
+impl Axis {
+    /// The axis of the ink within a rim; empty where there is none.
+    pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Ink) -> Self {
+        let samples = rim.iter().flatten().map(|[x, y]| Point2::new(*x, *y)).collect();
+        let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
+            return Self::default();
+        };
+        let mut axis = Self::default();
+        let mut node_of = vec![None; mesh.num_all_faces()];
+        for face in mesh.inner_faces() {
+            let (middle, square) = face.circumcircle();
+            // Samples on a straight side are not quite in line: their slivers' discs lie far off.
+            let middle = [middle.x, middle.y];
+            let centre = face.center();
+            if ink.holds([centre.x, centre.y]) && ink.holds(middle) {
+                node_of[face.fix().index()] = Some(axis.middles.len());
+                axis.middles.push(middle);
+                axis.radii.push(square.sqrt());
+            }
+        }
+        axis.neighbours = vec![Vec::new(); axis.middles.len()];
+        for side in mesh.undirected_edges() {
+            let faces = [side.as_directed().face(), side.as_directed().rev().face()];
+            if let [Some(a), Some(b)] = faces.map(|face| node_of[face.fix().index()]) {
+                axis.neighbours[a].push(b);
+                axis.neighbours[b].push(a);
+            }
+        }
+        axis
+    }
+
+    pub(super) fn degree(&self, node: usize) -> usize {
+        self.neighbours[node].len()
+    }
+
+    pub(super) fn length(&self, way: &[usize]) -> f64 {
+        way.windows(2).map(|step| self.distance(step[0], step[1])).sum()
+    }
+
+    pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
+        let (a, b) = (self.middles[a], self.middles[b]);
+        libm::hypot(b[0] - a[0], b[1] - a[1])
+    }
+
+    /// The way from a node on through a neighbour, until a node that `ends` it.
+    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Branch {
+        let mut way = vec![from, through];
+        loop {
+            let (before, at) = (way[way.len() - 2], way[way.len() - 1]);
+            if ends(at) || at == from {
+                return way;
+            }
+            match self.neighbours[at].iter().find(|next| **next != before) {
+                Some(next) => way.push(*next),
+                None => return way,
+            }
+        }
+    }
+
+    /// Direction from a node to where the way through a neighbour is after a length, or ends.
+    pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
+        let way = self.way(from, through, &|node| self.degree(node) != 2);
+        let mut gone = 0.0;
+        let step = way.windows(2).find(|step| {
+            gone += self.distance(step[0], step[1]);
+            gone >= length
+        });
+        let end = self.middles[step.map_or(way[way.len() - 1], |step| step[1])];
+        let (dx, dy) = (end[0] - self.middles[from][0], end[1] - self.middles[from][1]);
+        let reach = libm::hypot(dx, dy).max(f64::MIN_POSITIVE);
+        [dx / reach, dy / reach]
+    }
+
+    /// All branches between nodes that `ends` says, and all loops without such a node.
+    pub(super) fn branches(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Branch> {
+        let mut seen = vec![false; self.middles.len()];
+        let mut branches = Vec::new();
+        for node in (0..self.middles.len()).filter(|node| ends(*node)) {
+            seen[node] = true;
+            for next in &self.neighbours[node] {
+                let way = self.way(node, *next, ends);
+                way[1..way.len() - 1].iter().for_each(|inner| seen[*inner] = true);
+                let end = way[way.len() - 1];
+                // Each is found from both of its ends, and a loop through both of its sides.
+                let back = (end, way[way.len() - 2]);
+                if (node, *next) <= back {
+                    branches.push(way);
+                }
+            }
+        }
+        for node in 0..self.middles.len() {
+            if !seen[node] && self.degree(node) == 2 {
+                let way = self.way(node, self.neighbours[node][0], &|_| false);
+                way.iter().for_each(|inner| seen[*inner] = true);
+                branches.push(way);
+            }
+        }
+        branches
+    }
+
+    /// Cuts a way off: all its links, so that its first node loses a neighbour.
+    pub(super) fn cut(&mut self, way: &[usize]) {
+        for step in way.windows(2) {
+            self.neighbours[step[0]].retain(|node| *node != step[1]);
+            self.neighbours[step[1]].retain(|node| *node != step[0]);
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Curves: Bézier paths become polylines.
+
+use kurbo::{BezPath, PathEl};
+
+/// Points of each subpath in order, a closed one's first point repeated at its end; none farther
+/// from the curve than `tolerance`. `None` past `max_points`, or where a point is no number.
+pub(super) fn polylines(
+    path: &BezPath,
+    tolerance: f64,
+    max_points: usize,
+) -> Option<Vec<Vec<[f64; 2]>>> {
+    if !path.is_finite() {
+        return None;
+    }
+    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut n_points = 0;
+    kurbo::flatten(path, tolerance, |element| {
+        n_points += 1;
+        if n_points > max_points {
+            return;
+        }
+        match element {
+            PathEl::MoveTo(p) => lines.push(vec![[p.x, p.y]]),
+            PathEl::LineTo(p) => lines.last_mut().expect("a path moves first").push([p.x, p.y]),
+            PathEl::ClosePath => {
+                let line = lines.last_mut().expect("a path moves first");
+                if line[line.len() - 1] != line[0] {
+                    line.push(line[0]);
+                }
+                // What follows a closed subpath without a move begins where that began.
+                let again = vec![line[0]];
+                lines.push(again);
+            }
+            PathEl::QuadTo(..) | PathEl::CurveTo(..) => unreachable!("flattened"),
+        }
+    });
+    lines.retain(|line| line.len() > 1);
+    (n_points <= max_points).then_some(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_circle_is_off_by_less_than_the_tolerance_and_closed() {
+        use kurbo::Shape as _;
+        let circle = kurbo::Circle::new((1.0, 2.0), 3.0).to_path(1e-9);
+        let lines = polylines(&circle, 1e-3, 1000).unwrap();
+        assert_eq!((lines.len(), lines[0][0]), (1, lines[0][lines[0].len() - 1]));
+        for leg in lines[0].windows(2) {
+            let middle = [0, 1].map(|i| 0.5 * (leg[0][i] + leg[1][i]));
+            let off = 3.0 - libm::hypot(middle[0] - 1.0, middle[1] - 2.0);
+            assert!(off.abs() <= 1.1e-3, "{off}");
+        }
+        assert!(polylines(&circle, 1e-3, 10).is_none(), "too many points");
+    }
+
+    #[test]
+    fn what_follows_a_close_begins_where_the_closed_began() {
+        let path = BezPath::from_svg("M0,0 L1,0 L1,1 Z L0,5").unwrap();
+        let lines = polylines(&path, 0.1, 100).unwrap();
+        assert_eq!(
+            lines,
+            [vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0]], vec![[0.0, 0.0], [0.0, 5.0]]]
+        );
+    }
+}

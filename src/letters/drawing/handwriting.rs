@@ -1,0 +1,75 @@
+//! Handwriting as JSON: what a page on a tablet hands over.
+//!
+//! ```json
+//! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
+//! ```
+//!
+//! A stroke is what the pen draws while it is down, a point is x, y and, if known, the time in
+//! seconds. Units are the writer's own; `y` grows `down` (the default, as on screens) or `up`.
+//! Other keys are passed over.
+
+use serde::Deserialize;
+
+use super::Trace;
+use crate::error::{Error, Result};
+
+#[derive(Deserialize)]
+struct Page {
+    strokes: Vec<Vec<Vec<f64>>>,
+    #[serde(default)]
+    y: Upward,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Upward {
+    #[default]
+    Down,
+    Up,
+}
+
+/// Reads the strokes.
+pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
+    let hint = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
+    let page: Page = serde_json::from_str(text).map_err(|broken| {
+        let place = format!("{file}:{}:{}", broken.line(), broken.column());
+        Error::input(place, broken.to_string(), "handwriting as JSON", hint)
+    })?;
+    let sign = match page.y {
+        Upward::Down => -1.0,
+        Upward::Up => 1.0,
+    };
+    let mut traces = Vec::new();
+    let mut n_values = None;
+    let mut latest_s = f64::NEG_INFINITY;
+    for (stroke, points) in page.strokes.iter().enumerate() {
+        let mut trace = Trace { points: Vec::new(), times_s: Vec::new() };
+        for (point, values) in points.iter().enumerate() {
+            let refuse = |wanted: &str| {
+                let place = format!("{file}: stroke {}, point {}", stroke + 1, point + 1);
+                Err(Error::input(place, format!("{values:?}"), wanted, hint))
+            };
+            if *n_values.get_or_insert(values.len()) != values.len()
+                || values.len() < 2
+                || values.len() > 3
+            {
+                return refuse("[x, y] everywhere, or [x, y, t] everywhere");
+            }
+            if values.iter().any(|value| value.abs() > 1e9) {
+                return refuse("values up to 1e9");
+            }
+            trace.points.push([values[0], sign * values[1]]);
+            if let Some(&time_s) = values.get(2) {
+                if time_s < latest_s {
+                    return refuse("a time not before that of the point before it");
+                }
+                latest_s = time_s;
+                trace.times_s.push(time_s);
+            }
+        }
+        if !trace.points.is_empty() {
+            traces.push(trace);
+        }
+    }
+    Ok(traces)
+}

@@ -1,0 +1,248 @@
+//! Drawings: a file becomes strokes: SVG, or handwriting as JSON or InkML.
+//!
+//! A drawing fills its canvas as far as its proportions allow; it stands on the baseline, beside
+//! x = 0 as lines of text do. It has no word: it is one glyph, whose character is [`DRAWING`].
+
+use std::path::Path;
+
+use super::centre_line::ring;
+use super::font::{read_bytes, read_text};
+use super::options::{Align, LetterOptions};
+use super::shape::{Run, pen_moves};
+use super::smooth::{smooth, thin};
+use super::{Cell, Glyph, Order, Strokes};
+use crate::error::{Error, Result};
+
+mod handwriting;
+mod inkml;
+mod svg;
+
+/// The character of the one glyph that a drawing is: U+FFFC, an object instead of a character.
+pub const DRAWING: char = '\u{fffc}';
+
+/// Largest file that is read.
+const MAX_BYTES: u64 = 8 << 20;
+
+/// Most points of a drawing. At 0.2 m/s and a millimetre each, these are 16 minutes of flight.
+const MAX_POINTS: usize = 200_000;
+
+/// Canvas of a drawing, where none is named, in cap heights: width and height.
+const CANVAS: [f64; 2] = [4.0, 1.0];
+
+/// Distance of the points between which handwriting is smoothed, by its height.
+const SPACING: f64 = 0.01;
+
+/// Radius of the ring that a tap of the pen becomes, by the drawing's height.
+const TAP: f64 = 0.02;
+
+/// A stroke of handwriting: points, y up, in the writer's units, and when each was written.
+#[derive(Clone, Debug, PartialEq)]
+struct Trace {
+    points: Vec<[f64; 2]>,
+    /// As many as points, or none.
+    times_s: Vec<f64>,
+}
+
+/// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
+///
+/// Of an SVG file every visible path is followed, strokes along their line and fills along their
+/// rim; a filled rectangle behind everything is paper. Clips, masks, patterns, pictures and text
+/// are not drawn. Handwriting keeps its order and times; its wobble is smoothed by at most
+/// [`LetterOptions::smoothing_m`].
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read; [`Error::Input`] where it is broken, too large,
+/// draws nothing, or is of another kind, or for an option out of range.
+pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
+    options.check()?;
+    let file = path.display().to_string();
+    let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
+    match kind.as_deref() {
+        Some("svg") => {
+            let paths = svg::read(&read_bytes(path, MAX_BYTES)?, &file)?;
+            let placing = Placing::new(svg::bounds(&paths), options, &file)?;
+            let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
+            let runs = lines.into_iter().map(|line| placing.run(&line));
+            Ok(placing.strokes(runs.collect(), Order::Free, Vec::new()))
+        }
+        Some("json") => {
+            write(handwriting::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
+        }
+        Some("inkml" | "xml") => {
+            write(inkml::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
+        }
+        _ => {
+            let wanted = "a file *.svg, *.json (strokes) or *.inkml";
+            Err(Error::input(&file, "a file of another kind", wanted, "save the drawing as SVG"))
+        }
+    }
+}
+
+/// Handwriting placed and smoothed.
+fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Strokes> {
+    let n_points: usize = traces.iter().map(|trace| trace.points.len()).sum();
+    if n_points > MAX_POINTS {
+        return Err(too_many(file));
+    }
+    let points = || traces.iter().flat_map(|trace| &trace.points);
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let bounds = points().fold(none, |[left, bottom, right, top], [x, y]| {
+        [left.min(*x), bottom.min(*y), right.max(*x), top.max(*y)]
+    });
+    let placing = Placing::new(bounds, options, file)?;
+    let timed = traces.iter().all(|trace| trace.times_s.len() == trace.points.len());
+    let start_s = traces.first().and_then(|trace| trace.times_s.first()).copied().unwrap_or(0.0);
+    let (mut runs, mut times_s) = (Vec::new(), Vec::new());
+    for trace in &traces {
+        let line = placing.run(&trace.points).points;
+        let (line, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
+        let before = runs.last().map(|run: &Run| run.points[run.points.len() - 1]);
+        if timed {
+            // As the moves are: to where the stroke begins in the dark, unless the pen is there.
+            let begin_s = when[0] - start_s;
+            if before != Some(line[0]) {
+                let left_s = times_s.last().map_or(begin_s, |last: &[f64; 2]| last[1]);
+                times_s.push([left_s, begin_s]);
+            }
+            times_s.extend(when.windows(2).map(|t| [t[0] - start_s, t[1] - start_s]));
+        }
+        runs.push(Run { lit: true, points: line });
+    }
+    Ok(placing.strokes(runs, Order::Kept, times_s))
+}
+
+/// A stroke smoothed and thinned, with the times of its points, where it has some. A tap becomes a
+/// ring.
+fn smoothed(
+    line: &[[f64; 2]],
+    times_s: &[f64],
+    options: &LetterOptions,
+    height_m: f64,
+) -> (Vec<[f64; 2]>, Vec<f64>) {
+    let mut along = vec![0.0];
+    for leg in line.windows(2) {
+        let step = libm::hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
+        along.push(along[along.len() - 1] + step);
+    }
+    let length_m = along[along.len() - 1];
+    let (fine, shares) = if length_m < TAP * height_m {
+        let points = ring(line[0], TAP * height_m);
+        let n = points.len() - 1;
+        (points, (0..=n).map(|k| k as f64 / n as f64).collect::<Vec<f64>>())
+    } else {
+        let points = if options.smoothing_m > 0.0 {
+            smooth(line, SPACING * height_m, options.smoothing_m)
+        } else {
+            line.to_vec()
+        };
+        let shares = if options.smoothing_m > 0.0 {
+            let n = points.len() - 1;
+            (0..=n).map(|k| k as f64 / n as f64).collect()
+        } else {
+            along.iter().map(|s| s / length_m).collect()
+        };
+        (points, shares)
+    };
+    let kept = thin(&fine, options.tolerance_m);
+    let when = |share: f64| {
+        let at = share * length_m;
+        let leg = along.partition_point(|s| *s < at).clamp(1, along.len().max(2) - 1);
+        match times_s {
+            [] => 0.0,
+            [only] => *only,
+            _ => {
+                let (from, to) = (along[leg - 1], along[leg]);
+                let part =
+                    if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+                times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
+            }
+        }
+    };
+    let points: Vec<[f64; 2]> = kept.iter().map(|index| fine[*index]).collect();
+    let times = if times_s.is_empty() {
+        Vec::new()
+    } else if length_m == 0.0 {
+        // A tap lasts as long as the pen was down.
+        let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
+        kept.iter().map(|index| first + shares[*index] * (last - first)).collect()
+    } else {
+        kept.iter().map(|index| when(shares[*index])).collect()
+    };
+    (points, times)
+}
+
+/// From a drawing's own units, y up, to the plane of the word.
+struct Placing {
+    left: f64,
+    bottom: f64,
+    scale: f64,
+    left_m: f64,
+    bottom_m: f64,
+    width_m: f64,
+    height_m: f64,
+}
+
+impl Placing {
+    fn new(
+        [left, bottom, right, top]: [f64; 4],
+        options: &LetterOptions,
+        file: &str,
+    ) -> Result<Self> {
+        let cap_height_m = options.cap_height_m;
+        let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * cap_height_m));
+        let (width, height) = (right - left, top - bottom);
+        let scale = (canvas_m[0] / width).min(canvas_m[1] / height);
+        // Within what a double can tell apart, and no point alone.
+        let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
+        if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
+            let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
+            let hint = "visible paths are drawn; text must be turned into paths first";
+            return Err(Error::input(file, found, "at least one stroke", hint));
+        }
+        let (width_m, height_m) = (width * scale, height * scale);
+        let left_m = match options.align {
+            Align::Left => 0.0,
+            Align::Ae483 | Align::Centre => -0.5 * width_m,
+            Align::Right => -width_m,
+        };
+        let height_m = height_m.max(1e-3 * width_m);
+        Ok(Self { left, bottom, scale, left_m, bottom_m: options.baseline_m, width_m, height_m })
+    }
+
+    fn run(&self, line: &[[f64; 2]]) -> Run {
+        let place = |[x, y]: [f64; 2]| {
+            let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
+            [self.left_m + x_m, self.bottom_m + y_m]
+        };
+        let mut points: Vec<[f64; 2]> = line.iter().map(|point| place(*point)).collect();
+        if points.len() == 1 {
+            points.push(points[0]);
+        }
+        Run { lit: true, points }
+    }
+
+    fn strokes(&self, runs: Vec<Run>, order: Order, times_s: Vec<[f64; 2]>) -> Strokes {
+        let cell = Cell {
+            left_m: self.left_m,
+            baseline_m: self.bottom_m,
+            width_m: self.width_m.max(1e-3 * self.height_m),
+            cap_height_m: self.height_m,
+        };
+        let mut moves = pen_moves(&runs, |point| point);
+        if times_s.is_empty() {
+            moves.retain(|step| !step.lit || step.from_m != step.to_m);
+        }
+        let glyph = Glyph { character: DRAWING, cell, moves };
+        Strokes { word: String::new(), font: None, glyphs: vec![glyph], order, times_s }
+    }
+}
+
+fn too_many(file: &str) -> Error {
+    let wanted = format!("at most {MAX_POINTS} points");
+    let hint = "simplify the drawing, or raise letters.tolerance_m";
+    Error::input(file, "a drawing of more points", wanted, hint)
+}
+
+#[cfg(test)]
+mod tests;

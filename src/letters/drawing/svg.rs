@@ -1,0 +1,109 @@
+//! SVG: visible paths, with `use`, transforms, basic shapes and styles resolved by usvg.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use kurbo::{BezPath, Point, Shape};
+use usvg::tiny_skia_path::{self, PathSegment};
+use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
+
+use super::super::curves::polylines;
+use super::{MAX_POINTS, too_many};
+use crate::error::{Error, Result};
+
+/// Most elements and attributes of a file; usvg's own limit, 1,000,000, holds after `use`.
+const MAX_NODES: u32 = 200_000;
+
+/// The paths of an SVG file in its user units, y up.
+pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
+    let refuse = |found: String| {
+        let hint = "open the file in an SVG editor, and save it as plain SVG";
+        Error::input(file, found, "an SVG drawing", hint)
+    };
+    let text = std::str::from_utf8(bytes).map_err(|broken| refuse(broken.to_string()))?;
+    let limits =
+        roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
+    let document = roxmltree::Document::parse_with_options(text, limits);
+    let document = document.map_err(|broken| refuse(broken.to_string()))?;
+    // Pictures are not drawn, so none is opened.
+    let image_href_resolver = ImageHrefResolver {
+        resolve_data: Box::new(|_, _, _| None),
+        resolve_string: Box::new(|_, _| None),
+    };
+    let options = Options { image_href_resolver, ..Options::default() };
+    // The only foreign code here that has assertions of its own.
+    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_xmltree(&document, &options)));
+    let tree = tree.map_err(|_| refuse("what usvg stumbles over".into()))?;
+    let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
+    let size = tree.size();
+    let paper = [f64::from(size.width()), f64::from(size.height())];
+    let mut paths = Vec::new();
+    let mut nodes: Vec<&Node> = tree.root().children().iter().rev().collect();
+    while let Some(node) = nodes.pop() {
+        match node {
+            Node::Group(group) => nodes.extend(group.children().iter().rev()),
+            Node::Path(path) if path.is_visible() => {
+                let drawn = convert(path.data(), path.abs_transform());
+                let filled = path.stroke().is_none();
+                if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
+                    paths.push(drawn);
+                }
+            }
+            Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
+        }
+    }
+    Ok(paths)
+}
+
+/// The box of all paths: left, bottom, right, top; inverted where there are none.
+pub(super) fn bounds(paths: &[BezPath]) -> [f64; 4] {
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    paths.iter().fold(none, |[left, bottom, right, top], path| {
+        let path = path.bounding_box();
+        [left.min(path.x0), bottom.min(path.y0), right.max(path.x1), top.max(path.y1)]
+    })
+}
+
+/// Polylines no farther from the paths than a tolerance.
+pub(super) fn flatten(paths: &[BezPath], tolerance: f64, file: &str) -> Result<Vec<Vec<[f64; 2]>>> {
+    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut left = MAX_POINTS;
+    for path in paths {
+        let some = polylines(path, tolerance, left).ok_or_else(|| too_many(file))?;
+        left = left.saturating_sub(some.iter().map(Vec::len).sum());
+        lines.extend(some);
+    }
+    Ok(lines)
+}
+
+/// With y up, and the transform applied in full precision.
+fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) -> BezPath {
+    let [sx, kx, ky, sy, tx, ty] =
+        [transform.sx, transform.kx, transform.ky, transform.sy, transform.tx, transform.ty]
+            .map(f64::from);
+    let place = |p: tiny_skia_path::Point| {
+        let (x, y) = (f64::from(p.x), f64::from(p.y));
+        Point::new(sx * x + kx * y + tx, -(ky * x + sy * y + ty))
+    };
+    let mut drawn = BezPath::new();
+    for segment in path.segments() {
+        match segment {
+            PathSegment::MoveTo(p) => drawn.move_to(place(p)),
+            PathSegment::LineTo(p) => drawn.line_to(place(p)),
+            PathSegment::QuadTo(c, p) => drawn.quad_to(place(c), place(p)),
+            PathSegment::CubicTo(c, d, p) => drawn.curve_to(place(c), place(d), place(p)),
+            PathSegment::Close => drawn.close_path(),
+        }
+    }
+    drawn
+}
+
+/// Whether a fill is a rectangle over the whole page.
+fn is_paper(path: &BezPath, [width, height]: [f64; 2]) -> bool {
+    let bounds = path.bounding_box();
+    let slack = 1e-3 * width.max(height);
+    let covers = bounds.x0 <= slack
+        && bounds.y1 >= -slack
+        && bounds.x1 >= width - slack
+        && bounds.y0 <= slack - height;
+    covers && (path.area().abs() - bounds.area()).abs() < 1e-6 * bounds.area()
+}

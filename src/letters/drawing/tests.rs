@@ -1,0 +1,296 @@
+use super::*;
+
+/// Writes a file and draws it.
+fn drawn(name: &str, content: &str, options: &LetterOptions) -> Result<Strokes> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, content).unwrap();
+    draw(&path, options)
+}
+
+fn on_canvas(width_m: f64, height_m: f64) -> LetterOptions {
+    LetterOptions { canvas_m: Some([width_m, height_m]), align: Align::Left, ..Default::default() }
+}
+
+fn svg(body: &str) -> String {
+    format!(
+        "<svg xmlns='http://www.w3.org/2000/svg' xmlns:xlink='http://www.w3.org/1999/xlink' viewBox='0 0 200 100'>{body}</svg>"
+    )
+}
+
+/// Lit strokes: where they begin and end, and how long they are.
+fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
+    let moves = &strokes.glyphs[0].moves;
+    let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
+    let length =
+        |m: &super::super::Move| libm::hypot(m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
+    let round = |p: [f64; 2]| p.map(|x| (x * 1e6).round() / 1e6);
+    runs.map(|run| {
+        (round(run[0].from_m), round(run[run.len() - 1].to_m), run.iter().map(length).sum())
+    })
+    .collect()
+}
+
+#[test]
+fn strokes_and_fills_stand_where_transforms_put_them() {
+    let body = "<rect width='200' height='100' fill='white'/>
+        <g transform='translate(100 0) scale(2)'><path d='M0 0 L50 50' stroke='black'/></g>
+        <path id='a' d='M0 100 h10' stroke='red' fill='none'/>
+        <use xlink:href='#a' x='20'/>
+        <circle cx='50' cy='50' r='20'/>
+        <path d='M0 0 h100' stroke='red' visibility='hidden'/>
+        <path d='M0 50 h5' stroke='none' fill='none'/>";
+    let strokes = drawn("a.svg", &svg(body), &on_canvas(2.0, 1.0)).unwrap();
+    let lit = lit(&strokes);
+    assert_eq!(lit.len(), 4, "paper and what is hidden are not drawn: {lit:?}");
+    assert_eq!((lit[0].0, lit[0].1), ([1.0, 1.5], [2.0, 0.5]), "y is turned up");
+    assert_eq!((lit[1].0, lit[1].1), ([0.0, 0.5], [0.1, 0.5]));
+    assert_eq!((lit[2].0, lit[2].1), ([0.2, 0.5], [0.3, 0.5]), "the use");
+    let (begin, end, length) = lit[3];
+    assert_eq!(begin, end, "the rim of a fill is closed");
+    let around = std::f64::consts::TAU * 0.2;
+    assert!((length - around).abs() < 0.01 * around, "{length} for {around}");
+    assert_eq!(strokes.bounds_m(), [0.0, 0.5, 2.0, 1.5], "on the baseline, as large as the canvas");
+    assert_eq!(
+        (strokes.order, strokes.font, strokes.glyphs[0].character),
+        (Order::Free, None, DRAWING)
+    );
+}
+
+#[test]
+fn curves_are_off_by_less_than_the_tolerance() {
+    let body = "<circle cx='50' cy='50' r='50' stroke='red' fill='none'/>";
+    for tolerance_m in [0.01, 1e-3, 1e-4] {
+        let options = LetterOptions { tolerance_m, ..on_canvas(1.0, 1.0) };
+        let strokes = drawn("a.svg", &svg(body), &options).unwrap();
+        let mut worst_m = 0.0_f64;
+        for step in strokes.glyphs[0].moves.iter().filter(|step| step.lit) {
+            let middle = [0, 1].map(|i| 0.5 * (step.from_m[i] + step.to_m[i]));
+            worst_m = worst_m.max((0.5 - libm::hypot(middle[0] - 0.5, middle[1] - 1.0)).abs());
+        }
+        assert!(worst_m <= tolerance_m && worst_m > 0.02 * tolerance_m, "{worst_m}");
+    }
+}
+
+#[test]
+fn a_drawing_is_as_high_as_a_capital_where_no_canvas_is_named() {
+    let strokes = drawn("a.svg", &svg("<rect width='10' height='10'/>"), &LetterOptions::default());
+    assert_eq!(strokes.unwrap().bounds_m(), [-0.25, 0.5, 0.25, 1.0]);
+    let wide =
+        drawn("a.svg", &svg("<path d='M0 5 h100' stroke='red'/>"), &LetterOptions::default());
+    let [left, bottom, right, top] = wide.unwrap().bounds_m();
+    assert_eq!([left, bottom, right], [-1.0, 0.5, 1.0], "four cap heights at most");
+    assert!(top - bottom < 0.01, "a level line has no height: {top}");
+}
+
+const PAGE: &str = r#"{"app": "tablet", "strokes": [
+    [[0, 0, 10.0], [0, 10, 10.5], [10, 10, 11.5]], [[5, 0, 12.0], [5, 10, 13.0]], [[10, 0, 14.0]]]}"#;
+
+#[test]
+fn handwriting_keeps_its_order_and_times() {
+    let options = LetterOptions { smoothing_m: 0.0, ..on_canvas(1.0, 1.0) };
+    let strokes = drawn("a.json", PAGE, &options).unwrap();
+    assert_eq!(strokes.order, Order::Kept);
+    let lit = lit(&strokes);
+    assert_eq!((lit[0].0, lit[0].1), ([0.0, 1.5], [1.0, 0.5]), "y grows downward on a screen");
+    assert_eq!((lit[1].0, lit[1].1), ([0.5, 1.5], [0.5, 0.5]), "the second stays the second");
+    assert_eq!(lit.len(), 3, "a tap is a ring");
+    let moves = &strokes.glyphs[0].moves;
+    assert_eq!(strokes.times_s.len(), moves.len());
+    let of = |wanted: [f64; 2]| {
+        let at = moves.iter().position(|m| m.lit && m.from_m == wanted).unwrap();
+        strokes.times_s[at]
+    };
+    assert_eq!(of([0.0, 1.5]), [0.0, 0.5], "from the first point on");
+    assert_eq!(of([0.5, 1.5]), [2.0, 3.0]);
+    assert!(strokes.times_s.windows(2).all(|t| t[0][1] == t[1][0]), "without a gap");
+}
+
+#[test]
+fn smoothing_takes_the_wobble_and_keeps_within_its_limit() {
+    let wobble = |amount: f64| -> String {
+        let points = (0..400).map(|k| {
+            let sign = if k % 2 == 0 { amount } else { -amount };
+            format!("[{k}, {}, {}]", 100.0 + sign, f64::from(k) * 0.01)
+        });
+        format!("{{\"strokes\": [[[0, 0, -1]], [{}]]}}", points.collect::<Vec<_>>().join(","))
+    };
+    let roughness = |strokes: &Strokes| {
+        let moves: Vec<_> = strokes.glyphs[0].moves.iter().filter(|m| m.lit).collect();
+        moves
+            .iter()
+            .rev()
+            .take(moves.len() - 4)
+            .map(|m| (m.to_m[1] - m.from_m[1]).abs())
+            .sum::<f64>()
+    };
+    let options = on_canvas(4.0, 4.0);
+    let rough = LetterOptions { smoothing_m: 0.0, ..options.clone() };
+    let (raw, smooth) =
+        [&rough, &options].map(|o| drawn("a.json", &wobble(0.2), o).unwrap()).into();
+    assert!(roughness(&raw) > 100.0 * roughness(&smooth), "2 mm of wobble on a straight line");
+    let far = drawn("a.json", &wobble(30.0), &options).unwrap();
+    assert!(roughness(&far) > 10.0, "what is larger than the limit was meant");
+    assert_eq!(smooth.times_s.len(), smooth.glyphs[0].moves.len(), "times stay beside the moves");
+}
+
+#[test]
+fn broken_handwriting_is_refused_with_its_place() {
+    let cases = [
+        ("{\"strokes\": [[[0, 0], [1]]]}", "stroke 1, point 2"),
+        ("{\"strokes\": [[[0, 0, 1], [1, 1]]]}", "stroke 1, point 2"),
+        ("{\"strokes\": [[[0, 0, 1], [1, 1, 0.5]]]}", "stroke 1, point 2"),
+        ("{\"strokes\": [[[0, 1e300], [1, 1]]]}", "stroke 1, point 1"),
+        ("{\"strokes\": 7}", "a.json:1:13"),
+        ("{\"strokes\": []}", "nothing drawn"),
+        ("{\"strokes\": [[[5, 5]]]}", "without extent"),
+        ("", "a.json:1:0"),
+    ];
+    for (text, place) in cases {
+        let error = drawn("a.json", text, &LetterOptions::default()).unwrap_err().to_string();
+        assert!(error.contains(place), "{text}: {error}");
+    }
+}
+
+#[test]
+fn ink_is_decoded_as_its_standard_says() {
+    // The example of InkML's section on the encoding of traces.
+    let text = "<ink xmlns='http://www.w3.org/2003/InkML'><trace id='t1'>
+        1125 18432,'23'43,\"7\"-8,3-5,7-3,6 2,6 8,3 6</trace></ink>";
+    let traces = inkml::read(text, "").unwrap();
+    let wanted = [
+        [1125, 18432],
+        [1148, 18475],
+        [1178, 18510],
+        [1211, 18540],
+        [1251, 18567],
+        [1297, 18596],
+        [1349, 18633],
+        [1404, 18676],
+    ];
+    assert_eq!(traces[0].points, wanted.map(|[x, y]| [f64::from(x), -f64::from(y)]));
+}
+
+const INK: &str = "<ink xmlns='http://www.w3.org/2003/InkML'><definitions><context><traceFormat>
+    <channel name='X' type='decimal'/><channel name='Y' type='decimal' orientation='-ve'/>
+    <channel name='F'/><channel name='T' units='ms'/></traceFormat></context></definitions>
+    <traceGroup><trace>0 0 7 0, 10 0 7 500</trace><trace type='penUp'>1 1 1 600</trace>
+    <trace id='b' continuation='begin'>0 5 9 0700, 5 5 9 800</trace>
+    <trace continuation='end' priorRef='#b'>10 5 9 900</trace></traceGroup></ink>";
+
+#[test]
+fn ink_with_times_and_continued_traces_is_read() {
+    let traces = inkml::read(INK, "").unwrap();
+    assert_eq!(traces.len(), 2);
+    assert_eq!(traces[0].points, [[0.0, 0.0], [10.0, 0.0]], "y grows upward here");
+    assert_eq!(traces[1].points, [[0.0, 5.0], [5.0, 5.0], [10.0, 5.0]]);
+    let off = traces[1].times_s.iter().zip([0.7, 0.8, 0.9]).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12, "{:?}", traces[1].times_s);
+    let cases = [
+        ("<ink><trace>1 2, 3</trace></ink>", "a.inkml:1: found `1 2, 3`"),
+        ("<ink><trace>1 x</trace></ink>", "a.inkml:1"),
+        ("<ink>\n<traceFormat><channel name='F'/></traceFormat></ink>", "a.inkml:2"),
+        ("<svg/>", "<svg>"),
+        ("<ink><trace></trace></ink>", "nothing drawn"),
+        ("<ink", "a.inkml"),
+    ];
+    for (text, place) in cases {
+        let error = drawn("a.inkml", text, &LetterOptions::default()).unwrap_err().to_string();
+        assert!(error.contains(place), "{text}: {error}");
+    }
+}
+
+#[test]
+fn what_is_no_drawing_is_refused() {
+    let cases = [
+        ("a.svg", "<svg", "a.svg"),
+        ("a.svg", "<svg xmlns='http://www.w3.org/2000/svg'/>", "nothing drawn"),
+        ("a.svg", "not xml", "a.svg"),
+        ("a.dwg", "x", "another kind"),
+        ("svg", "x", "another kind"),
+    ];
+    for (name, text, found) in cases {
+        let error = drawn(name, text, &LetterOptions::default()).unwrap_err();
+        assert!(error.to_string().contains(found), "{text}: {error}");
+        assert!(!error.hint().is_empty());
+    }
+    let long = format!("<path d='M0 0 {}' stroke='red'/>", "l1 0 l0 1 ".repeat(MAX_POINTS / 2 + 1));
+    let error = drawn("a.svg", &svg(&long), &LetterOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("more points"), "{error}");
+}
+
+/// Files that grow without end when they are read carelessly.
+#[test]
+fn bombs_are_refused() {
+    let mut uses = "<g id='u0'><path d='M0 0h1' stroke='red'/></g>".to_owned();
+    for level in 1..12 {
+        uses += &format!(
+            "<g id='u{level}'>{}</g>",
+            format!("<use xlink:href='#u{}'/>", level - 1).repeat(10)
+        );
+    }
+    let entities: String = (1..12)
+        .map(|level| format!("<!ENTITY e{level} '{}'>", format!("&e{};", level - 1).repeat(10)))
+        .collect();
+    let entities = format!(
+        "<!DOCTYPE svg [<!ENTITY e0 'x'>{entities}]><svg xmlns='http://www.w3.org/2000/svg'><g id='&e11;'/></svg>"
+    );
+    let deep =
+        format!("{}<path d='M0 0h1' stroke='red'/>{}", "<g>".repeat(5000), "</g>".repeat(5000));
+    let around = "<g id='a'><use xlink:href='#b'/></g><g id='b'><use xlink:href='#a'/></g>";
+    for text in [svg(&uses), entities, svg(&deep), svg(around)] {
+        assert!(drawn("a.svg", &text, &LetterOptions::default()).is_err(), "{}", &text[..200]);
+    }
+}
+
+#[test]
+fn broken_files_give_errors_and_never_panic() {
+    let page = svg("<defs><path id='a' d='M0,0 C10,20 30-40 50,5 Q1,2 3,4 A5 6 30 0 1 9,9 Z'/></defs>
+        <g transform='rotate(30 5 5) skewX(10) matrix(1,0,0,1,5,5)' style='stroke:#f00;stroke-width:2'>
+        <use xlink:href='#a' x='5'/><ellipse cx='5' cy='7' rx='3' ry='4'/><polygon points='0,0 5,5 9,0'/>
+        </g><marker id='m'><path d='M0 0h3'/></marker><polyline points='1 1 9 3' marker-end='url(#m)'/>
+        <clipPath id='c'><rect width='9' height='9'/></clipPath><text>no</text><image href='x.png'/>");
+    let corpus = [("a.svg", page.as_str()), ("a.json", PAGE), ("a.inkml", INK)];
+    let mut state = 7_u64;
+    let mut roll = |n: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+        (state >> 33) as usize % n
+    };
+    let spice = b"<>&;'\"{}[]()-+.,eE0123456789 \n#%/=!xZ\0\xff";
+    let folder = tempfile::tempdir().unwrap();
+    let (mut drawn, mut refused) = (0, 0);
+    for (name, text) in corpus {
+        let path = folder.path().join(name);
+        for round in 0..400 {
+            let mut bytes = text.as_bytes().to_vec();
+            for _ in 0..=round % 3 {
+                let at = roll(bytes.len());
+                match roll(4) {
+                    0 => bytes[at] = spice[roll(spice.len())],
+                    1 => drop(bytes.remove(at)),
+                    2 => bytes.insert(at, spice[roll(spice.len())]),
+                    _ => {
+                        let piece = bytes[at..(at + roll(40)).min(bytes.len())].to_vec();
+                        let to = roll(bytes.len());
+                        bytes.splice(to..to, piece);
+                    }
+                }
+            }
+            std::fs::write(&path, &bytes).unwrap();
+            match draw(&path, &LetterOptions::default()) {
+                Err(_) => refused += 1,
+                Ok(strokes) => {
+                    drawn += 1;
+                    let moves = &strokes.glyphs[0].moves;
+                    let finite = |m: &super::super::Move| {
+                        m.from_m.iter().chain(&m.to_m).all(|x| x.is_finite())
+                    };
+                    assert!(moves.iter().all(finite), "{}", String::from_utf8_lossy(&bytes));
+                    let whole = strokes.times_s.is_empty() || strokes.times_s.len() == moves.len();
+                    assert!(whole, "{}", String::from_utf8_lossy(&bytes));
+                }
+            }
+        }
+    }
+    assert!(drawn > 100 && refused > 100, "{drawn} drawn, {refused} refused");
+}

@@ -1,0 +1,154 @@
+//! Outline: closed contours, filled by the nonzero rule as typefaces are.
+
+/// A closed contour without its first point repeated.
+pub(super) type Contour = Vec<[f64; 2]>;
+
+/// Most points that an outline is sampled with: beyond it samples lie farther apart.
+const MAX_SAMPLES: f64 = 6000.0;
+
+/// Answers whether a point is inked. Edges lie in bins by height, so that few are looked at.
+#[derive(Debug)]
+pub(super) struct Ink {
+    bottom: f64,
+    bin_height: f64,
+    bins: Vec<Vec<[[f64; 2]; 2]>>,
+}
+
+impl Ink {
+    pub(super) fn new(contours: &[Contour]) -> Self {
+        let heights = || contours.iter().flatten().map(|point| point[1]);
+        let (bottom, top) =
+            (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
+        let n_edges: usize = contours.iter().map(Vec::len).sum();
+        let n_bins = (n_edges / 4).clamp(1, 1024);
+        let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
+        let mut ink = Self { bottom, bin_height, bins: vec![Vec::new(); n_bins] };
+        for [from, to] in edges(contours) {
+            let (first, last) = (ink.bin(from[1].min(to[1])), ink.bin(from[1].max(to[1])));
+            ink.bins[first..=last].iter_mut().for_each(|bin| bin.push([from, to]));
+        }
+        ink
+    }
+
+    /// Whether the contours wind about a point.
+    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        let mut winding = 0;
+        for [[ax, ay], [bx, by]] in &self.bins[self.bin(y)] {
+            if (*ay <= y) != (*by <= y) {
+                let crossing = ax + (y - ay) / (by - ay) * (bx - ax);
+                if crossing > x {
+                    winding += if by > ay { 1 } else { -1 };
+                }
+            }
+        }
+        winding != 0
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bins are few")]
+    fn bin(&self, y: f64) -> usize {
+        (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
+    }
+}
+
+/// All edges, each contour's last to its first included.
+fn edges(contours: &[Contour]) -> impl Iterator<Item = [[f64; 2]; 2]> {
+    contours.iter().flat_map(|contour| {
+        (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
+    })
+}
+
+/// The rim of the ink: runs of samples along the contours where there is ink on one side only, so
+/// that where contours overlap what lies inside is left out. Samples are at most `spacing` apart.
+/// Closed runs repeat their first point.
+pub(super) fn rim(contours: &[Contour], ink: &Ink, spacing: f64) -> Vec<Vec<[f64; 2]>> {
+    let length: f64 = edges(contours).map(|[a, b]| libm::hypot(b[0] - a[0], b[1] - a[1])).sum();
+    let spacing = spacing.max(length / MAX_SAMPLES);
+    let mut runs = Vec::new();
+    for contour in contours {
+        let mut samples: Vec<[f64; 2]> = Vec::new();
+        for [a, b] in edges(std::slice::from_ref(contour)) {
+            let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
+            if length == 0.0 {
+                continue;
+            }
+            let n_pieces = (length / spacing).ceil().max(1.0);
+            let mut k = 0.0;
+            while k < n_pieces {
+                let t = k / n_pieces;
+                samples.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+                k += 1.0;
+            }
+        }
+        if samples.len() < 3 {
+            continue;
+        }
+        let at = |index: usize| samples[index % samples.len()];
+        let on_rim = |index: usize| {
+            let (a, b) = (at(index), at(index + 1));
+            let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
+            // A hundredth of an edge to either side.
+            let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
+            ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
+        };
+        let kept: Vec<bool> = (0..samples.len()).map(on_rim).collect();
+        let Some(first_gap) = kept.iter().position(|kept| !kept) else {
+            samples.push(samples[0]);
+            runs.push(samples);
+            continue;
+        };
+        let mut run: Vec<[f64; 2]> = Vec::new();
+        for index in first_gap..=first_gap + samples.len() {
+            if kept[index % samples.len()] {
+                if run.is_empty() {
+                    run.push(at(index));
+                }
+                run.push(at(index + 1));
+            } else if !run.is_empty() {
+                runs.push(std::mem::take(&mut run));
+            }
+        }
+    }
+    runs
+}
+
+/// Mean width of the strokes that an outline draws: twice its area by its length.
+pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
+    let cross = |[a, b]: [[f64; 2]; 2]| 0.5 * (a[0] * b[1] - a[1] * b[0]);
+    let area: f64 = edges(contours).map(cross).sum();
+    let length: f64 = edges(contours).map(|[a, b]| libm::hypot(b[0] - a[0], b[1] - a[1])).sum();
+    2.0 * area.abs() / length.max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(left: f64, side: f64) -> Contour {
+        vec![[left, 0.0], [left + side, 0.0], [left + side, side], [left, side]]
+    }
+
+    #[test]
+    fn a_hole_is_no_ink_and_an_overlap_is() {
+        let mut hole = square(1.0, 1.0);
+        hole.iter_mut().for_each(|point| point[1] += 1.0);
+        hole.reverse();
+        let ink = Ink::new(&[square(0.0, 3.0), hole]);
+        assert!(ink.holds([0.5, 0.5]) && !ink.holds([1.5, 1.5]) && !ink.holds([3.5, 1.0]));
+        let ink = Ink::new(&[square(0.0, 3.0), square(2.0, 3.0)]);
+        assert!(ink.holds([2.5, 1.0]), "wound about twice");
+    }
+
+    #[test]
+    fn the_rim_of_overlapping_contours_leaves_out_what_lies_inside() {
+        let contours = [square(0.0, 3.0), square(2.0, 3.0)];
+        let rim = rim(&contours, &Ink::new(&contours), 0.1);
+        let length: f64 = rim
+            .iter()
+            .flat_map(|run| run.windows(2))
+            .map(|e| libm::hypot(e[1][0] - e[0][0], e[1][1] - e[0][1]))
+            .sum();
+        // Two squares of 12, less a side of 3 of each; the shared bottom and top are counted twice.
+        assert!((length - 18.0).abs() < 0.5, "{length}");
+        assert_eq!(mean_stroke_width(&[square(0.0, 2.0)]), 1.0);
+    }
+}

@@ -1,0 +1,211 @@
+//! Smoothing: a line through points that wobble, by penalised least squares.
+//!
+//! Points are laid evenly along the line; among all lines through both ends, the one is taken that
+//! minimises Σ |z − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the
+//! largest λ of a ladder that moves no point farther than the error that is allowed. Bending is
+//! penalised, so straight lines stay straight.
+
+/// Ladder of λ, from stiff to loose.
+const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
+
+/// Most points that a line is laid out with.
+const MAX_POINTS: f64 = 4000.0;
+
+/// A line smoothed: its ends stay, and no point moves by more than `error`. `spacing` is the
+/// distance of the points that come out; a line whose ends meet stays closed.
+pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
+    let even = evenly(line, spacing);
+    if even.len() < 5 {
+        return even;
+    }
+    let closed = line.len() > 2 && line[0] == line[line.len() - 1];
+    for stiffness in STIFFNESS {
+        let smoothed = if closed { bend_loop(&even, stiffness) } else { bend(&even, stiffness) };
+        let off = |(a, b): (&[f64; 2], &[f64; 2])| libm::hypot(a[0] - b[0], a[1] - b[1]);
+        if smoothed.iter().zip(&even).map(off).fold(0.0, f64::max) <= error {
+            return smoothed;
+        }
+    }
+    even
+}
+
+/// Points evenly along a line, both ends included.
+pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
+    let mut along = vec![0.0];
+    for leg in line.windows(2) {
+        let length = libm::hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
+        along.push(along[along.len() - 1] + length);
+    }
+    let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
+    let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS);
+    let mut points = Vec::new();
+    let (mut leg, mut k) = (0, 0.0);
+    while k < n_pieces && line.len() > 1 {
+        let at = length * k / n_pieces;
+        while leg + 2 < line.len() && along[leg + 1] < at {
+            leg += 1;
+        }
+        let share = (at - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
+        let mix = |axis: usize| {
+            line[leg][axis] + share.min(1.0) * (line[leg + 1][axis] - line[leg][axis])
+        };
+        points.push([mix(0), mix(1)]);
+        k += 1.0;
+    }
+    points.push(last);
+    points
+}
+
+/// Which points of a line stay, when those are dropped that lie nearer than `error` to the line
+/// through the others (Ramer, Douglas and Peucker).
+pub(super) fn thin(line: &[[f64; 2]], error: f64) -> Vec<usize> {
+    if line.len() < 3 {
+        return (0..line.len()).collect();
+    }
+    let mut keep = vec![false; line.len()];
+    (keep[0], keep[line.len() - 1]) = (true, true);
+    let mut spans = vec![(0, line.len() - 1)];
+    while let Some((first, last)) = spans.pop() {
+        let inner = (first + 1..last).map(|i| (i, distance(line[i], [line[first], line[last]])));
+        let Some((index, off)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        if off > error {
+            keep[index] = true;
+            spans.extend([(first, index), (index, last)]);
+        }
+    }
+    (0..line.len()).filter(|index| keep[*index]).collect()
+}
+
+/// The line with those points only.
+pub(super) fn thinned(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
+    thin(line, error).into_iter().map(|index| line[index]).collect()
+}
+
+/// Distance of a point from a segment.
+pub(super) fn distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
+    let (dx, dy) = (bx - ax, by - ay);
+    let square = dx * dx + dy * dy;
+    let share = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    libm::hypot(x - ax - share * dx, y - ay - share * dy)
+}
+
+/// The smooth line with its ends pinned.
+fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
+    let n = points.len();
+    // (I + λ D'D) z = p, D'D with rows 1 −4 6 −4 1: a band of two beside the diagonal, factored as
+    // L D L'. The ends weigh so much that they stay.
+    let mut diagonal = vec![1.0; n];
+    let (mut first, mut second) = (vec![0.0; n], vec![0.0; n]);
+    for k in 0..n - 2 {
+        for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+            diagonal[k + i] += stiffness * a * a;
+        }
+        first[k + 1] -= 2.0 * stiffness;
+        first[k + 2] -= 2.0 * stiffness;
+        second[k + 2] += stiffness;
+    }
+    let pin = 1e9 * (1.0 + stiffness);
+    let mut rhs = points.to_vec();
+    for end in [0, n - 1] {
+        diagonal[end] += pin;
+        rhs[end] = rhs[end].map(|x| x * (1.0 + pin));
+    }
+    for k in 0..n {
+        if k >= 2 {
+            second[k] /= diagonal[k - 2];
+        }
+        if k >= 1 {
+            let before = if k >= 2 { second[k] * diagonal[k - 2] * first[k - 1] } else { 0.0 };
+            first[k] = (first[k] - before) / diagonal[k - 1];
+            diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
+        }
+        if k >= 2 {
+            diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
+        }
+        for axis in 0..2 {
+            if k >= 1 {
+                rhs[k][axis] -= first[k] * rhs[k - 1][axis];
+            }
+            if k >= 2 {
+                rhs[k][axis] -= second[k] * rhs[k - 2][axis];
+            }
+        }
+    }
+    for k in 0..n {
+        rhs[k] = rhs[k].map(|x| x / diagonal[k]);
+    }
+    for k in (0..n).rev() {
+        for axis in 0..2 {
+            if k + 1 < n {
+                rhs[k][axis] -= first[k + 1] * rhs[k + 1][axis];
+            }
+            if k + 2 < n {
+                rhs[k][axis] -= second[k + 2] * rhs[k + 2][axis];
+            }
+        }
+    }
+    (rhs[0], rhs[n - 1]) = (points[0], points[n - 1]);
+    rhs
+}
+
+/// The same for a closed line, which is bent once around and a half beyond.
+fn bend_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
+    let n = points.len() - 1;
+    let half = n / 2;
+    let around: Vec<_> = (0..2 * n + 1).map(|k| points[(k + n - half) % n]).collect();
+    let bent = bend(&around, stiffness);
+    let mut smoothed = bent[half..half + n].to_vec();
+    smoothed.push(smoothed[0]);
+    smoothed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_solves_its_equations() {
+        let points: Vec<[f64; 2]> =
+            (0..30).map(|k| [f64::from(k), libm::sin(f64::from(k * k))]).collect();
+        let stiffness = 7.0;
+        let z = bend(&points, stiffness);
+        assert_eq!((z[0], z[29]), (points[0], points[29]), "the ends stay");
+        let curve = |k: usize| z[k - 1][1] - 2.0 * z[k][1] + z[k + 1][1];
+        for k in 2..28 {
+            let gradient =
+                z[k][1] - points[k][1] + stiffness * (curve(k - 1) - 2.0 * curve(k) + curve(k + 1));
+            assert!(gradient.abs() < 1e-9, "row {k}: {gradient}");
+        }
+    }
+
+    #[test]
+    fn a_wobbling_circle_becomes_smooth_within_the_error() {
+        let circle: Vec<[f64; 2]> = (0..=200)
+            .map(|k| {
+                let (sin, cos) = libm::sincos(f64::from(k % 200) * std::f64::consts::TAU / 200.0);
+                let r = 1.0 + 0.002 * f64::from((k % 200) % 2);
+                [r * cos, r * sin]
+            })
+            .collect();
+        let smoothed = smooth(&circle, 0.03, 0.01);
+        assert_eq!(smoothed[0], smoothed[smoothed.len() - 1], "closed");
+        for [x, y] in smoothed {
+            assert!((libm::hypot(x, y) - 1.001).abs() < 0.01, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn thinning_keeps_within_the_error_and_straight_lines_at_their_ends() {
+        let line: Vec<_> = (0..=100).map(|k| [f64::from(k), 0.0]).collect();
+        assert_eq!(thinned(&line, 1e-6), [[0.0, 0.0], [100.0, 0.0]]);
+        let arc: Vec<_> =
+            (0..=100).map(|k| libm::sincos(f64::from(k) * 0.01)).map(|(s, c)| [s, c]).collect();
+        let thin = thinned(&arc, 1e-3);
+        assert!(thin.len() < 20);
+        let off =
+            |p: &[f64; 2]| thin.windows(2).map(|l| distance(*p, [l[0], l[1]])).fold(1.0, f64::min);
+        assert!(arc.iter().all(|p| off(p) <= 1e-3));
+        assert_eq!(evenly(&line, 30.0).len(), 5, "pieces of at most 30");
+    }
+}

@@ -1,0 +1,301 @@
+//! Typefaces: a TrueType or OpenType face's outlines become strokes.
+//!
+//! Centre lines end as far from the outline as they lie from it beside, so a face's capitals are
+//! measured between the middle lines of a level stroke at the top and one at the bottom: these
+//! stand a cap height apart, with the lower one on the baseline.
+//!
+//! Not read: ligatures, scripts that need shaping, kerning outside the table `kern`, variations.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+use ab_glyph::{Font as _, FontVec, OutlineCurve};
+use kurbo::{Affine, BezPath, Point};
+
+use super::Trace;
+use super::centre_line::{CentreLines, FLATNESS, centre_lines};
+use super::curves::polylines;
+use super::outline::{Contour, Ink, rim};
+use super::shape::{Run, Shape};
+use super::smooth::thinned;
+use crate::error::{Error, Result};
+
+/// Most points of a character's outline; beyond it is no letter, and the face lacks it.
+const MAX_POINTS: usize = 20_000;
+
+/// Farthest that an outline's point may lie from the origin, in cap heights.
+const MAX_COORDINATE: f64 = 100.0;
+
+/// Share of the cap height by which the polyline of an outline may be off its curves.
+const CURVES: f64 = 2e-4;
+
+/// A face, and what was traced of it.
+pub(super) struct Typeface {
+    face: FontVec,
+    trace: Trace,
+    /// Font units of a capital's height.
+    cap: f64,
+    /// Half the width of its strokes in cap heights; 0 where outlines are traced.
+    half_width: f64,
+    traced: Mutex<BTreeMap<char, Option<Arc<Shape>>>>,
+}
+
+impl Typeface {
+    /// Reads a face; `file` is its name in messages. Of a collection it is the first.
+    pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
+        let refuse = |found: String| {
+            let wanted = "a TrueType or OpenType face with Latin letters";
+            let hint = "name another font; noctograph specimen shows what is in one";
+            Error::input(file, found, wanted, hint)
+        };
+        let face = FontVec::try_from_vec_and_index(bytes, 0)
+            .map_err(|invalid| refuse(invalid.to_string()))?;
+        let traced = Mutex::default();
+        let mut typeface = Self { face, trace, cap: 1.0, half_width: 0.0, traced };
+        let known = ['H', 'I', 'E', 'x', 'o'].into_iter();
+        let known = known.filter_map(|c| outline(&typeface.face, c)).next();
+        typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
+        if !(1e-3..=1e6).contains(&typeface.cap) {
+            return Err(refuse("no letters".into()));
+        }
+        if trace == Trace::CentreLine {
+            let stems = ['H', 'I', 'l', 'x', 'o'].into_iter().filter_map(|c| typeface.contours(c));
+            let widths = stems.map(|contours| centre_lines(&contours).half_width);
+            let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
+            typeface.half_width = width.ok_or_else(|| refuse("no strokes".into()))?;
+        }
+        Ok(typeface)
+    }
+
+    /// The characters of the Basic Multilingual Plane that it draws.
+    pub(super) fn characters(&self) -> impl Iterator<Item = char> {
+        let all = ('!'..='\u{ffff}').filter(|c| !c.is_whitespace());
+        all.filter(|c| self.face.glyph_id(*c).0 != 0)
+    }
+
+    /// What a character is drawn with; `None` where the face lacks it.
+    pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let mut traced = self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        traced.entry(character).or_insert_with(|| self.draw(character).map(Arc::new)).clone()
+    }
+
+    /// What its table `kern` adds between two characters, in cap heights between middle lines.
+    pub(super) fn kern(&self, [left, right]: [char; 2]) -> f64 {
+        let ids = [left, right].map(|character| self.face.glyph_id(character));
+        self.advance(self.face.kern_unscaled(ids[0], ids[1]))
+    }
+
+    fn draw(&self, character: char) -> Option<Shape> {
+        let id = self.face.glyph_id(character);
+        if id.0 == 0 {
+            return None;
+        }
+        let advance = self.advance(self.face.h_advance_unscaled(id));
+        if !(0.0..=MAX_COORDINATE).contains(&advance) {
+            return None;
+        }
+        if character.is_whitespace() {
+            return Some(Shape { advance, runs: Vec::new() });
+        }
+        let contours = self.contours(character)?;
+        let lines = match self.trace {
+            Trace::CentreLine => {
+                let CentreLines { lines, .. } = centre_lines(&contours);
+                lines
+            }
+            Trace::Outline => {
+                let rim = rim(&contours, &Ink::new(&contours), 0.01);
+                rim.iter().map(|run| thinned(run, FLATNESS)).collect()
+            }
+        };
+        let scale = 1.0 / (1.0 - 2.0 * self.half_width);
+        let place = |[x, y]: [f64; 2]| [x * scale, (y - self.half_width) * scale];
+        let runs = in_reading_order(lines)
+            .into_iter()
+            .map(|line| Run { lit: true, points: line.into_iter().map(place).collect() });
+        let shape = Shape { advance, runs: runs.collect() };
+        (!shape.runs.is_empty()).then_some(shape)
+    }
+
+    /// Font units in cap heights between middle lines.
+    fn advance(&self, units: f32) -> f64 {
+        f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
+    }
+
+    /// A character's outline in cap heights; `None` where there is none that can be drawn.
+    fn contours(&self, character: char) -> Option<Vec<Contour>> {
+        let mut path = outline(&self.face, character)?;
+        path.apply_affine(Affine::scale(1.0 / self.cap));
+        if size(&path) > MAX_COORDINATE {
+            return None;
+        }
+        let mut contours = polylines(&path, CURVES, MAX_POINTS)?;
+        for contour in &mut contours {
+            if contour[0] == contour[contour.len() - 1] {
+                contour.pop();
+            }
+        }
+        contours.retain(|contour| contour.len() > 2);
+        (!contours.is_empty()).then_some(contours)
+    }
+}
+
+/// A character's curves in font units.
+fn outline(face: &FontVec, character: char) -> Option<BezPath> {
+    let id = face.glyph_id(character);
+    let outline = face.outline(id).filter(|_| id.0 != 0)?;
+    let point = |p: ab_glyph::Point| Point::new(f64::from(p.x), f64::from(p.y));
+    let mut path = BezPath::new();
+    let mut pen_at = None;
+    for curve in outline.curves.iter().take(MAX_POINTS) {
+        let (OutlineCurve::Line(from, to)
+        | OutlineCurve::Quad(from, _, to)
+        | OutlineCurve::Cubic(from, _, _, to)) = *curve;
+        if pen_at != Some(from) {
+            path.move_to(point(from));
+        }
+        match *curve {
+            OutlineCurve::Line(..) => path.line_to(point(to)),
+            OutlineCurve::Quad(_, c, _) => path.quad_to(point(c), point(to)),
+            OutlineCurve::Cubic(_, c, d, _) => path.curve_to(point(c), point(d), point(to)),
+        }
+        pen_at = Some(to);
+    }
+    path.is_finite().then_some(path)
+}
+
+/// Farthest that a path's points lie from the origin along an axis.
+fn size(path: &BezPath) -> f64 {
+    let bounds = path.control_box();
+    [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter().map(f64::abs).fold(0.0, f64::max)
+}
+
+/// Lines as one would write them: from the upper left on, each next the nearest, from its upper left
+/// end.
+fn in_reading_order(mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
+    for line in &mut lines {
+        let late = |[x, y]: [f64; 2]| x - 2.0 * y;
+        let last = line[line.len() - 1];
+        if late(last) < late(line[0]) {
+            line.reverse();
+        }
+    }
+    let mut ordered: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut pen = [0.0, 1.0];
+    while !lines.is_empty() {
+        let far = |line: &Vec<[f64; 2]>| libm::hypot(line[0][0] - pen[0], line[0][1] - pen[1]);
+        let next = (0..lines.len()).min_by(|a, b| far(&lines[*a]).total_cmp(&far(&lines[*b])));
+        let line = lines.remove(next.expect("not empty"));
+        pen = line[line.len() - 1];
+        ordered.push(line);
+    }
+    ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROBOTO: &[u8] = include_bytes!("../../fonts/Roboto-Thin.ttf");
+
+    fn roboto(trace: Trace) -> Typeface {
+        Typeface::read(ROBOTO.to_vec(), trace, "Roboto-Thin.ttf").unwrap()
+    }
+
+    /// Strokes and closed strokes of a character.
+    fn strokes(face: &Typeface, character: char) -> (usize, usize) {
+        let shape = face.shape(character).unwrap();
+        let closed =
+            shape.runs.iter().filter(|run| run.points[0] == run.points[run.points.len() - 1]);
+        (shape.runs.len(), closed.count())
+    }
+
+    #[test]
+    fn centre_lines_are_the_strokes_that_one_would_write() {
+        let face = roboto(Trace::CentreLine);
+        let open = [("CGIJLMNSUVWZ", 1), ("BDPTXQ", 2), ("AEFHRY", 3), ("1257", 1)];
+        let mut wrong = String::new();
+        for (characters, most) in open {
+            for character in characters.chars() {
+                if strokes(&face, character).0 > most {
+                    wrong.push(character);
+                }
+            }
+        }
+        assert_eq!(wrong, "", "more strokes than a hand would need");
+        assert_eq!([strokes(&face, 'O'), strokes(&face, '0'), strokes(&face, 'o')], [(1, 1); 3]);
+        assert_eq!(strokes(&face, 'i').0, 2, "a stem and a dot");
+    }
+
+    #[test]
+    fn capitals_stand_on_the_baseline_and_are_a_cap_height_high() {
+        let face = roboto(Trace::CentreLine);
+        for character in ('A'..='Z').chain('0'..='9') {
+            let [_, bottom, _, top] = face.shape(character).unwrap().ink();
+            let tail = if character == 'Q' { 0.2 } else { 0.03 };
+            assert!((top - 1.0).abs() < 0.03, "{character}: top at {top}");
+            assert!(bottom.abs() < tail, "{character}: bottom at {bottom}");
+        }
+        let shape = face.shape('L').unwrap();
+        assert_eq!(shape.runs.len(), 1);
+        let corner =
+            shape.runs[0].points.iter().min_by(|a, b| (a[0] + a[1]).total_cmp(&(b[0] + b[1])));
+        assert_eq!(shape.runs[0].points.len(), 3, "two straight strokes and a sharp corner");
+        assert!(corner.unwrap()[1].abs() < 0.005, "{corner:?}");
+    }
+
+    #[test]
+    fn centre_lines_stay_in_the_ink() {
+        let face = roboto(Trace::CentreLine);
+        for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
+            let ink = Ink::new(&face.contours(character).unwrap());
+            let shape = face.shape(character).unwrap();
+            let (mut inside, mut all) = (0, 0);
+            for run in
+                shape.runs.iter().filter(|run| run.points[0] != run.points[run.points.len() - 1])
+            {
+                for [x, y] in super::super::smooth::evenly(&run.points, 0.01) {
+                    let scale = 1.0 - 2.0 * face.half_width;
+                    all += 1;
+                    inside += usize::from(ink.holds([x * scale, y * scale + face.half_width]));
+                }
+            }
+            assert!(inside as f64 >= 0.93 * f64::from(all), "{character}: {inside} of {all}");
+        }
+    }
+
+    #[test]
+    fn an_outline_goes_around_the_ink() {
+        let face = roboto(Trace::Outline);
+        assert_eq!(strokes(&face, 'I'), (1, 1));
+        assert_eq!(strokes(&face, 'O'), (2, 2), "within and without");
+        assert_eq!(face.shape('I').unwrap().runs[0].points.len(), 5, "four corners");
+    }
+
+    #[test]
+    fn broken_faces_are_refused_or_drawn_and_never_panic() {
+        let mut state = 1_u64;
+        let mut roll = |n: usize| {
+            state =
+                state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+            (state >> 33) as usize % n
+        };
+        let mut refused = 0;
+        for round in 0..120 {
+            let mut bytes = ROBOTO.to_vec();
+            for _ in 0..=round % 40 {
+                // Tables' heads lie in front, outlines behind.
+                let at = if roll(2) == 0 { roll(400) } else { roll(bytes.len()) };
+                bytes[at] = roll(256) as u8;
+            }
+            if round % 5 == 0 {
+                bytes.truncate(roll(bytes.len()));
+            }
+            match Typeface::read(bytes, Trace::CentreLine, "broken.ttf") {
+                Err(_) => refused += 1,
+                Ok(face) => "Hamburg&Ä".chars().for_each(|c| drop(face.shape(c))),
+            }
+        }
+        assert!((20..120).contains(&refused), "{refused} refused");
+    }
+}
