@@ -105,6 +105,7 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         first[k + 2] -= 2.0 * stiffness;
         second[k + 2] += stiffness;
     }
+    let less = |[x, y]: [f64; 2], share: f64, [dx, dy]: [f64; 2]| [x - share * dx, y - share * dy];
     let pin = 1e9 * (1.0 + stiffness);
     let mut rhs = points.to_vec();
     for end in [0, n - 1] {
@@ -123,26 +124,22 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         if k >= 2 {
             diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
         }
-        for axis in 0..2 {
-            if k >= 1 {
-                rhs[k][axis] -= first[k] * rhs[k - 1][axis];
-            }
-            if k >= 2 {
-                rhs[k][axis] -= second[k] * rhs[k - 2][axis];
-            }
+        if k >= 1 {
+            rhs[k] = less(rhs[k], first[k], rhs[k - 1]);
+        }
+        if k >= 2 {
+            rhs[k] = less(rhs[k], second[k], rhs[k - 2]);
         }
     }
     for k in 0..n {
         rhs[k] = rhs[k].map(|x| x / diagonal[k]);
     }
     for k in (0..n).rev() {
-        for axis in 0..2 {
-            if k + 1 < n {
-                rhs[k][axis] -= first[k + 1] * rhs[k + 1][axis];
-            }
-            if k + 2 < n {
-                rhs[k][axis] -= second[k + 2] * rhs[k + 2][axis];
-            }
+        if k + 1 < n {
+            rhs[k] = less(rhs[k], first[k + 1], rhs[k + 1]);
+        }
+        if k + 2 < n {
+            rhs[k] = less(rhs[k], second[k + 2], rhs[k + 2]);
         }
     }
     (rhs[0], rhs[n - 1]) = (points[0], points[n - 1]);

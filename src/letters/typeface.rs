@@ -286,7 +286,7 @@ mod tests {
             for _ in 0..=round % 40 {
                 // Tables' heads lie in front, outlines behind.
                 let at = if roll(2) == 0 { roll(400) } else { roll(bytes.len()) };
-                bytes[at] = roll(256) as u8;
+                bytes[at] = roll(256).to_le_bytes()[0];
             }
             if round % 5 == 0 {
                 bytes.truncate(roll(bytes.len()));

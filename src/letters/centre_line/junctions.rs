@@ -52,10 +52,17 @@ struct Limb {
     points: Vec<[f64; 2]>,
     /// Radius at each point.
     radii: Vec<f64>,
-    /// What is put before its first and after its last point: the way to where it meets others, and
-    /// the branch's end that goes on there.
-    ends: [Option<(Vec<Knot>, Option<(usize, bool)>)>; 2],
+    /// What is put before its first and after its last point.
+    ends: [Joined; 2],
     used: bool,
+}
+
+/// The way from a limb's end to where it meets others, and the limb that goes on there: whether by
+/// its tail.
+#[derive(Default)]
+struct Joined {
+    knots: Vec<Knot>,
+    next: Option<(usize, bool)>,
 }
 
 /// Lines through the junctions of an axis, straight strokes joined.
@@ -73,7 +80,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink) -> Vec<Vec<Knot>> {
         limbs.push(Limb {
             points: branch.iter().map(|node| axis.middles[*node]).collect(),
             radii: branch.iter().map(|node| axis.radii[*node]).collect(),
-            ends: [None, None],
+            ends: Default::default(),
             used: false,
         });
         let closed = branch[0] == branch[branch.len() - 1] && !is_key(branch[0]);
@@ -249,7 +256,7 @@ fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
             free.retain(|arm| *arm != a && *arm != b);
         }
         for arm in free {
-            limbs[arms[arm].branch].ends[usize::from(arms[arm].tail)] = Some((corner(point), None));
+            limbs[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
         }
     } else {
         for arm in free {
@@ -259,7 +266,7 @@ fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
                 off(a).total_cmp(&off(b))
             });
             let point = hit.filter(|p| near(*p, middle, REACH * joint.radius)).unwrap_or(middle);
-            limbs[arm.branch].ends[usize::from(arm.tail)] = Some((corner(point), None));
+            limbs[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
         }
     }
 }
@@ -267,8 +274,8 @@ fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
 /// Two arms become one line: each is led on by its knots and goes on in the other.
 fn join(limbs: &mut [Limb], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
-        limbs[arm.branch].ends[usize::from(arm.tail)] =
-            Some((knots, Some((other.branch, other.tail))));
+        let next = Some((other.branch, other.tail));
+        limbs[arm.branch].ends[usize::from(arm.tail)] = Joined { knots, next };
     }
 }
 
@@ -330,10 +337,7 @@ fn chain(limbs: &mut [Limb]) -> Vec<Vec<Knot>> {
     for from_loose in [true, false] {
         for begin in 0..limbs.len() {
             for tail in [false, true] {
-                let goes_on = |end: &Option<(Vec<Knot>, Option<(usize, bool)>)>| {
-                    end.as_ref().is_some_and(|(_, next)| next.is_some())
-                };
-                let loose = !goes_on(&limbs[begin].ends[usize::from(tail)]);
+                let loose = limbs[begin].ends[usize::from(tail)].next.is_none();
                 if !limbs[begin].used && (loose || !from_loose) {
                     lines.push(follow(limbs, begin, tail));
                 }
@@ -350,23 +354,18 @@ fn follow(limbs: &mut [Limb], begin: usize, tail: bool) -> Vec<Knot> {
         let limb = &mut limbs[at];
         limb.used = true;
         let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));
-        if let Some((knots, _)) = &limb.ends[entry] {
-            line.extend(knots.iter().rev());
-        }
+        line.extend(limb.ends[entry].knots.iter().rev());
         let mut inner: Vec<Knot> =
             limb.points.iter().map(|at| Knot { at: *at, corner: false }).collect();
         if enters_by_tail {
             inner.reverse();
         }
         line.extend(inner);
-        if let Some((knots, next)) = &limb.ends[exit] {
-            line.extend(knots.iter());
-            if let Some((next, by_tail)) = *next {
-                if !limbs[next].used {
-                    (at, enters_by_tail) = (next, by_tail);
-                    continue;
-                }
-            }
+        line.extend(limb.ends[exit].knots.iter());
+        let next = limb.ends[exit].next;
+        if let Some((next, by_tail)) = next.filter(|(next, _)| !limbs[*next].used) {
+            (at, enters_by_tail) = (next, by_tail);
+            continue;
         }
         line.dedup_by(|a, b| {
             let same = near(a.at, b.at, 1e-9);

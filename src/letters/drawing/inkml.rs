@@ -1,4 +1,4 @@
-//! Handwriting as InkML (W3C Recommendation of 20 September 2011): traces and their format.
+//! Handwriting as `InkML` (W3C Recommendation of 20 September 2011): traces and their format.
 //!
 //! Read: `trace` in document order, with `continuation`, `timeOffset` and `type="penUp"`; channels
 //! X, Y and T of the first `traceFormat` (X, Y where there is none), values explicit (`!`), as first
@@ -60,7 +60,7 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
         if node.attribute("type") == Some("penUp") {
             continue;
         }
-        let offset = node.attribute("timeOffset").map_or(Some(0.0), |ms| number(ms));
+        let offset = node.attribute("timeOffset").map_or(Some(0.0), number);
         let read = offset.and_then(|ms| format.trace(node.text().unwrap_or(""), ms / 1000.0));
         let Some(trace) = read else {
             let found: String = node.text().unwrap_or("").trim().chars().take(40).collect();

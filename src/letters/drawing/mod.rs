@@ -1,4 +1,4 @@
-//! Drawings: a file becomes strokes: SVG, or handwriting as JSON or InkML.
+//! Drawings: a file becomes strokes: SVG, or handwriting as JSON or `InkML`.
 //!
 //! A drawing fills its canvas as far as its proportions allow; it stands on the baseline, beside
 //! x = 0 as lines of text do. It has no word: it is one glyph, whose character is [`DRAWING`].

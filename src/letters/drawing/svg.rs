@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
     let options = Options { image_href_resolver, ..Options::default() };
     // The only foreign code here that has assertions of its own.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_xmltree(&document, &options)));
-    let tree = tree.map_err(|_| refuse("what usvg stumbles over".into()))?;
+    let Ok(tree) = tree else { return Err(refuse("what usvg stumbles over".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let size = tree.size();
     let paper = [f64::from(size.width()), f64::from(size.height())];
