@@ -12,7 +12,7 @@ use super::matching::{Match, Surroundings};
 use super::raster::Raster;
 use super::{BLUR_PX, PX_PER_H, References};
 use crate::error::Result;
-use crate::letters::Font;
+use crate::letters::{Font, Trace};
 use crate::photo::Photo;
 
 /// Width by height of the cells that letters are stretched into: the team's.
@@ -84,7 +84,8 @@ struct Parsed {
 /// None but what a broken font would cause.
 pub fn read(photo: &Photo) -> Result<Reading> {
     let classes = Classes::of("".chars());
-    let mut bank = Bank::draw(ASPECT, &classes, &Font::open(FONT)?, References::Both);
+    let mut bank =
+        Bank::draw(ASPECT, &classes, &Font::open(FONT, Trace::CentreLine)?, References::Both);
     // The ink's box says where a letter is.
     bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
     let blank = Raster::dark(bank.layout.width, bank.layout.height);
