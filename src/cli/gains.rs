@@ -17,9 +17,10 @@ pub(super) struct GainsArgs {
     /// Scene file (TOML) with vehicle, controller and observer; the default where it is left out
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Lag of the motors that the gain is held against, seconds
-    #[arg(long, value_name = "S", default_value_t = MOTOR_LAG_S)]
-    motor_lag: f64,
+    /// Lag of the motors that the gain is held against, seconds; the vehicle's, or 0.072 where it
+    /// has none
+    #[arg(long, value_name = "S")]
+    motor_lag: Option<f64>,
     /// Print Bryson's weights from the motors' range as well
     #[arg(long)]
     bryson: bool,
@@ -30,7 +31,9 @@ pub(super) struct GainsArgs {
 
 pub(super) fn run(args: &GainsArgs) -> Result<Outcome> {
     let scene = args.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?;
-    let design = design(&scene.sim(), args.motor_lag)?;
+    let own_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
+    let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
+    let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     for warning in &design.warnings {
         tell(&format!("warning: {warning}"));
     }
@@ -48,7 +51,6 @@ pub(super) fn run(args: &GainsArgs) -> Result<Outcome> {
 /// Everything for people, at most 80 columns wide.
 fn tables(design: &Design) -> String {
     let Design { controllability_rank, observability_rank, .. } = design;
-    let names = &STATES[..design.k.ncols()];
     let seen: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let hidden = design.unobservable.join(", ");
     let mut text = format!(
@@ -56,7 +58,7 @@ fn tables(design: &Design) -> String {
          shows {observability_rank} of 9\n          not shown: {hidden}\n",
     );
     text += "\nK         u = u_hover - K (x - x_des), transposed\n";
-    text += &matrix(&design.k.transpose(), names, &INPUTS);
+    text += &matrix(&design.k.transpose(), &design.states, &INPUTS);
     text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
     text += &matrix(&design.l, &seen, &["y_x", "y_y", "y_z"]);
     let lag_s = design.motor_lag_s;
@@ -78,12 +80,12 @@ fn tables(design: &Design) -> String {
 
 /// A row a state, a column an output or input; zeros as a dash.
 fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
-    let mut text = format!("{:10}", "");
+    let mut text = format!("{:12}", "");
     columns.iter().for_each(|name| text += &format!("{name:>14}"));
     text.push('\n');
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     for (i, name) in rows.iter().enumerate() {
-        text += &format!("{name:10}");
+        text += &format!("{name:12}");
         for (j, tiny) in tiny.iter().enumerate() {
             let entry = m[(i, j)];
             let shown = if entry.abs() <= *tiny { "-".to_owned() } else { figure(entry) };
@@ -173,7 +175,7 @@ fn to_json(design: &Design) -> Value {
     json!({
         "K": rows(&design.k),
         "L": rows(&design.l),
-        "states": &STATES[..design.k.ncols()],
+        "states": design.states,
         "inputs": INPUTS,
         "controllability_rank": design.controllability_rank,
         "observability_rank": design.observability_rank,

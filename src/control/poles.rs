@@ -5,6 +5,9 @@ use nalgebra::{Complex, DMatrix, SMatrix, Schur};
 /// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
 const MAX_ITERATIONS: usize = 10_000;
+/// Units in the last place at which an entry below the diagonal counts as zero. A fourfold pole,
+/// such as that of four equal rotors, never gets below one of them, and always below sixteen.
+const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
 /// Eigenvalues of `A` (1/s), the slowest to die out first; of a pair the one above the real axis
 /// first.
@@ -17,7 +20,9 @@ pub fn poles<const N: usize>(a: &SMatrix<f64, N, N>) -> Option<Vec<Complex<f64>>
         return None;
     }
     let a = DMatrix::from_column_slice(N, N, a.as_slice());
-    let schur = Schur::try_new(a, f64::EPSILON, MAX_ITERATIONS)?;
+    let schur = TOLERANCES
+        .into_iter()
+        .find_map(|ulps| Schur::try_new(a.clone(), ulps * f64::EPSILON, MAX_ITERATIONS))?;
     let mut poles: Vec<_> = schur.complex_eigenvalues().iter().copied().collect();
     poles.sort_by(|p, q| q.re.total_cmp(&p.re).then(q.im.total_cmp(&p.im)));
     Some(poles)

@@ -109,6 +109,7 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("controller", "q", "LQR weights of position, yaw pitch roll, velocity, body rate"),
     ("controller", "r", "LQR weights of torque x, y, z (1/(N m)2) and thrust (1/N2)"),
     ("controller", "q_integral", "lqr-integral: weights of the integral of position, 1/(m s)2"),
+    ("controller", "motor_lag", "regulators: modelled, or ignored as the team's"),
     ("controller", "k_position", "geometric: acceleration per position error, 1/s2"),
     ("controller", "k_velocity", "geometric: acceleration per velocity error, 1/s"),
     ("controller", "k_position_integral", "geometric: per integral of position error, 1/s3"),

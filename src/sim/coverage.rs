@@ -3,8 +3,8 @@
 //! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
 //! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao).
-//! σ is the whole error of an angle: its white noise, the distortion, and the station's own place
-//! and turn. Not modelled: walls and people in the way, the tilt of the drone.
+//! σ is the whole error of an angle: its white noise, its distortion, and the station's own place
+//! and turn; the distortion that all stations share is added. Not modelled: walls and people in the way, the tilt of the drone.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -129,7 +129,8 @@ fn look(options: &SensorOptions, place_m: &Vector3<f64>) -> Place {
     // One station's two angles leave its distance open; so do two stations in one line.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
-    let error_m = inverse.map(|inverse| (inverse.trace() / scale).sqrt());
+    let bent = 3.0 * square(options.lighthouse_distortion_m);
+    let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
     Place { n_stations, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
 

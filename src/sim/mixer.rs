@@ -20,7 +20,6 @@ pub(super) const SIGNS: Matrix4<f64> = Matrix4::new(
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
 pub(super) struct Mixer {
-    #[cfg(test)]
     wrench_from_motors: Matrix4<f64>,
     motors_from_wrench: Matrix4<f64>,
     motor_max: f64,
@@ -32,7 +31,6 @@ impl Mixer {
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
         // The rows of SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
         Self {
-            #[cfg(test)]
             wrench_from_motors: Matrix4::from_diagonal(&scale) * SIGNS,
             motors_from_wrench: SIGNS.transpose()
                 * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
@@ -66,7 +64,6 @@ impl Mixer {
     }
 
     /// What four commands do to the body, at once and with the centre of mass in the middle.
-    #[cfg(test)]
     pub(super) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }

@@ -39,7 +39,7 @@ mod vehicle;
 
 pub use coverage::{Coverage, Place, coverage};
 pub use estimator::{EstimatorKind, ObserverOptions};
-pub use options::{ControllerKind, ControllerOptions, RateOptions, SimOptions};
+pub use options::{ControllerKind, ControllerOptions, MotorLag, RateOptions, SimOptions};
 pub use response::step_responses;
 pub use sensors::{
     Generation, HeightSensor, Positioning, SensorOptions, Station, read_lighthouse_config,

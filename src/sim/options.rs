@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-pub use super::controller::options::{ControllerKind, ControllerOptions};
+pub use super::controller::options::{ControllerKind, ControllerOptions, MotorLag};
 use super::estimator::ObserverOptions;
 use super::sensors::SensorOptions;
 pub(super) use super::vehicle::{AirOptions, BatteryOptions, VehicleOptions};

@@ -1,10 +1,10 @@
 //! Linear-quadratic regulator with integral action: no standing error under a constant disturbance.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector3};
 
-use super::lqr::without_gain;
+use super::rotor_model::{Gain, RotorModel};
 use super::{Command, Controller, Reference};
-use crate::control::{linearise, lqr};
+use crate::control::linearise;
 use crate::error::Result;
 use crate::sim::mixer::Mixer;
 use crate::sim::options::SimOptions;
@@ -14,7 +14,8 @@ use crate::sim::vehicle::{State, Vehicle, Wrench, position};
 /// needs 0.16; more than the bound would take seconds to undo.
 const MAX_SUM: f64 = 1.0;
 
-/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt`, about the design as it moves on.
+/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, about the design as it moves
+/// on; the last term where the rotors lag.
 ///
 /// `[K K_i]` is the regulator of the model to which the three integrals are added as states
 /// (Anderson, Moore, "Optimal Control", 1990, chapter 4). About held setpoints an integral would
@@ -23,6 +24,8 @@ const MAX_SUM: f64 = 1.0;
 pub(super) struct IntegralLqr {
     k: SMatrix<f64, 4, 12>,
     k_integral: SMatrix<f64, 4, 3>,
+    k_rotor: Matrix4<f64>,
+    rotors: RotorModel,
     mass_kg: f64,
     mixer: Mixer,
     tick_s: f64,
@@ -37,8 +40,10 @@ impl IntegralLqr {
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let vehicle = Vehicle::new(&options.vehicle);
         let (a, b) = linearise(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-        let k = augmented_gain(options, &a, &b)?;
+        let Gain { k, k_rotor } = augmented_gain(options, &a, &b)?;
         Ok(Self {
+            k_rotor,
+            rotors: RotorModel::new(options, vehicle.hover()),
             k: k.fixed_columns::<12>(0).into_owned(),
             k_integral: k.fixed_columns::<3>(12).into_owned(),
             mass_kg: options.vehicle.mass_kg,
@@ -64,18 +69,21 @@ impl Controller for IntegralLqr {
         let (state, thrust_m_s2) = reference.trim();
         let error = estimate - state;
         let trim = Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2);
-        let wrench = trim - self.k * error - self.k_integral * self.sum;
+        let rotors = self.rotors.wrench() - trim;
+        let wrench = trim - self.k * error - self.k_integral * self.sum - self.k_rotor * rotors;
         let (motors, saturated) = self.mixer.motors(&wrench);
+        self.rotors.send(&self.mixer.wrench(&motors));
         self.integrate(&position(&error), saturated);
         Command { motors, saturated }
     }
 
     fn rest(&mut self, _: &State) {
         self.sum = Vector3::zeros();
+        self.rotors.rest();
     }
 }
 
-/// `[K K_i]`, 4×15, for the model `ẋ = A x + B u` with the integrals of its position as states 12
+/// The gain with `[K K_i]`, 4×15, for the model `ẋ = A x + B u` with the integrals of its position as states 12
 /// to 14.
 ///
 /// # Errors
@@ -85,13 +93,12 @@ pub(in crate::sim) fn augmented_gain(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
     b: &SMatrix<f64, 12, 4>,
-) -> Result<SMatrix<f64, 4, 15>> {
+) -> Result<Gain<15>> {
     let (a, b) = augmented(a, b);
     let mut q = SVector::<f64, 15>::zeros();
     q.fixed_rows_mut::<12>(0).copy_from(&SVector::from(options.controller.q));
     q.fixed_rows_mut::<3>(12).copy_from(&SVector::from(options.controller.q_integral));
-    let r = SMatrix::from_diagonal(&SVector::from(options.controller.r));
-    lqr(&a, &b, &SMatrix::from_diagonal(&q), &r).map_err(without_gain)
+    Gain::new::<19>(options, &a, &b, &q)
 }
 
 /// The model with the integrals of its position as states 12 to 14.

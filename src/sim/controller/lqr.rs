@@ -2,8 +2,9 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::rotor_model::{Gain, RotorModel};
 use super::{Command, Controller, Reference};
-use crate::control::{linearise, lqr};
+use crate::control::linearise;
 use crate::error::{Error, Result};
 use crate::sim::mixer::Mixer;
 use crate::sim::options::SimOptions;
@@ -19,10 +20,11 @@ pub(super) enum Follows {
     Design,
 }
 
-/// `u = u_ref − K (x̂ − x_ref)`.
+/// `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)`; the last term where the rotors lag.
 #[derive(Clone, Debug)]
 pub(super) struct Lqr {
-    k: SMatrix<f64, 4, 12>,
+    gain: Gain<12>,
+    rotors: RotorModel,
     hover: Wrench,
     mass_kg: f64,
     mixer: Mixer,
@@ -39,34 +41,38 @@ impl Lqr {
         let vehicle = Vehicle::new(&options.vehicle);
         let hover = vehicle.hover();
         let (a, b) = linearise(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
-        let k = lqr_gain(options, &a, &b)?;
-        let mixer = Mixer::new(&options.vehicle);
-        Ok(Self { k, hover, mass_kg: options.vehicle.mass_kg, mixer, follows })
+        let gain = lqr_gain(options, &a, &b)?;
+        let (mixer, rotors) = (Mixer::new(&options.vehicle), RotorModel::new(options, hover));
+        Ok(Self { gain, rotors, hover, mass_kg: options.vehicle.mass_kg, mixer, follows })
     }
 
     /// What the motors should do to the body.
     fn wrench(&self, estimate: &State, reference: &Reference) -> Wrench {
-        match self.follows {
-            Follows::Setpoint => self.hover - self.k * (estimate - at(reference.held_m, 0.0)),
+        let (state, trim) = match self.follows {
+            Follows::Setpoint => (at(reference.held_m, 0.0), self.hover),
             Follows::Design => {
                 let (state, thrust_m_s2) = reference.trim();
-                let trim = Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2);
-                trim - self.k * (estimate - state)
+                (state, Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2))
             }
-        }
+        };
+        let Gain { k, k_rotor } = &self.gain;
+        trim - k * (estimate - state) - k_rotor * (self.rotors.wrench() - trim)
     }
 }
 
 impl Controller for Lqr {
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         let (motors, saturated) = self.mixer.motors(&self.wrench(estimate, reference));
+        self.rotors.send(&self.mixer.wrench(&motors));
         Command { motors, saturated }
     }
 
-    fn rest(&mut self, _: &State) {}
+    fn rest(&mut self, _: &State) {
+        self.rotors.rest();
+    }
 }
 
-/// `K`, 4×12, for the model `ẋ = A x + B u`.
+/// The gain for the model `ẋ = A x + B u`.
 ///
 /// # Errors
 ///
@@ -75,10 +81,8 @@ pub(in crate::sim) fn lqr_gain(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
     b: &SMatrix<f64, 12, 4>,
-) -> Result<SMatrix<f64, 4, 12>> {
-    let q = SMatrix::from_diagonal(&SVector::from(options.controller.q));
-    let r = SMatrix::from_diagonal(&SVector::from(options.controller.r));
-    lqr(a, b, &q, &r).map_err(without_gain)
+) -> Result<Gain<12>> {
+    Gain::new::<16>(options, a, b, &SVector::from(options.controller.q))
 }
 
 /// Names the weights that have no gain.
@@ -108,7 +112,7 @@ mod tests {
             [(3, 0.001018), (11, 0.000306), (3, 0.001018), (11, 0.000306)],
             [(2, 0.364018), (8, 0.165290), (2, 0.364018), (8, 0.165290)],
         ];
-        let k = default_lqr().k;
+        let k = default_lqr().gain.k;
         let mut rest = k;
         for (row, entries) in want.iter().enumerate() {
             for &(column, value) in entries {

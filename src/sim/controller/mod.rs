@@ -9,6 +9,7 @@ mod lqr;
 pub(super) mod options;
 mod pid;
 mod reference;
+mod rotor_model;
 #[cfg(test)]
 mod tests;
 
@@ -22,6 +23,7 @@ use self::lqr::{Follows, Lqr};
 use self::options::ControllerKind;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
+pub(super) use self::rotor_model::{Gain, known_lag_s};
 use super::options::SimOptions;
 use super::vehicle::State;
 use crate::error::Result;

@@ -22,6 +22,18 @@ pub enum ControllerKind {
     Geometric,
 }
 
+/// What a regulator is told of the rotors' lag.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotorLag {
+    /// The vehicle's: the gain is designed for it, and feeds back what the rotors are believed to
+    /// give. Without a lag in the vehicle, as [`Self::Ignored`].
+    #[default]
+    Modelled,
+    /// Nothing, as the reference team's: the gain takes the motors for immediate.
+    Ignored,
+}
+
 /// What steers the drone. Regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -36,6 +48,8 @@ pub struct ControllerOptions {
     /// Weights of the integral of the position error x y z (1/(m s)²), for `lqr-integral`. More
     /// takes a standing error away sooner, and swings further past a corner.
     pub q_integral: [f64; 3],
+    /// What the regulators are told of the rotors' lag.
+    pub motor_lag: MotorLag,
     /// Geometric controller: acceleration per position error, 1/s².
     pub k_position: f64,
     /// Geometric controller: acceleration per velocity error, 1/s.
@@ -61,6 +75,7 @@ impl Default for ControllerOptions {
         Self {
             kind: ControllerKind::Lqr,
             q_integral: [20.0, 20.0, 20.0],
+            motor_lag: MotorLag::Modelled,
             k_position: 9.8,
             k_velocity: 4.5,
             k_position_integral: 2.0,

@@ -7,8 +7,9 @@
 //!
 //! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
-//! (1346ece), `pid.c`. Of the derivatives' filters only those of the body rate are kept: the
-//! derivative gain of position and velocity is 0.
+//! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the body
+//! rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because their
+//! gain is 0. Motors that obey at once need the rate's filter.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -134,7 +135,9 @@ impl PidCascade {
         let fast = |gains, integral, output_max| Pid::new(gains, integral, output_max, fast_hz);
         let speed_max = SPEED_MAX * OVERHEAD;
         let tilt_max = TILT_MAX * OVERHEAD;
-        let filter = Some(LowPass::new(RATE_CUTOFF_HZ, fast_hz));
+        let vehicle = &options.vehicle;
+        let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
+        let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
         Self {
             position: [
                 slow([2.0, 0.0, 0.0], speed_max),

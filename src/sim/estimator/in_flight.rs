@@ -85,6 +85,7 @@ fn honest(sensors: &SensorOptions) -> ObserverOptions {
 fn white(positioning: Positioning) -> SensorOptions {
     SensorOptions {
         positioning,
+        lighthouse_distortion_m: 0.0,
         station_position_error_m: 0.0,
         station_rotation_error_rad: 0.0,
         sweep_distortion_rad: 0.0,
@@ -236,7 +237,8 @@ fn lighthouse_errs_in_flight_as_it_does_in_truth() {
 fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
     // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams;
     // 0.59 mm by the filter in one log, in others with a spread of 0.7, 0.7 and 2.1 mm. The filter
-    // trembles as two stations that disagree pull it to and fro.
+    // trembles as two stations that disagree pull it to and fro, how much is the room's luck: the
+    // median over nine rooms counts.
     let force = Vector3::z() * GRAVITY_M_S2;
     let start_m = Vector3::new(0.0, 0.0, 0.6);
     let mut state = State::zeros();
@@ -264,7 +266,8 @@ fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
     filter_m.sort_by(f64::total_cmp);
     println!("at rest: beams {beams_m:.5?} m, filter {filter_m:.5?} m");
     assert!(beams_m.iter().all(|m| (0.0002..0.0006).contains(m)), "beams {beams_m:?} m");
-    assert!((0.0002..0.002).contains(&filter_m[4]), "filter {filter_m:?} m");
+    assert!((0.0002..0.0006).contains(&filter_m[4]), "filter {filter_m:?} m");
+    assert!(filter_m[8] < 0.002, "filter {filter_m:?} m");
 }
 
 fn rms_step(places: &[Vector3<f64>]) -> f64 {

@@ -28,6 +28,9 @@ const V2_PERIODS: [u32; 16] = [
 /// Sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
+/// The room's distortion is looked up anew after this time: at 0.5 m/s it has changed by a tenth of
+/// a millimetre.
+const BEND_S: f64 = 0.02;
 /// A station that was not seen for so long is hidden: chance alone loses no five turns in a row.
 const BLIND_S: f64 = 0.1;
 
@@ -46,6 +49,12 @@ pub(in crate::sim) struct Sweep {
 #[derive(Debug)]
 pub(super) struct Lighthouse {
     rotors: Vec<Rotor>,
+    /// Where all stations alike take the drone to be, from where it is: they were placed together,
+    /// so that their beams cross, in a room that their solution bends.
+    bend: Field<3>,
+    bend_m: Vector3<f64>,
+    /// When that was looked up.
+    bent_s: f64,
     loss_frac: f64,
     /// What arrived at this tick.
     sweeps: Vec<Sweep>,
@@ -75,6 +84,13 @@ impl Lighthouse {
         let rotor = |i: usize| Rotor::new(options, i, &noise);
         Self {
             rotors: (0..n).map(rotor).collect(),
+            bend: Field::new(
+                &mut noise("lighthouse distortion"),
+                options.lighthouse_distortion_m,
+                options.lighthouse_distortion_length_m,
+            ),
+            bend_m: Vector3::zeros(),
+            bent_s: f64::NEG_INFINITY,
             loss_frac: options.sweep_loss_frac,
             sweeps: Vec::with_capacity(2 * n),
             blind_ticks: 0,
@@ -89,6 +105,10 @@ impl Lighthouse {
         time_s: f64,
     ) -> &[Sweep] {
         self.sweeps.clear();
+        if time_s - self.bent_s >= BEND_S {
+            (self.bend_m, self.bent_s) = (self.bend.at(position_m), time_s);
+        }
+        let bent_m = position_m + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
                 // Drawn for every sweep, seen or not.
@@ -99,7 +119,7 @@ impl Lighthouse {
                 if lost || !rotor.truth.sees(position_m, &up) {
                     continue;
                 }
-                let angles_rad = rotor.angles_rad(plane, position_m, &world_from_body, &errors);
+                let angles_rad = rotor.angles_rad(plane, &bent_m, &world_from_body, &errors);
                 rotor.seen_s = time_s;
                 self.sweeps.push(Sweep { station, plane, angles_rad });
             }

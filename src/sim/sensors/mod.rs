@@ -171,6 +171,7 @@ impl Sensors {
 
 #[cfg(test)]
 mod tests {
+    use super::density::{Series, white_density};
     use super::*;
     use crate::sim::vehicle::GRAVITY_M_S2;
 
@@ -274,6 +275,18 @@ mod tests {
     }
 
     #[test]
+    fn positions_are_white_where_the_drone_stands() {
+        let mut series = Series::new(500.0);
+        for reading in readings(&SensorOptions::default(), 1 << 16) {
+            series.push(reading.position_m.unwrap().z);
+        }
+        for density in white_density(&series) {
+            let want = 0.001 / f64::sqrt(250.0);
+            assert!((density / want - 1.0).abs() < 0.15, "{density:e} m/√Hz of {want:e}");
+        }
+    }
+
+    #[test]
     fn distortion_stands_still_where_the_drone_does() {
         let options = SensorOptions { lighthouse_jitter_m: 0.0, ..Default::default() };
         let readings = readings(&options, 50);
@@ -289,7 +302,7 @@ mod tests {
             let mut options =
                 SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
             options.stations.iter_mut().for_each(|s| s.generation = generation);
-            let seconds = 60;
+            let seconds = 240;
             let written = readings(&options, 500 * seconds);
             let angles: Vec<f64> = (written.iter().flat_map(|w| &w.sweeps))
                 .filter(|sweep| (sweep.station, sweep.plane) == (1, 0))
@@ -302,6 +315,12 @@ mod tests {
             let mean = angles.iter().sum::<f64>() / n;
             let found = (angles.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / n).sqrt();
             assert!((found / sigma - 1.0).abs() < 0.05, "{generation:?}: {found:e} rad");
+            let mut series = Series::new(rate);
+            angles.iter().for_each(|angle| series.push(*angle));
+            for density in white_density(&series) {
+                let want = sigma / (0.5 * rate).sqrt();
+                assert!((density / want - 1.0).abs() < 0.3, "{generation:?}: {density:e} rad/√Hz");
+            }
         }
     }
 }

@@ -100,6 +100,7 @@ impl Uwb {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::sensors::density::{Series, white_density};
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 
@@ -135,6 +136,12 @@ mod tests {
                 let bias = mean(link.iter().copied());
                 let sigma = mean(link.iter().map(|e| (e - bias) * (e - bias))).sqrt();
                 assert!((sigma / 0.06 - 1.0).abs() < 0.03, "white part {sigma}");
+                let mut series = Series::new(180.0 / 8.0);
+                link.iter().for_each(|error| series.push(*error));
+                for density in white_density(&series) {
+                    let want = 0.06 / f64::sqrt(0.5 * 180.0 / 8.0);
+                    assert!((density / want - 1.0).abs() < 0.3, "{density} m/√Hz of {want}");
+                }
                 bias_sq += bias * bias / 8.0;
             }
             // Eight draws: between half and one and a half of 0.2 m in all but a few per cent.
