@@ -34,7 +34,7 @@ pub(super) struct RobustnessArgs {
 pub(super) fn run(args: &RobustnessArgs) -> Result<Outcome> {
     let options = RobustnessOptions {
         contender: Contender::find(&args.scene)?,
-        words: args.study.words()?,
+        words: args.study.words(20)?,
         usual: args.study.conditions()?,
         times: args.times.clone(),
         seed: args.study.seed,

@@ -20,9 +20,9 @@ pub(super) struct StudyFlags {
     /// line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    seeds: u32,
+    /// Seeds of each word; where left out 50 to rank and sweep, 20 for robustness, 6 to tune
+    #[arg(long, value_name = "N")]
+    seeds: Option<u32>,
     /// Seed of all seeds
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
@@ -40,7 +40,7 @@ impl StudyFlags {
     pub(super) fn study(&self, contenders: Vec<Contender>) -> Result<Study> {
         let study = Study {
             contenders,
-            words: self.words()?,
+            words: self.words(50)?,
             conditions: self.conditions()?,
             seed: self.seed,
         };
@@ -61,8 +61,8 @@ impl StudyFlags {
         }
     }
 
-    /// The words with their numbers of seeds.
-    pub(super) fn words(&self) -> Result<Vec<(String, u32)>> {
+    /// The words with their numbers of seeds: `usual` where nobody says how many.
+    pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
@@ -70,18 +70,18 @@ impl StudyFlags {
                 let text = text.map_err(|source| Error::read(Path::new(named), source))?;
                 let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
                 for line in lines.filter(|line| !line.starts_with('#')) {
-                    words.push(self.word(line)?);
+                    words.push(self.word(line, usual)?);
                 }
             } else {
-                words.push(self.word(named)?);
+                words.push(self.word(named, usual)?);
             }
         }
         Ok(words)
     }
 
-    fn word(&self, text: &str) -> Result<(String, u32)> {
+    fn word(&self, text: &str, usual: u32) -> Result<(String, u32)> {
         let Some((word, n)) = text.rsplit_once(':') else {
-            return Ok((text.to_owned(), self.seeds));
+            return Ok((text.to_owned(), self.seeds.unwrap_or(usual)));
         };
         let n = n.parse().map_err(|_not_a_number| {
             let wanted = "WORD:N with a whole number of seeds";

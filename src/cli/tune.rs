@@ -116,7 +116,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
     let options = TuneOptions {
         knobs,
         search: args.search.into(),
-        words: args.study.words()?,
+        words: args.study.words(6)?,
         budget: budget.flights,
         limits: Limits { duration_s: args.longest, ..Limits::default() },
         conditions: args.study.conditions()?,

@@ -130,7 +130,17 @@ pub fn evaluate(
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
-    let prepared = study.prepare()?;
+    evaluate_prepared(study, &study.prepare()?, trials, store, done)
+}
+
+/// The same with what [`Study::prepare`] made before.
+pub(super) fn evaluate_prepared(
+    study: &Study,
+    prepared: &[Prepared],
+    trials: &[Trial],
+    store: Option<&Store>,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Record>> {
     let finished = AtomicUsize::new(0);
     let fly = |trial: &Trial| {
         let ready = &prepared[trial.contender * study.words.len() + trial.word];

@@ -9,10 +9,11 @@
 
 use serde::Serialize;
 
+use super::design::evaluate_prepared;
 use super::knobs::{Knob, turned};
 use super::search::{Search, SearchKind};
 use super::statistics::{mean, median};
-use super::{Conditions, Contender, Record, Store, Study, Trial, evaluate};
+use super::{Conditions, Contender, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
 use crate::flight::tracking::CORRIDOR_M;
 use crate::scene::Scene;
@@ -190,19 +191,21 @@ impl Tuning<'_> {
     /// Flies a candidate; gives it up after half of its flights if it costs more than `bar` by then.
     fn candidate(&mut self, number: usize, point: &[f64], bar: f64) -> Result<Candidate> {
         let study = self.study(point, self.options.seed, 1)?;
+        let prepared = study.prepare()?;
+        let margin = self.margin_broken(point)?;
         let trials: Vec<Trial> = study.trials().collect();
         // Every other flight, so that each word has its share.
         let [first, rest] = [0, 1].map(|odd| {
             let every_other = trials.iter().skip(odd).step_by(2);
             every_other.copied().collect::<Vec<_>>()
         });
-        let mut records = self.fly(&study, &first)?;
-        let halfway = self.judge(number, point, &records)?;
+        let mut records = self.fly(&study, &prepared, &first)?;
+        let halfway = self.judge(number, point, margin, &records);
         if halfway.cost() > bar || rest.is_empty() {
             return Ok(Candidate { given_up: halfway.cost() > bar, ..halfway });
         }
-        records.extend(self.fly(&study, &rest)?);
-        self.judge(number, point, &records)
+        records.extend(self.fly(&study, &prepared, &rest)?);
+        Ok(self.judge(number, point, margin, &records))
     }
 
     /// The best of the best: fresh seeds, more of them.
@@ -213,8 +216,9 @@ impl Tuning<'_> {
         for candidate in order.into_iter().take(FINALISTS) {
             let study = self.study(&candidate.point, !self.options.seed, FINAL_TIMES)?;
             let trials: Vec<Trial> = study.trials().collect();
-            let records = self.fly(&study, &trials)?;
-            finalists.push(self.judge(candidate.number, &candidate.point, &records)?);
+            let records = self.fly(&study, &study.prepare()?, &trials)?;
+            let margin = self.margin_broken(&candidate.point)?;
+            finalists.push(self.judge(candidate.number, &candidate.point, margin, &records));
         }
         let best = finalists.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         Ok(best.expect("the scene as it was is never given up"))
@@ -228,12 +232,18 @@ impl Tuning<'_> {
         Ok(study)
     }
 
-    fn fly(&mut self, study: &Study, trials: &[Trial]) -> Result<Vec<Record>> {
+    fn fly(
+        &mut self,
+        study: &Study,
+        prepared: &[Prepared],
+        trials: &[Trial],
+    ) -> Result<Vec<Record>> {
         self.n_flights += trials.len();
-        evaluate(study, trials, self.store, &|_| {})
+        evaluate_prepared(study, prepared, trials, self.store, &|_| {})
     }
 
-    fn judge(&self, number: usize, point: &[f64], records: &[Record]) -> Result<Candidate> {
+    /// What a candidate is worth by its flights; `margin` is what it breaks on paper.
+    fn judge(&self, number: usize, point: &[f64], margin: f64, records: &[Record]) -> Candidate {
         let of = |value: fn(&Record) -> f64| mean(&records.iter().map(value).collect::<Vec<_>>());
         let flown: Vec<_> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let figures =
@@ -249,8 +259,8 @@ impl Tuning<'_> {
             + beyond(figures(|f| f.tilt_rad), limits.tilt_rad)
             + beyond(figures(|f| f.saturated_frac), limits.saturated_frac)
             + limits.duration_s.map_or(0.0, |s| beyond(figures(|f| f.duration_s), s))
-            + self.margin_broken(point)?;
-        Ok(Candidate {
+            + margin;
+        Candidate {
             number,
             point: point.to_vec(),
             n_flights: records.len(),
@@ -259,7 +269,7 @@ impl Tuning<'_> {
             duration_s: (!flown.is_empty()).then(|| figures(|f| f.duration_s)),
             broken,
             given_up: false,
-        })
+        }
     }
 
     /// How much of the motor lag that a regulator must stand it does not.
