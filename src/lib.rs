@@ -48,6 +48,7 @@
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
+//! | 7 | [`study`] | scenes → ranking, tuned scene, learned plan, what breaks a word; sweeps, a store |
 //! | 8 | [`report`] | products → plots, sheets |
 //! | 9 | [`cli`] | what was typed |
 //!
@@ -85,3 +86,4 @@ pub mod report;
 pub mod scene;
 pub mod score;
 pub mod sim;
+pub mod study;

@@ -19,16 +19,22 @@ mod gains;
 mod identify;
 mod import;
 mod inputs;
+mod learn;
 mod meter;
 mod outputs;
 mod plan;
 mod preview;
 mod progress;
+mod rank;
 mod read;
+mod robustness;
 mod scene;
 mod score;
 mod show;
 mod specimen;
+mod studies;
+mod sweep;
+mod tune;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
@@ -70,6 +76,17 @@ enum Verb {
     Coverage(coverage::CoverageArgs),
     /// Draw a sheet of a font's characters: order and direction of their strokes
     Specimen(specimen::SpecimenArgs),
+    /// Rank scenes by how surely their words read, over many seeds, with intervals
+    Rank(rank::RankArgs),
+    /// Tune a scene's gains, observer and speed until its words read as surely as they can
+    Tune(tune::TuneArgs),
+    /// Learn reference and lights of a word from flights of it, simulated or real
+    Learn(learn::LearnArgs),
+    /// Find out what breaks a word first: mass, motors, positioning, gusts, lamps
+    Robustness(robustness::RobustnessArgs),
+    /// Spread a ranking's flights over many processes or machines
+    #[command(subcommand)]
+    Sweep(sweep::SweepVerb),
     /// Print the default scene file, every key with its meaning and unit
     Scene(scene::SceneArgs),
 }
@@ -104,6 +121,11 @@ pub fn main() -> ExitCode {
         Verb::Identify(args) => identify::run(&args),
         Verb::Coverage(args) => coverage::run(&args),
         Verb::Specimen(args) => specimen::run(&args),
+        Verb::Rank(args) => rank::run(&args),
+        Verb::Tune(args) => tune::run(&args),
+        Verb::Learn(args) => learn::run(&args),
+        Verb::Robustness(args) => robustness::run(&args),
+        Verb::Sweep(verb) => sweep::run(&verb),
         Verb::Scene(args) => scene::run(&args),
     };
     match outcome {

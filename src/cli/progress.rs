@@ -25,6 +25,13 @@ impl Progress {
         Self { what, start: Instant::now(), bar: None }
     }
 
+    /// Says something before the bar, such as the best so far.
+    pub(super) fn note(&self, text: String) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(text);
+        }
+    }
+
     /// Shows the share of the work that is done, 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
         if self.bar.is_none() {

@@ -57,6 +57,15 @@ impl Plan {
         Self::from_table(&Table::read(path)?)
     }
 
+    /// Reads a plan from the text of such a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Input`] with line and column.
+    pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
+        Self::from_table(&Table::parse(csv, file)?)
+    }
+
     fn from_table(table: &Table) -> Result<Self> {
         table.time_s()?;
         let columns = COLUMNS.map(|name| table.column(name));

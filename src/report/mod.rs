@@ -8,11 +8,17 @@
 //! Okabe and Ito (2008), which people with any color vision can tell apart.
 //!
 //! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
+//!
+//! Studies come as sheets of photos ([`contact_sheet`]) and as plots of their figures.
 
 mod figure;
 mod flights;
 mod plans;
+mod sheet;
 pub mod specimen;
+mod studies;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use plans::plan_view;
+pub use sheet::{SheetRow, contact_sheet};
+pub use studies::{endurance, pareto};

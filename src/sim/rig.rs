@@ -41,26 +41,33 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    pub(super) fn new(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Self> {
-        let rate_hz = options.rates.control_hz;
-        let sensors = Sensors::new(&options.sensors, rate_hz, seed, 0);
+    /// Controller and estimator are made for `believed`, everything else is `actual`.
+    pub(super) fn new(
+        plan: &Plan,
+        believed: &SimOptions,
+        actual: &SimOptions,
+        seed: u64,
+    ) -> Result<Self> {
+        let rates = &actual.rates;
+        let rate_hz = rates.control_hz;
+        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, 0);
         let mut start_m = plan.setpoints[0].position_m;
         start_m.z = start_m.z.max(0.0);
-        let dt_s = 1.0 / f64::from(rate_hz * options.rates.steps_per_tick);
-        let plant = Plant::new(options, dt_s, seed, 0, start_m);
+        let dt_s = 1.0 / f64::from(rate_hz * rates.steps_per_tick);
+        let plant = Plant::new(actual, dt_s, seed, 0, start_m);
         Ok(Self {
-            controller: controller(options)?,
-            estimator: estimator(options, sensors.settled_m(start_m))?,
+            controller: controller(believed)?,
+            estimator: estimator(believed, sensors.settled_m(start_m))?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
-            steps_per_tick: options.rates.steps_per_tick,
+            steps_per_tick: rates.steps_per_tick,
             specific_force_m_s2: plant.specific_force_m_s2(),
             plant,
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
             ticks: 0,
-            ticks_per_command: rate_hz / options.rates.attitude_hz(),
+            ticks_per_command: rate_hz / rates.attitude_hz(),
             setpoint: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,

@@ -9,4 +9,5 @@ mod coverage;
 mod golden;
 mod letters;
 mod road;
+mod study;
 mod twins;

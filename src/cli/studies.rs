@@ -1,0 +1,348 @@
+//! What the verbs of the study share: which words, seeds and conditions, and its folder of results.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use clap::Args;
+
+use super::outputs::Output;
+use super::progress::Progress;
+use crate::error::{Error, Result};
+use crate::report::{SheetRow, contact_sheet};
+use crate::study::statistics::Estimate;
+use crate::study::{Conditions, Contender, Measures, Ranking, Record, Study};
+
+/// Which words are flown, how often, and in what weather.
+#[derive(Debug, Args)]
+pub(super) struct StudyFlags {
+    /// Words, each with its number of seeds where it differs: NOOR:200,LOG,WAX; or a file with one a
+    /// line
+    #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
+    words: Vec<String>,
+    /// Seeds of each word; where left out 50 to rank and sweep, 20 for robustness, 6 to tune
+    #[arg(long, value_name = "N")]
+    seeds: Option<u32>,
+    /// Seed of all seeds
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// How flights differ from their scene: room (mass, centre of mass, motor lag, Lighthouse, gusts,
+    /// LED delay, battery), still (noise alone), or a TOML file
+    #[arg(long, value_name = "NAME", default_value = "room")]
+    conditions: String,
+    /// Threads; as many as the machine has where it is left out
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) threads: usize,
+}
+
+impl StudyFlags {
+    /// The study of some contenders.
+    pub(super) fn study(&self, contenders: Vec<Contender>) -> Result<Study> {
+        let study = Study {
+            contenders,
+            words: self.words(50)?,
+            conditions: self.conditions()?,
+            seed: self.seed,
+        };
+        study.check()?;
+        Ok(study)
+    }
+
+    /// The conditions that were named.
+    pub(super) fn conditions(&self) -> Result<Conditions> {
+        match self.conditions.as_str() {
+            "room" => Ok(Conditions::default()),
+            "still" => Ok(Conditions::still()),
+            file => {
+                let text = std::fs::read_to_string(file);
+                let text = text.map_err(|source| Error::read(Path::new(file), source))?;
+                Conditions::parse(&text, file)
+            }
+        }
+    }
+
+    /// The words with their numbers of seeds: `usual` where nobody says how many.
+    pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
+        let mut words = Vec::new();
+        for named in &self.words {
+            if Path::new(named).is_file() {
+                let text = std::fs::read_to_string(named);
+                let text = text.map_err(|source| Error::read(Path::new(named), source))?;
+                let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+                for line in lines.filter(|line| !line.starts_with('#')) {
+                    words.push(self.word(line, usual)?);
+                }
+            } else {
+                words.push(self.word(named, usual)?);
+            }
+        }
+        Ok(words)
+    }
+
+    fn word(&self, text: &str, usual: u32) -> Result<(String, u32)> {
+        let Some((word, n)) = text.rsplit_once(':') else {
+            return Ok((text.to_owned(), self.seeds.unwrap_or(usual)));
+        };
+        let n = n.parse().map_err(|_not_a_number| {
+            let wanted = "WORD:N with a whole number of seeds";
+            Error::input("--words", text, wanted, "for example --words NOOR:200,LOG:20")
+        })?;
+        Ok((word.to_owned(), n))
+    }
+
+    /// Runs work on as many threads as were asked for.
+    pub(super) fn on_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T> {
+        on_threads(self.threads, work)
+    }
+}
+
+/// Runs work on so many threads; 0: as many as the machine has.
+pub(super) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| Error::Infeasible {
+        what: format!("{threads} threads cannot be started: {error}"),
+        hint: "ask for fewer with --threads".into(),
+    })?;
+    Ok(pool.install(work))
+}
+
+/// A bar that hears from any thread how many of `total` are done.
+pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync {
+    let progress = Mutex::new(Progress::new(what));
+    move |done| {
+        if let Ok(mut progress) = progress.lock() {
+            #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
+            progress.update(done as f64 / total.max(1) as f64);
+        }
+    }
+}
+
+/// Writes what a ranking leaves in its folder: both tables, the ranking for programs, and photos.
+pub(super) fn write_ranking(
+    folder: &Path,
+    study: &Study,
+    ranking: &Ranking,
+    records: &[Record],
+) -> Result<Vec<PathBuf>> {
+    let outputs = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
+    let [csv, json, flights, photos] = outputs.map(|name| Output::create(&folder.join(name)));
+    let sheet = contact_sheet(&rows(study, ranking, records)?);
+    let text = ranking_csv(ranking);
+    Ok(vec![
+        csv?.keep(|out| out.write_all(text.as_bytes()))?,
+        json?.keep(|out| {
+            serde_json::to_writer_pretty(&mut *out, ranking)?;
+            writeln!(out)
+        })?,
+        flights?.keep(|out| write_flights(out, records))?,
+        photos?.keep(|out| sheet.write_png(out, None, &[]))?,
+    ])
+}
+
+/// Height of a capital in the sheet's photos.
+const SHEET_CAP_HEIGHT_PX: f64 = 110.0;
+
+/// A row a contender: its median and its worst photo.
+fn rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<SheetRow>> {
+    let prepared = study.prepare()?;
+    let trials: Vec<_> = study.trials().collect();
+    let row = |measures: &Measures| {
+        let p = measures.legibility.value;
+        let mut row = SheetRow {
+            title: format!("{}: read with probability {p:.3}", measures.contender),
+            photos: Vec::new(),
+        };
+        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
+            let (trial, record) = (trials[at], &records[at]);
+            if record.outcome.flown.is_none() {
+                continue;
+            }
+            let ready = &prepared[trial.contender * study.words.len() + trial.word];
+            let photo = ready.photo(trial.seed, SHEET_CAP_HEIGHT_PX)?;
+            let read = &record.outcome.read;
+            let p = record.outcome.probability;
+            row.photos.push((photo, format!("{name}: {} as {read}, {p:.2}", record.word)));
+        }
+        Ok(row)
+    };
+    ranking.measures.iter().map(row).collect()
+}
+
+/// All figures of a contender with their names in files; those of the flight where there are any.
+fn estimates(measures: &Measures) -> Vec<(&'static str, Option<Estimate>)> {
+    let flown = measures.flown.as_ref();
+    vec![
+        ("legibility", Some(measures.legibility)),
+        ("worst_decile", Some(measures.worst_decile)),
+        ("all_read", Some(measures.all_read)),
+        ("contour_m", flown.map(|f| f.contour_m)),
+        ("lag_s", flown.map(|f| f.lag_s)),
+        ("rmse_x_m", flown.map(|f| f.rmse_x_m)),
+        ("rmse_y_m", flown.map(|f| f.rmse_y_m)),
+        ("rmse_z_m", flown.map(|f| f.rmse_z_m)),
+        ("drift_y_m", flown.map(|f| f.drift_y_m)),
+        ("tilt_rad", flown.map(|f| f.tilt_rad)),
+        ("saturated_frac", flown.map(|f| f.saturated_frac)),
+        ("duration_s", flown.map(|f| f.duration_s)),
+        ("energy_j", flown.map(|f| f.energy_j)),
+    ]
+}
+
+fn ranking_csv(ranking: &Ranking) -> String {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    let mut header = ["place", "contender", "flights", "lost"].map(str::to_owned).to_vec();
+    for (name, _) in ranking.measures.first().map(estimates).unwrap_or_default() {
+        header.extend([name.to_owned(), format!("{name}_low"), format!("{name}_high")]);
+    }
+    let rows = ranking.measures.iter().map(|m| {
+        let mut row = vec![
+            m.place.to_string(),
+            m.contender.clone(),
+            m.n_flights.to_string(),
+            m.n_lost.to_string(),
+        ];
+        for (_, estimate) in estimates(m) {
+            let shown = |value: fn(Estimate) -> f64| {
+                estimate.map_or(String::new(), |estimate| value(estimate).to_string())
+            };
+            row.extend([shown(|e| e.value), shown(|e| e.low), shown(|e| e.high)]);
+        }
+        row
+    });
+    for row in std::iter::once(header).chain(rows) {
+        out.write_record(row).expect("writing into memory");
+    }
+    String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
+}
+
+/// One row a flight, in the order of the study.
+fn write_flights(out: impl Write, records: &[Record]) -> std::io::Result<()> {
+    let mut out = csv::Writer::from_writer(out);
+    out.write_record([
+        "contender",
+        "word",
+        "seed",
+        "read",
+        "all_read",
+        "legible",
+        "probability",
+        "log_odds",
+        "similarity",
+        "contour_m",
+        "lag_s",
+        "rmse_x_m",
+        "rmse_y_m",
+        "rmse_z_m",
+        "drift_y_m",
+        "tilt_rad",
+        "saturated_frac",
+        "duration_s",
+        "energy_j",
+        "lost",
+    ])?;
+    for record in records {
+        let o = &record.outcome;
+        let figures = o.flown.map(|f| {
+            [
+                f.contour_m,
+                f.lag_s,
+                f.rmse_x_m,
+                f.rmse_y_m,
+                f.rmse_z_m,
+                f.drift_y_m,
+                f.tilt_rad,
+                f.saturated_frac,
+                f.duration_s,
+                f.energy_j,
+            ]
+        });
+        let mut row = vec![
+            record.contender.clone(),
+            record.word.clone(),
+            record.seed.to_string(),
+            o.read.clone(),
+            o.all_read.to_string(),
+            o.legible.to_string(),
+            o.probability.to_string(),
+            o.log_odds.to_string(),
+            o.similarity.to_string(),
+        ];
+        row.extend(figures.map_or(vec![String::new(); 10], |f| f.map(|v| v.to_string()).to_vec()));
+        row.push(o.lost.clone().unwrap_or_default());
+        out.write_record(row)?;
+    }
+    out.flush()
+}
+
+/// The ranking as people read it, within 80 columns.
+pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
+    let words = match study.words.as_slice() {
+        [(word, n)] => format!("{word}, {n} seeds"),
+        words => format!(
+            "{} words, {} flights each scene",
+            words.len(),
+            words.iter().map(|(_, n)| *n as usize).sum::<usize>()
+        ),
+    };
+    let mut text = format!(
+        "{words}; the same seeds for all; intervals of 95 %\n\n      scene              P(read)  \
+         interval        worst 10 %  all letters  lost\n"
+    );
+    for m in &ranking.measures {
+        let (p, read) = (m.legibility, 100.0 * m.all_read.value);
+        text += &format!(
+            "{:>4}  {:16}{:10.3}  {:.3} to {:.3}{:13.3}{read:11.1} %{:6}\n",
+            m.place,
+            shortened(&m.contender, 16),
+            p.value,
+            p.low,
+            p.high,
+            m.worst_decile.value,
+            m.n_lost
+        );
+    }
+    text += "\nscene           contour    lag  rms x     y     z   y max   sat.   time  energy\n";
+    text += "                     mm      s     mm    mm    mm      mm      %      s       J\n";
+    for m in &ranking.measures {
+        let name = shortened(&m.contender, 16);
+        let Some(f) = &m.flown else {
+            text += &format!("{name:16}lost on every flight\n");
+            continue;
+        };
+        let mm = |e: Estimate| 1e3 * e.value;
+        text += &format!(
+            "{name:16}{:7.1}{:7.2}{:7.1}{:6.1}{:6.1}{:8.1}{:7.1}{:7.1}{:8.0}\n",
+            mm(f.contour_m),
+            f.lag_s.value,
+            mm(f.rmse_x_m),
+            mm(f.rmse_y_m),
+            mm(f.rmse_z_m),
+            mm(f.drift_y_m),
+            100.0 * f.saturated_frac.value,
+            f.duration_s.value,
+            f.energy_j.value
+        );
+    }
+    let alike: Vec<_> = ranking.pairs.iter().filter(|pair| !pair.distinguishable).collect();
+    text += match (ranking.pairs.len(), alike.len()) {
+        (0, _) => "",
+        (_, 0) => "\nevery two of them are distinguishable\n",
+        _ => "\nNOT distinguishable (difference of P, interval for all pairs together):\n",
+    };
+    for pair in alike {
+        let d = pair.difference;
+        text += &format!(
+            "  {} and {}: {:+.4}, {:+.4} to {:+.4}\n",
+            shortened(&pair.better, 20),
+            shortened(&pair.worse, 20),
+            d.value,
+            d.low,
+            d.high
+        );
+    }
+    text
+}
+
+fn shortened(name: &str, n: usize) -> String {
+    name.chars().take(n - 1).collect()
+}

@@ -1,0 +1,120 @@
+//! Plots of studies: flight time against legibility, and what breaks a word.
+
+use std::ops::Range;
+
+use plotters::style::RGBColor;
+
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
+
+/// Okabe and Ito (2008), from the strongest on.
+const COLORS: [RGBColor; 7] = [
+    BLUE,
+    VERMILION,
+    RGBColor(0, 158, 115),
+    RGBColor(230, 159, 0),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    BLACK,
+];
+
+/// Height of the panel.
+const HEIGHT_PX: f64 = 360.0;
+
+/// Candidates as flight time (s) and legibility (0 to 1), those that none beats in both as a line, and
+/// where they began. SVG.
+#[must_use]
+pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)>) -> String {
+    let times = all.iter().chain(front).chain(&start).map(|point| point.0);
+    let x = around(times, 1.0);
+    let probabilities = all.iter().chain(front).chain(&start).map(|point| point.1);
+    let y = around(probabilities, 0.02);
+    let [wide, high] = [(x.end - x.start) / 150.0, (y.end - y.start) / 75.0];
+    let cross = |&(s, p): &(f64, f64), size: f64| {
+        let [dx, dy] = [wide * size, high * size];
+        [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
+    };
+    let grey = Pen { color: GRAY, width_px: 1.5 };
+    let blue = Pen { color: BLUE, width_px: 2.0 };
+    let red = Pen { color: VERMILION, width_px: 3.0 };
+    let crosses = |points: &[(f64, f64)], size| -> Vec<_> {
+        points.iter().flat_map(|point| cross(point, size)).collect()
+    };
+    let mut curves = vec![
+        Curve { pen: grey, pieces: crosses(all, 0.6) },
+        Curve { pen: blue, pieces: vec![front.to_vec()] },
+        Curve { pen: blue, pieces: crosses(front, 0.8) },
+    ];
+    let start: Vec<_> = start.into_iter().collect();
+    curves.push(Curve { pen: red, pieces: crosses(&start, 1.0) });
+    Figure {
+        title: "Flight time against legibility".to_owned(),
+        legend: vec![
+            ("candidates".to_owned(), grey),
+            ("beaten by none in both".to_owned(), blue),
+            ("the scene as it was".to_owned(), red),
+        ],
+        x_name: "flight time (s)",
+        panels: vec![Panel {
+            x,
+            y,
+            height_px: HEIGHT_PX,
+            y_name: "P(read)",
+            curves,
+            marks: Vec::new(),
+        }],
+    }
+    .svg()
+}
+
+/// Curves by name: probability of being read over multiples of the usual. Two rows of names fit. SVG.
+#[must_use]
+pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
+    let pens = COLORS.into_iter().cycle().map(|color| Pen { color, width_px: 2.0 });
+    let named: Vec<_> = curves.iter().zip(pens).collect();
+    let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
+    Figure {
+        title: title.to_owned(),
+        legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
+        x_name: "times the usual",
+        panels: vec![Panel {
+            x,
+            y: 0.0..1.0,
+            height_px: HEIGHT_PX,
+            y_name: "P(read)",
+            curves: named
+                .iter()
+                .map(|((_, points), pen)| Curve { pen: *pen, pieces: vec![points.clone()] })
+                .collect(),
+            marks: Vec::new(),
+        }],
+    }
+    .svg()
+}
+
+/// What holds all values, with a margin.
+fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(value), high.max(value))
+    });
+    if low > high {
+        return 0.0..1.0;
+    }
+    let margin = (0.05 * (high - low)).max(0.5 * least);
+    low - margin..high + margin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_hold_every_curve_and_stand_nothing_at_all() {
+        let svg =
+            pareto(&[(60.0, 0.8), (40.0, 0.7)], &[(40.0, 0.7), (60.0, 0.8)], Some((60.0, 0.8)));
+        assert!(svg.starts_with("<svg") && svg.contains("beaten by none"), "{svg}");
+        assert!(pareto(&[], &[], None).starts_with("<svg"));
+        let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
+        let svg = endurance("team", &[curve("mass"), curve("gusts")]);
+        assert!(svg.contains("mass") && svg.contains("gusts") && svg.contains("times the usual"));
+    }
+}

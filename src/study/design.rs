@@ -1,0 +1,220 @@
+//! The design of a study: which contender flies which word with which seed, and flying it.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Conditions, Contender, Outcome, Prepared, Record, Store};
+use crate::error::{Error, Result};
+
+/// Most flights of a study: a week of one core.
+const MAX_TRIALS: usize = 20_000_000;
+
+/// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
+/// any part of them can be flown anywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Scenes under comparison.
+    pub contenders: Vec<Contender>,
+    /// Words, each with its number of seeds.
+    pub words: Vec<(String, u32)>,
+    /// How flights differ from their scene.
+    pub conditions: Conditions,
+    /// Seed of all seeds.
+    pub seed: u64,
+}
+
+/// One flight of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trial {
+    /// Index of the contender.
+    pub contender: usize,
+    /// Index of the word.
+    pub word: usize,
+    /// Seed of the flight, the same for every contender.
+    pub seed: u64,
+}
+
+impl Study {
+    /// Checks that there is something to compare, that names are distinct and that it is feasible.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] saying what is missing.
+    pub fn check(&self) -> Result<()> {
+        let hint = "for example: noctograph rank team tuned --words NOOR --seeds 50";
+        if self.contenders.is_empty() || self.words.iter().all(|(_, n)| *n == 0) {
+            let found = format!("{} scenes, {} words", self.contenders.len(), self.words.len());
+            return Err(Error::input("study", found, "at least one of each, and a seed", hint));
+        }
+        for (index, contender) in self.contenders.iter().enumerate() {
+            if self.contenders[..index].iter().any(|other| other.name == contender.name) {
+                let wanted = "scenes of different names";
+                return Err(Error::input("study", &contender.name, wanted, "rename the file"));
+            }
+        }
+        for (index, (word, _)) in self.words.iter().enumerate() {
+            if self.words[..index].iter().any(|(other, _)| other == word) {
+                let hint = "name each word once, with its number of seeds: NOOR:200";
+                return Err(Error::input("words", word, "each word once", hint));
+            }
+        }
+        if self.n_trials() > MAX_TRIALS {
+            let wanted = format!("at most {MAX_TRIALS} flights");
+            return Err(Error::input("study", self.n_trials(), wanted, "fewer words or seeds"));
+        }
+        self.conditions.check()
+    }
+
+    /// Flights in all.
+    #[must_use]
+    pub fn n_trials(&self) -> usize {
+        let of_words: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
+        of_words.saturating_mul(self.contenders.len())
+    }
+
+    /// All flights in their order: contender by contender, word by word.
+    pub fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
+        (0..self.contenders.len()).flat_map(move |contender| {
+            self.words.iter().enumerate().flat_map(move |(word, (name, n))| {
+                let seeds = (0..*n).map(move |index| self.trial_seed(name, index));
+                seeds.map(move |seed| Trial { contender, word, seed })
+            })
+        })
+    }
+
+    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31, so
+    /// that a scene file takes it.
+    fn trial_seed(&self, word: &str, index: u32) -> u64 {
+        let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
+        super::fnv_1a(bytes.chain(word.bytes())) >> 33
+    }
+
+    /// Every contender made ready for every word, contender by contender.
+    ///
+    /// # Errors
+    ///
+    /// What [`Prepared::new`] says.
+    pub fn prepare(&self) -> Result<Vec<Prepared>> {
+        let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
+        both.map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
+            .collect()
+    }
+
+    /// What a trial leaves behind.
+    #[must_use]
+    pub fn record(&self, trial: Trial, prepared: &Prepared, outcome: Outcome) -> Record {
+        Record {
+            scene: prepared.digest().to_owned(),
+            contender: self.contenders[trial.contender].name.clone(),
+            word: prepared.word().to_owned(),
+            seed: trial.seed,
+            outcome,
+        }
+    }
+}
+
+/// Flies trials, on as many threads as rayon's pool has; what the store holds is not flown again, and
+/// what is flown goes into it at once. `done` hears how many trials are done, from any thread.
+///
+/// The records come in the order of the trials: they depend on nothing but the study.
+///
+/// # Errors
+///
+/// What the flights and the store say; what was flown before stays in the store.
+pub fn evaluate(
+    study: &Study,
+    trials: &[Trial],
+    store: Option<&Store>,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Record>> {
+    evaluate_prepared(study, &study.prepare()?, trials, store, done)
+}
+
+/// The same with what [`Study::prepare`] made before.
+pub(super) fn evaluate_prepared(
+    study: &Study,
+    prepared: &[Prepared],
+    trials: &[Trial],
+    store: Option<&Store>,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Record>> {
+    let finished = AtomicUsize::new(0);
+    let fly = |trial: &Trial| {
+        let ready = &prepared[trial.contender * study.words.len() + trial.word];
+        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
+        let record = match known {
+            Some(outcome) => study.record(*trial, ready, outcome),
+            None => {
+                let record = study.record(*trial, ready, ready.outcome(trial.seed)?);
+                store.map_or(Ok(()), |store| store.put(&record))?;
+                record
+            }
+        };
+        done(finished.fetch_add(1, Ordering::Relaxed) + 1);
+        Ok(record)
+    };
+    trials.par_iter().map(fly).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    fn study() -> Study {
+        Study {
+            contenders: vec![
+                Contender::new("team", Scene::default()),
+                Contender::find("geometric").unwrap(),
+            ],
+            words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],
+            conditions: Conditions::default(),
+            seed: 0,
+        }
+    }
+
+    #[test]
+    fn contenders_share_their_seeds_and_words_do_not() {
+        let study = study();
+        let trials: Vec<Trial> = study.trials().collect();
+        assert_eq!((trials.len(), study.n_trials()), (6, 6));
+        let seeds = |contender: usize| -> Vec<u64> {
+            trials.iter().filter(|t| t.contender == contender).map(|t| t.seed).collect()
+        };
+        assert_eq!(seeds(0), seeds(1));
+        let mut all = seeds(0);
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 3);
+        assert!(all.iter().all(|seed| *seed < 1 << 31));
+    }
+
+    #[test]
+    fn any_number_of_threads_leaves_the_same_records() {
+        let study = study();
+        let trials: Vec<Trial> = study.trials().collect();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| evaluate(&study, &trials, None, &|_| {})).unwrap()
+        };
+        let json = |records: &[Record]| serde_json::to_string(records).unwrap();
+        assert_eq!(json(&on(1)), json(&on(3)));
+    }
+
+    #[test]
+    fn studies_that_compare_nothing_are_refused() {
+        let refused = |change: fn(&mut Study)| {
+            let mut study = study();
+            change(&mut study);
+            study.check().unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.contenders.clear()).contains("0 scenes"));
+        assert!(refused(|s| s.words.push(("I".into(), 5))).contains("each word once"));
+        assert!(refused(|s| s.contenders.push(s.contenders[0].clone())).contains("team"));
+        assert!(refused(|s| s.words[0].1 = u32::MAX).contains("at most"));
+        study().check().unwrap();
+    }
+}

@@ -1,0 +1,221 @@
+//! Knobs: what a search may turn in a scene, named by the scene's own keys.
+
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::sim::ControllerKind;
+
+/// One setting that a search turns, or several by one factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Knob {
+    /// Keys of the scene, such as `controller.q[0]`.
+    pub keys: Vec<String>,
+    /// How far it turns.
+    pub turn: Turn,
+}
+
+/// How far a knob turns.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Turn {
+    /// The scene's own value times a factor, evenly in its logarithm.
+    Times([f64; 2]),
+    /// A value, evenly in its logarithm.
+    To([f64; 2]),
+    /// One of several words.
+    Choice(Vec<String>),
+}
+
+impl Knob {
+    fn times(keys: &[&str], least: f64, most: f64) -> Self {
+        let keys = keys.iter().map(|key| (*key).to_owned()).collect();
+        Self { keys, turn: Turn::Times([least, most]) }
+    }
+
+    fn to(keys: &[&str], least: f64, most: f64) -> Self {
+        Self { turn: Turn::To([least, most]), ..Self::times(keys, 1.0, 1.0) }
+    }
+
+    /// What is worth turning in a scene: weights by groups that share a meaning, feed-forward, trust in
+    /// the measured position, speed.
+    #[must_use]
+    pub fn usual(scene: &Scene) -> Vec<Self> {
+        let trust = Self::times(&["observer.q[0]", "observer.q[1]", "observer.q[2]"], 0.05, 5.0);
+        let speed = Self::to(&["plan.stroke_speed_m_s"], 0.12, 0.4);
+        let mut knobs = match scene.controller.kind {
+            ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+                let kinds = ["lqr", "lqr-feedforward", "lqr-integral"].map(str::to_owned);
+                let integral = ["[0]", "[1]", "[2]"].map(|i| format!("controller.q_integral{i}"));
+                vec![
+                    Self { keys: vec!["controller.kind".into()], turn: Turn::Choice(kinds.into()) },
+                    Self::times(&["controller.q[0]", "controller.q[1]"], 0.1, 10.0),
+                    Self::times(&["controller.q[2]"], 0.1, 10.0),
+                    Self::to(&["controller.q[4]", "controller.q[5]"], 1e-3, 10.0),
+                    Self::times(&["controller.q[6]", "controller.q[7]"], 0.03, 30.0),
+                    Self::times(&["controller.q[8]"], 0.1, 10.0),
+                    Self::times(&["controller.q[9]", "controller.q[10]"], 1e-3, 3.0),
+                    Self { keys: integral.into(), turn: Turn::To([1.0, 300.0]) },
+                    Self::times(&["controller.r[0]", "controller.r[1]"], 0.1, 30.0),
+                    Self::times(&["controller.r[3]"], 0.1, 10.0),
+                ]
+            }
+            ControllerKind::Geometric => vec![
+                Self::times(&["controller.k_position"], 0.3, 3.0),
+                Self::times(&["controller.k_velocity"], 0.3, 3.0),
+                Self::to(&["controller.k_position_integral"], 0.1, 20.0),
+                Self::times(&["controller.k_attitude[0]", "controller.k_attitude[1]"], 0.3, 3.0),
+                Self::times(&["controller.k_rate[0]", "controller.k_rate[1]"], 0.3, 3.0),
+            ],
+            ControllerKind::Pid => Vec::new(),
+        };
+        knobs.extend([trust, speed]);
+        knobs
+    }
+
+    /// Sets the knob in a scene to `at`, 0 to 1.
+    fn set(&self, scene: &mut toml::Value, at: f64) -> Result<()> {
+        for key in &self.keys {
+            let value = find(scene, key)?;
+            *value = match (&self.turn, value.as_float()) {
+                (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range, at)),
+                (Turn::To(range), Some(_)) => toml::Value::Float(between(*range, at)),
+                (Turn::Choice(words), None) if value.is_str() => {
+                    #[expect(clippy::cast_precision_loss, reason = "a few words")]
+                    #[expect(clippy::cast_possible_truncation, reason = "a few words")]
+                    #[expect(clippy::cast_sign_loss, reason = "0 to 1")]
+                    let index = (at * words.len() as f64) as usize;
+                    toml::Value::String(words[index.min(words.len() - 1)].clone())
+                }
+                _ => {
+                    let wanted = "a number for a range, a word for a choice";
+                    return Err(Error::input(key, value.to_string(), wanted, HINT));
+                }
+            };
+        }
+        Ok(())
+    }
+}
+
+const HINT: &str = "for example --knob plan.stroke_speed_m_s=0.1..0.4, --knob 'controller.q[2]*=\
+                    0.1..10' or --knob controller.kind=lqr|lqr-feedforward; `noctograph scene` \
+                    prints the keys";
+
+/// A scene with its knobs set to a point of the unit cube.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and what the
+/// scene's checks say.
+pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
+    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    for (knob, at) in knobs.iter().zip(point) {
+        knob.set(&mut value, *at)?;
+    }
+    let scene: Scene = value.try_into().map_err(|error: toml::de::Error| {
+        let found = error.message().to_owned();
+        Error::input("--knob", found, "values that the scene's keys take", HINT)
+    })?;
+    scene.check()?;
+    Ok(scene)
+}
+
+/// The value of a key such as `controller.q[0]`.
+fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value> {
+    let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
+    parts
+        .try_fold(scene, |value, part| match value {
+            toml::Value::Table(table) => table.get_mut(part),
+            toml::Value::Array(array) => array.get_mut(part.parse::<usize>().ok()?),
+            _ => None,
+        })
+        .ok_or_else(|| Error::input("--knob", key, "a key of the scene", HINT))
+}
+
+/// Between two positive numbers, evenly in the logarithm.
+fn between([least, most]: [f64; 2], at: f64) -> f64 {
+    libm::exp(libm::log(least) + at * libm::log(most / least))
+}
+
+impl FromStr for Knob {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let broken = || Error::input("--knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
+        let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
+        let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        let keys = keys.split('+').map(str::to_owned).collect();
+        if let Some((low, high)) = turn.split_once("..") {
+            let number = |text: &str| text.parse::<f64>().ok().filter(|x| *x > 0.0);
+            let [low, high] = [number(low), number(high)].map(|x| x.ok_or_else(broken));
+            let range = [low?, high?];
+            if !(range[0] < range[1] && range[1].is_finite()) {
+                return Err(broken());
+            }
+            return Ok(Self {
+                keys,
+                turn: if times { Turn::Times(range) } else { Turn::To(range) },
+            });
+        }
+        let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
+        if times || words.len() < 2 || words.iter().any(String::is_empty) {
+            return Err(broken());
+        }
+        Ok(Self { keys, turn: Turn::Choice(words) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn knobs_turn_what_they_name_and_nothing_else() {
+        let knobs = [
+            "controller.q[0]+controller.q[1]*=0.1..10",
+            "plan.stroke_speed_m_s=0.1..0.4",
+            "controller.kind=lqr|lqr-integral",
+        ];
+        let knobs = knobs.map(|text| text.parse::<Knob>().unwrap());
+        let scene = Scene::default();
+        let turned = turned(&scene, &knobs, &[0.75, 0.5, 0.6]).unwrap();
+        let mut want = scene.clone();
+        let root = libm::exp(0.5 * libm::log(10.0));
+        want.controller.q[0] = turned.controller.q[0];
+        want.controller.q[1] = turned.controller.q[1];
+        assert!((turned.controller.q[0] / (120.0 * root) - 1.0).abs() < 1e-12);
+        assert!((turned.controller.q[1] / (80.0 * root) - 1.0).abs() < 1e-12);
+        want.plan.stroke_speed_m_s = turned.plan.stroke_speed_m_s;
+        assert!((turned.plan.stroke_speed_m_s - 0.2).abs() < 1e-12);
+        want.controller.kind = ControllerKind::LqrIntegral;
+        assert_eq!(turned, want);
+    }
+
+    #[test]
+    fn the_usual_knobs_fit_every_controller() {
+        for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
+            let mut scene = Scene::default();
+            scene.controller.kind = kind;
+            let knobs = Knob::usual(&scene);
+            for at in [0.0, 0.5, 0.999] {
+                turned(&scene, &knobs, &vec![at; knobs.len()]).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn broken_knobs_are_named() {
+        for text in ["q", "a=1", "a=2..1", "a=-1..1", "a=0..1", "a=nan..1", "a*=x|y", "a=1..inf"] {
+            assert!(text.parse::<Knob>().unwrap_err().to_string().contains(text), "{text}");
+        }
+        let wrong = |text: &str, found: &str| {
+            let knob = text.parse::<Knob>().unwrap();
+            let error = turned(&Scene::default(), &[knob], &[0.5]).unwrap_err().to_string();
+            assert!(error.contains(found), "{error}");
+        };
+        wrong("controller.q[12]=1..2", "controller.q[12]");
+        wrong("plan.style_x=1..2", "plan.style_x");
+        wrong("controller.kind=1..2", "controller.kind");
+        wrong("controller.kind=lqr|pud", "pud");
+        wrong("vehicle.mass_kg=1000..2000", "vehicle.mass_kg");
+    }
+}

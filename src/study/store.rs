@@ -1,0 +1,370 @@
+//! Store: a folder that never loses a flight.
+//!
+//! `study.json` says which program wrote it; `flights.jsonl` holds one JSON object a line, which
+//! `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by one write of
+//! one line, so a killed program leaves at worst half a line at the end, which the next one takes
+//! off. One program at a time has the folder (`lock`).
+
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use serde::{Deserialize, Serialize};
+
+use super::Outcome;
+use crate::error::{Error, Result};
+
+/// Layout of the folder.
+const FORMAT: u32 = 1;
+/// Records between two calls for the disk to keep what it has. Killing the program loses none of
+/// them; pulling the plug loses at most so many.
+const SYNC_EVERY: usize = 64;
+/// Longest line that is read.
+const MAX_LINE_BYTES: usize = 1 << 20;
+
+/// One flight, as a line of a store.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// [`super::Prepared::digest`].
+    pub scene: String,
+    /// Name of the contender that flew.
+    pub contender: String,
+    /// What it wrote.
+    pub word: String,
+    /// Seed of the flight.
+    pub seed: u64,
+    /// What came of it.
+    #[serde(flatten)]
+    pub outcome: Outcome,
+}
+
+/// Who wrote a folder.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Header {
+    noctograph: String,
+    format: u32,
+}
+
+/// A folder of flights.
+#[derive(Debug)]
+pub struct Store {
+    path: PathBuf,
+    known: HashMap<(String, u64), Outcome>,
+    log: Mutex<Log>,
+    /// Held while this lives.
+    _lock: File,
+}
+
+/// The end of `flights.jsonl`.
+#[derive(Debug)]
+struct Log {
+    file: File,
+    /// Bytes of whole lines.
+    length: u64,
+    unsynced: usize,
+}
+
+impl Store {
+    /// Name of the file with the flights.
+    pub const FLIGHTS: &str = "flights.jsonl";
+
+    /// Opens a store, making it where there is none.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where another process has it open; [`Error::Input`] where another
+    /// version of this program wrote it or a line is broken; [`Error::Io`].
+    pub fn open(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
+        let lock = lock(folder)?;
+        check_header(folder)?;
+        let path = folder.join(Self::FLIGHTS);
+        let unwritable = |source| Error::write(&path, source);
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        let mut file = options.open(&path).map_err(unwritable)?;
+        let (records, length) = read_lines(&file, &path)?;
+        if file.metadata().map_err(unwritable)?.len() > length {
+            file.set_len(length).map_err(unwritable)?;
+        }
+        file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
+        let known = records.into_iter().map(|r| ((r.scene, r.seed), r.outcome)).collect();
+        let log = Mutex::new(Log { file, length, unsynced: 0 });
+        Ok(Self { path, known, log, _lock: lock })
+    }
+
+    /// What is known of a flight from before the store was opened.
+    #[must_use]
+    pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
+        self.known.get(&(scene.to_owned(), seed)).cloned()
+    }
+
+    /// Flights that were there when it was opened.
+    #[must_use]
+    pub fn n_known(&self) -> usize {
+        self.known.len()
+    }
+
+    /// Appends a flight, by one write of one whole line.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`], such as for a full disk; then the line is taken off again, and all before it
+    /// stays.
+    ///
+    /// # Panics
+    ///
+    /// If another thread panicked while it wrote.
+    pub fn put(&self, record: &Record) -> Result<()> {
+        let line = line_of(record);
+        let mut log = self.log.lock().expect("no writer panics");
+        log.append(&line).map_err(|source| Error::write(&self.path, source))
+    }
+
+    /// Reads the flights of a file of a store, or of a shard.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`], [`Error::Input`] with the line that is broken. Half a line at the end is none.
+    pub fn read(path: &Path) -> Result<Vec<Record>> {
+        let file = File::open(path).map_err(|source| Error::read(path, source))?;
+        Ok(read_lines(&file, path)?.0)
+    }
+
+    /// Writes records as a whole file of such lines: under another name, kept by the disk, then named.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; then nothing is left.
+    pub fn write(path: &Path, records: &[Record]) -> Result<()> {
+        let unwritable = |source| Error::write(path, source);
+        let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
+        let mut file = file.map_err(unwritable)?;
+        let mut out = std::io::BufWriter::new(file.as_file_mut());
+        let written = records.iter().try_for_each(|record| out.write_all(&line_of(record)));
+        written.and_then(|()| out.flush()).map_err(unwritable)?;
+        drop(out);
+        file.as_file().sync_all().map_err(unwritable)?;
+        file.persist(path).map_err(|error| Error::write(path, error.error))?;
+        Ok(())
+    }
+}
+
+impl Drop for Store {
+    fn drop(&mut self) {
+        if let Ok(log) = self.log.lock() {
+            // What was written is safe from us; this is against the plug.
+            let _ = log.file.sync_data();
+        }
+    }
+}
+
+impl Log {
+    fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
+        if let Err(error) = self.file.write_all(line) {
+            // Half a line would be taken off at the next start; better not to leave it.
+            let _ = self.file.set_len(self.length);
+            let _ = self.file.seek(SeekFrom::Start(self.length));
+            return Err(error);
+        }
+        self.length += line.len() as u64;
+        self.unsynced += 1;
+        if self.unsynced >= SYNC_EVERY {
+            self.unsynced = 0;
+            self.file.sync_data()?;
+        }
+        Ok(())
+    }
+}
+
+fn line_of(record: &Record) -> Vec<u8> {
+    let mut line = serde_json::to_vec(record).expect("a record is plain data");
+    line.push(b'\n');
+    line
+}
+
+/// Takes the folder for this process, until the file is closed.
+fn lock(folder: &Path) -> Result<File> {
+    let path = folder.join("lock");
+    let unwritable = |source| Error::write(&path, source);
+    let file = OpenOptions::new().create(true).write(true).truncate(false).open(&path);
+    let file = file.map_err(unwritable)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Infeasible {
+            what: format!("{}: another noctograph is writing here", folder.display()),
+            hint: "wait until it is done, or name another folder with -o".into(),
+        }),
+        Err(TryLockError::Error(source)) => Err(unwritable(source)),
+    }
+}
+
+/// Checks who wrote the folder; signs a new one.
+fn check_header(folder: &Path) -> Result<()> {
+    let path = folder.join("study.json");
+    let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let text = serde_json::to_string(&ours).expect("plain data") + "\n";
+            let unwritable = |source| Error::write(&path, source);
+            let mut file = tempfile::NamedTempFile::new_in(folder).map_err(unwritable)?;
+            file.write_all(text.as_bytes()).map_err(unwritable)?;
+            file.persist(&path).map_err(|error| unwritable(error.error))?;
+            return Ok(());
+        }
+        Err(source) => return Err(Error::read(&path, source)),
+    };
+    let hint = "name another folder with -o: flights of two versions cannot be compared";
+    let header: Header = serde_json::from_str(&text).map_err(|_broken| {
+        let found: String = text.chars().take(60).collect();
+        Error::input(path.display().to_string(), found, "the header of a store", hint)
+    })?;
+    if header != ours {
+        let found =
+            format!("flights of noctograph {} (format {})", header.noctograph, header.format);
+        let wanted = format!("{} (format {FORMAT})", ours.noctograph);
+        return Err(Error::input(path.display().to_string(), found, wanted, hint));
+    }
+    Ok(())
+}
+
+/// All whole lines, and how many bytes they take.
+fn read_lines(file: &File, path: &Path) -> Result<(Vec<Record>, u64)> {
+    let mut reader = BufReader::new(file);
+    let (mut records, mut length, mut line) = (Vec::new(), 0, Vec::new());
+    loop {
+        line.clear();
+        let limited = std::io::Read::take(&mut reader, MAX_LINE_BYTES as u64);
+        let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
+        if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES) {
+            return Ok((records, length));
+        }
+        let record = serde_json::from_slice(&line).map_err(|error| {
+            let place = format!("{}:{}", path.display(), records.len() + 1);
+            let hint = "take the line out, or name another folder with -o";
+            Error::input(place, error.to_string(), "a flight as one JSON object", hint)
+        })?;
+        records.push(record);
+        length += n as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::Flown;
+
+    fn record(seed: u64) -> Record {
+        let third = 1.0 / 3.0;
+        let flown = Flown {
+            contour_m: third,
+            lag_s: 0.1 + 0.2,
+            rmse_x_m: 1e-300,
+            rmse_y_m: 0.0,
+            rmse_z_m: 5e-324,
+            drift_y_m: third,
+            tilt_rad: third,
+            saturated_frac: 0.0,
+            duration_s: 57.3,
+            energy_j: 1e9,
+        };
+        let outcome = Outcome {
+            read: "N?\"OR".into(),
+            all_read: false,
+            legible: false,
+            probability: third,
+            log_odds: -10.0,
+            similarity: 0.7,
+            flown: (seed != 1).then_some(flown),
+            lost: (seed == 1).then(|| "the drone turns over".into()),
+        };
+        let (scene, contender, word) = ("0123".into(), "team".into(), "NOOR".into());
+        Record { scene, contender, word, seed, outcome }
+    }
+
+    #[test]
+    fn what_was_put_comes_back_bit_by_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        (0..3).for_each(|seed| store.put(&record(seed)).unwrap());
+        drop(store);
+        let store = Store::open(folder.path()).unwrap();
+        assert_eq!(store.n_known(), 3);
+        (0..3).for_each(|seed| assert_eq!(store.get("0123", seed), Some(record(seed).outcome)));
+        assert_eq!(store.get("0123", 3), None);
+        let all = Store::read(&folder.path().join(Store::FLIGHTS)).unwrap();
+        assert_eq!(all, (0..3).map(record).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn half_a_line_at_the_end_is_taken_off() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Store::FLIGHTS);
+        Store::open(folder.path()).unwrap().put(&record(0)).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for cut in [1, 20, whole.len() - 1] {
+            std::fs::write(&path, [&whole[..], &whole[..cut]].concat()).unwrap();
+            let store = Store::open(folder.path()).unwrap();
+            assert_eq!(store.n_known(), 1);
+            store.put(&record(2)).unwrap();
+            drop(store);
+            let read = Store::read(&path).unwrap();
+            assert_eq!(read, [record(0), record(2)], "cut after {cut}");
+        }
+    }
+
+    #[test]
+    fn a_broken_line_in_the_middle_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Store::FLIGHTS);
+        Store::open(folder.path()).unwrap().put(&record(0)).unwrap();
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        text += "{\"scene\": 3}\n";
+        std::fs::write(&path, text).unwrap();
+        let error = Store::open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("flights.jsonl:2"), "{error}");
+    }
+
+    #[test]
+    fn two_cannot_write_into_one_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Store::open(folder.path()).unwrap();
+        let error = Store::open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("another noctograph"), "{error}");
+        drop(first);
+        Store::open(folder.path()).unwrap();
+    }
+
+    #[test]
+    fn flights_of_another_version_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Store::open(folder.path()).unwrap());
+        let header = folder.path().join("study.json");
+        for (text, found) in [
+            ("{\"noctograph\": \"9.9.9\", \"format\": 1}", "9.9.9"),
+            ("{\"noctograph\": \"0.1.0\", \"format\": 7}", "format 7"),
+            ("half of", "half of"),
+        ] {
+            std::fs::write(&header, text).unwrap();
+            let error = Store::open(folder.path()).unwrap_err().to_string();
+            assert!(error.contains(found), "{error}");
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_an_error_that_names_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink("/dev/full", folder.path().join(Store::FLIGHTS)).unwrap();
+        // /dev/full reads as zeros without end, so the log is opened past the reading.
+        let file = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut log = Log { file, length: 0, unsynced: 0 };
+        let error = log.append(&line_of(&record(0))).unwrap_err();
+        assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
+        assert_eq!((log.length, log.unsynced), (0, 0), "nothing counts as written");
+    }
+}
