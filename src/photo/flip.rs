@@ -3,7 +3,7 @@
 //! alternating images", with the constants of that paper).
 //!
 //! Colours are filtered as the eye does at a distance ([`PIXELS_PER_DEGREE`]), compared in Hunt-
-//! adjusted L\*a\*b\* by the HyAB distance, and weighed more where edges and points differ. 0: the
+//! adjusted `L*a*b*` by the distance `HyAB`, and weighed more where edges and points differ. 0: the
 //! same; 1: as far as can be, black against white or green against blue.
 
 use super::{Photo, srgb};
@@ -105,7 +105,7 @@ struct Plane {
 
 /// What the eye makes of a picture.
 struct Seen {
-    /// Hunt-adjusted L\*, a\*, b\*.
+    /// Hunt-adjusted `L*`, `a*`, `b*`.
     lab: [Plane; 3],
     /// Strength of edges and points.
     edges: Plane,
@@ -258,7 +258,7 @@ fn rgb_from_xyz([x, y, z]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// `YCxCz`: L\*a\*b\* without its roots.
+/// `YCxCz`: `L*a*b*` without its roots.
 fn opponent_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = [0, 1, 2].map(|c| xyz[c] / WHITE[c]);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -269,7 +269,7 @@ fn xyz_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     [(y + cx / 500.0) * WHITE[0], y * WHITE[1], (y - cz / 200.0) * WHITE[2]]
 }
 
-/// L\*a\*b\* with colourfulness falling in the dark (Hunt).
+/// `L*a*b*` with colourfulness falling in the dark (Hunt).
 fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
     let root = |value: f32| {
         let delta = 6.0_f32 / 29.0;

@@ -456,15 +456,16 @@ fn distances(ink: &Ink) -> Vec<f32> {
     for x in 0..width {
         for y in 0..height {
             let mut best = across[y * width + x] * across[y * width + x];
-            let mut away = 1.0_f32;
-            while away * away < best && (away as usize) < height {
-                let step = away as usize;
+            for step in 1..height {
+                let away = (step * step) as f32;
+                if away >= best {
+                    break;
+                }
                 for row in [y.checked_sub(step), Some(y + step).filter(|row| *row < height)] {
                     let Some(row) = row else { continue };
                     let aside = across[row * width + x];
-                    best = best.min(aside * aside + away * away);
+                    best = best.min(aside * aside + away);
                 }
-                away += 1.0;
             }
             out[y * width + x] = best.sqrt();
         }

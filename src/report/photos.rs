@@ -18,7 +18,7 @@ pub fn shrunk(photo: Photo, longest_px: u32) -> Photo {
     let (width_px, height_px) = (side(photo.width_px), side(photo.height_px));
     let linear = srgb::linear_from_level();
     let range = |i: u32, n: u32, all: u32| {
-        let place = |i: u32| (u64::from(i) * u64::from(all) / u64::from(n)) as usize;
+        let place = |i: u32| i as usize * all as usize / n as usize;
         place(i)..place(i + 1).max(place(i) + 1)
     };
     let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
