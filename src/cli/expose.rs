@@ -11,7 +11,7 @@ use super::progress::Busy;
 use super::{Outcome, print, show, tell};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::expose::{self, BackendChoice, ExposeOptions, Exposure};
+use crate::expose::{Developer, Exposure, project};
 use crate::light::{LightSample, LightTrace};
 use crate::photo::exr::Precision;
 use crate::photo::{Photo, develop, read_out};
@@ -66,8 +66,9 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
     args.picture.apply(&mut scene)?;
     let bounds_m = bounds_m(&mut scene, args.word.as_deref())?;
     let output = Output::create(&args.output)?;
+    let developer = Developer::start(args.picture.backend.into());
     let (trace, end_s) = lamps(&args.flights, &scene)?;
-    let shot = shoot(&trace, end_s, bounds_m, &scene, args.picture.backend.into())?;
+    let shot = shoot(&trace, end_s, bounds_m, &scene, developer)?;
     let format = args.format.unwrap_or_else(|| Format::of(&args.output));
     let bytes = shot.file(format, &scene)?;
     let sha256 = show::sha256(&bytes);
@@ -100,14 +101,13 @@ pub(super) fn shoot(
     end_s: f64,
     bounds_m: [f64; 4],
     scene: &Scene,
-    backend: BackendChoice,
+    developer: Developer,
 ) -> Result<Shot> {
     let camera = scene.camera.camera(bounds_m, end_s)?;
-    let options = ExposeOptions { backend, ..scene.expose };
     check_place(trace, bounds_m, &camera)?;
     warn_outside(trace, bounds_m, &camera);
     let _busy = Busy::new("exposing");
-    let exposure = expose::expose(trace, &camera, &options)?;
+    let exposure = developer.develop(&project(trace, &camera, &scene.expose)?)?;
     let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
     photo.scene_toml = Some(scene.to_toml());
     Ok(Shot { photo, camera, exposure, seed: scene.seed })

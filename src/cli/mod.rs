@@ -11,6 +11,7 @@ use clap::{Parser, Subcommand};
 use crate::error::Result;
 
 mod compare;
+mod compare_photo;
 mod coverage;
 mod coverage_map;
 mod expose;
@@ -60,6 +61,8 @@ enum Verb {
     Import(import::ImportArgs),
     /// Compare two flights, and each with its design: figures and plots
     Compare(compare::CompareArgs),
+    /// Compare a render with a real photograph: where it lies, overlay and difference
+    ComparePhoto(compare_photo::ComparePhotoArgs),
     /// Expose a flight: its long-exposure photograph as PNG
     Expose(expose::ExposeArgs),
     /// Measure a flight's light: stops over saturation, hot spots, and what to set
@@ -113,6 +116,7 @@ pub fn main() -> ExitCode {
         Verb::Fly(args) => fly::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Compare(args) => compare::run(&args),
+        Verb::ComparePhoto(args) => compare_photo::run(&args),
         Verb::Expose(args) => expose::run(&args),
         Verb::Meter(args) => meter::run(&args),
         Verb::Read(args) => read::run(&args),

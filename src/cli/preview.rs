@@ -11,6 +11,7 @@ use super::inputs::{LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone,
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
 use crate::error::Result;
+use crate::expose::Developer;
 use crate::light::light;
 use crate::score::score;
 
@@ -48,11 +49,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let plan = scene.first_plan(&strokes)?;
     let folder = OutputFolder::create(&args.output)?;
 
+    let developer = Developer::start(args.picture.backend.into());
     let flight = fly(&plan, &scene)?;
     let trace = light(&flight, &scene.light, scene.seed, 0)?;
     let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    let backend = args.picture.backend.into();
-    let shot = shoot(&trace, end_s, strokes.bounds_m(), &scene, backend)?;
+    let shot = shoot(&trace, end_s, strokes.bounds_m(), &scene, developer)?;
     // A drawing has no word to read, so nothing is said of its legibility.
     let verdict = match strokes.font {
         Some(_) => Some(score(&shot.photo, &strokes, &shot.camera, &scene.score)?),

@@ -41,6 +41,7 @@ struct Params {
 pub(super) struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    pipeline: wgpu::ComputePipeline,
     /// Name and driver.
     pub(super) adapter: String,
     /// Largest film, or band of a film, in bytes.
@@ -82,17 +83,27 @@ impl Gpu {
                 first.get_or_insert(e.to_string());
             }
         }));
-        Ok(Self { device, queue, adapter: name, max_film_bytes, complaint })
+        let pipeline = pipeline(&device, SHADER);
+        Ok(Self { device, queue, pipeline, adapter: name, max_film_bytes, complaint })
+    }
+
+    /// Opens a device and lets it splat nothing: a driver compiles the shader when it is first used,
+    /// which takes longer than most films.
+    pub(super) fn ready() -> Result<Self> {
+        let gpu = Self::open()?;
+        let nothing = Record { width: 1, height: 1, shift: 1, ..bytemuck::Zeroable::zeroed() };
+        gpu.splat(&[nothing], [1, 1])?;
+        Ok(gpu)
+    }
+
+    /// Takes another shader.
+    #[cfg(test)]
+    pub(super) fn load(&mut self, shader: &str) {
+        self.pipeline = pipeline(&self.device, shader);
     }
 
     /// Adds up the records' light: three planes of counts.
-    pub(super) fn splat(
-        &self,
-        records: &[Record],
-        size_px: [u32; 2],
-        shader: &str,
-    ) -> Result<Vec<u32>> {
-        let pipeline = self.pipeline(shader);
+    pub(super) fn splat(&self, records: &[Record], size_px: [u32; 2]) -> Result<Vec<u32>> {
         let [width, height] = size_px;
         let fitting = self.max_film_bytes / (PIXEL_BYTES * u64::from(width));
         let max_rows = u32::try_from(fitting).unwrap_or(u32::MAX).min(height);
@@ -104,7 +115,7 @@ impl Gpu {
         let mut counts = Vec::new();
         for first_row in (0..height).step_by(max_rows as usize) {
             let rows = max_rows.min(height - first_row);
-            let band = self.splat_band(&pipeline, records, [width, first_row, rows])?;
+            let band = self.splat_band(records, [width, first_row, rows])?;
             if rows == height {
                 return Ok(band);
             }
@@ -118,28 +129,9 @@ impl Gpu {
         Ok(counts)
     }
 
-    fn pipeline(&self, shader: &str) -> wgpu::ComputePipeline {
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("splat"),
-            source: wgpu::ShaderSource::Wgsl(shader.into()),
-        });
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("splat"),
-            layout: None,
-            module: &module,
-            entry_point: Some("splat"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
-            cache: None,
-        })
-    }
-
     /// The film of some rows of the picture.
     fn splat_band(
         &self,
-        pipeline: &wgpu::ComputePipeline,
         records: &[Record],
         [width, first_row, rows]: [u32; 3],
     ) -> Result<Vec<u32>> {
@@ -181,11 +173,11 @@ impl Gpu {
             });
             let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("splat"),
-                layout: &pipeline.get_bind_group_layout(0),
+                layout: &self.pipeline.get_bind_group_layout(0),
                 entries: &entries,
             });
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(pipeline);
+            pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &bindings, &[]);
             pass.dispatch_workgroups(n.min(GROUPS_X), n.div_ceil(GROUPS_X), 1);
         }
@@ -231,6 +223,29 @@ impl Gpu {
     fn fail(&self, what: String) -> Error {
         gpu_error(format!("{}: {what}", self.adapter), "use --backend cpu")
     }
+}
+
+fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("splat"),
+        source: wgpu::ShaderSource::Wgsl(shader.into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("splat"),
+        layout: None,
+        module: &module,
+        entry_point: Some("splat"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    })
+}
+
+/// A driver that panicked.
+pub(super) fn gave_up() -> Error {
+    gpu_error("its driver gave up".to_owned(), "use --backend cpu")
 }
 
 fn gpu_error(what: String, hint: &str) -> Error {

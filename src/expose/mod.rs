@@ -39,6 +39,7 @@ mod tests;
 mod twins;
 
 use std::num::NonZero;
+use std::thread::JoinHandle;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -47,6 +48,7 @@ use crate::camera::{Camera, check_size};
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
 use floor::Glow;
+use gpu::Gpu;
 use record::{Record, Stamp};
 
 /// Most samples in a trace, and most segments in a picture.
@@ -224,7 +226,8 @@ impl Default for ExposeOptions {
 /// the largest picture or [`MAX_SAMPLES`]. [`Error::Infeasible`] where `scale_log2` is too fine for
 /// the light. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
 pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Exposure> {
-    project(trace, camera, options)?.develop(options.backend)
+    let developer = Developer::start(options.backend);
+    developer.develop(&project(trace, camera, options)?)
 }
 
 /// The first half of [`expose`]: everything in f64, up to the integers that the backends add up.
@@ -258,22 +261,13 @@ impl Latent {
     ///
     /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
     pub fn develop(&self, choice: BackendChoice) -> Result<Exposure> {
-        let on_cpu = || {
-            let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-            let film = self.develop_on(cores);
-            Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
-        };
-        let on_gpu = || -> Result<_> {
-            let gpu = gpu::Gpu::open()?;
-            let counts = gpu.splat(&self.records, self.size_px, gpu::SHADER)?;
-            Ok(Exposure { film: self.film(counts), backend: Backend::Wgpu, adapter: gpu.adapter })
-        };
-        match choice {
-            BackendChoice::Cpu => Ok(on_cpu()),
-            BackendChoice::Wgpu => on_gpu(),
-            // The twins leave the same bits, so a device that fails costs nothing but time.
-            BackendChoice::Auto => Ok(on_gpu().unwrap_or_else(|_| on_cpu())),
-        }
+        Developer::start(choice).develop(self)
+    }
+
+    fn on_cpu(&self) -> Exposure {
+        let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+        let film = self.develop_on(cores);
+        Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
 
     /// Adds up the light on so many cores of this processor, at most.
@@ -295,6 +289,52 @@ impl Latent {
             glow.add_to(&mut film);
         }
         film
+    }
+}
+
+/// A backend that makes itself ready while other work goes on: to open a graphics device and to
+/// compile its shader takes longer than to expose a film.
+#[derive(Debug)]
+pub struct Developer {
+    choice: BackendChoice,
+    /// The device on its way; none where nobody asked for one.
+    device: Option<JoinHandle<Result<Gpu>>>,
+}
+
+impl Developer {
+    /// Begins to make the backend ready.
+    #[must_use]
+    pub fn start(choice: BackendChoice) -> Self {
+        let asked = choice != BackendChoice::Cpu;
+        Self { choice, device: asked.then(|| std::thread::spawn(Gpu::ready)) }
+    }
+
+    /// Adds up light once the backend is ready.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
+    pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
+        let Some(device) = self.device.take() else { return Ok(latent.on_cpu()) };
+        let on_gpu = || -> Result<_> {
+            let gpu = device.join().unwrap_or_else(|_| Err(gpu::gave_up()))?;
+            let counts = gpu.splat(&latent.records, latent.size_px)?;
+            Ok(Exposure { film: latent.film(counts), backend: Backend::Wgpu, adapter: gpu.adapter })
+        };
+        match self.choice {
+            BackendChoice::Wgpu => on_gpu(),
+            // The twins leave the same bits, so a device that fails costs nothing but time.
+            _ => Ok(on_gpu().unwrap_or_else(|_| latent.on_cpu())),
+        }
+    }
+}
+
+impl Drop for Developer {
+    /// Waits: a driver that still compiles while the program ends may bring it down.
+    fn drop(&mut self) {
+        if let Some(device) = self.device.take() {
+            drop(device.join());
+        }
     }
 }
 

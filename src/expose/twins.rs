@@ -68,7 +68,7 @@ pub(super) fn scenes() -> Vec<(&'static str, [u32; 2], Vec<Record>)> {
 fn both_backends_leave_the_same_bits() {
     let Some(gpu) = device() else { return };
     for (name, size_px, records) in scenes() {
-        let on_gpu = gpu.splat(&records, size_px, SHADER).expect("splat");
+        let on_gpu = gpu.splat(&records, size_px).expect("splat");
         let on_cpu = cpu::splat(2, &records, size_px);
         let lit = on_cpu.iter().filter(|&&count| count > 0).count();
         assert!(records.is_empty() || lit > 100, "{name}: {lit} counts are lit");
@@ -82,11 +82,11 @@ fn bands_of_rows_leave_the_same_bits_as_the_whole() {
     let Some(mut gpu) = device() else { return };
     gpu.max_film_bytes = 12 * 640 * 37;
     for (name, size_px, records) in scenes() {
-        let on_gpu = gpu.splat(&records, size_px, SHADER).expect("splat");
+        let on_gpu = gpu.splat(&records, size_px).expect("splat");
         assert!(on_gpu == cpu::splat(2, &records, size_px), "{name}: bands differ");
     }
     gpu.max_film_bytes = 12 * 32;
-    let refused = gpu.splat(&[], [33, 17], SHADER).expect_err("not even a row fits");
+    let refused = gpu.splat(&[], [33, 17]).expect_err("not even a row fits");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
 }
 
@@ -96,13 +96,13 @@ fn more_records_than_one_dispatch_holds_are_all_exposed() {
     let spot = Record { width: 3, height: 2, ..scenes()[3].2[0] };
     let spot = Record { amplitude: [0, 1 << 20, 0], shift: 1, ..spot };
     let many = vec![spot; (1 << 20) + (1 << 15) + 5];
-    let on_gpu = gpu.splat(&many, [640, 400], SHADER).expect("splat");
+    let on_gpu = gpu.splat(&many, [640, 400]).expect("splat");
     assert!(on_gpu == cpu::splat(2, &many, [640, 400]), "counts differ");
 }
 
 #[test]
 fn every_mutation_of_the_shader_is_noticed() {
-    let Some(gpu) = device() else { return };
+    let Some(mut gpu) = device() else { return };
     let mutations = [
         ("DITHER_X: u32 = 0xC13FA9A9u", "DITHER_X: u32 = 0xC13FA9A8u"),
         ("i32(i) * record.step", "i32(i) * record.step + 1"),
@@ -120,9 +120,9 @@ fn every_mutation_of_the_shader_is_noticed() {
     for (from, to) in mutations {
         let mutant = SHADER.replace(from, to);
         assert_ne!(mutant, SHADER, "`{from}` is in the shader");
+        gpu.load(&mutant);
         let noticed = scenes.iter().any(|(_, size_px, records)| {
-            gpu.splat(records, *size_px, &mutant).expect("splat")
-                != cpu::splat(2, records, *size_px)
+            gpu.splat(records, *size_px).expect("splat") != cpu::splat(2, records, *size_px)
         });
         assert!(noticed, "`{to}` for `{from}` went unnoticed");
     }
@@ -130,11 +130,13 @@ fn every_mutation_of_the_shader_is_noticed() {
 
 #[test]
 fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
-    let Some(gpu) = device() else { return };
+    let Some(mut gpu) = device() else { return };
     let broken = SHADER.replace("let plane =", "let plane +");
-    let refused = gpu.splat(&[], [33, 17], &broken).expect_err("broken shader");
+    gpu.load(&broken);
+    let refused = gpu.splat(&[], [33, 17]).expect_err("broken shader");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
-    assert!(gpu.splat(&[], [33, 17], SHADER).is_ok(), "the device is still well");
+    gpu.load(SHADER);
+    assert!(gpu.splat(&[], [33, 17]).is_ok(), "the device is still well");
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! Report: products as pictures and pages for people.
 //!
-//! Products in: [`Flight`](crate::flight::Flight)s, [`Plan`](crate::plan::Plan)s. Products out: plots as SVG
-//! text; and sheets of a [`Font`](crate::letters::Font)'s characters, as SVG text or pixels ([`specimen`]).
+//! Products in: [`Flight`](crate::flight::Flight)s, [`Plan`](crate::plan::Plan)s and
+//! [`Photo`](crate::photo::Photo)s. Products out: plots as SVG text; one photo laid over another
+//! ([`photos`]); and sheets of a [`Font`](crate::letters::Font)'s characters, as SVG text or pixels
+//! ([`specimen`]).
 //!
 //! Method: curves are thinned to what a pixel can show and drawn with plotters; nothing but the
 //! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colours are those of
@@ -13,6 +15,7 @@
 
 mod figure;
 mod flights;
+pub mod photos;
 mod plans;
 mod sheet;
 pub mod specimen;

@@ -8,6 +8,7 @@ mod compare_flights;
 mod coverage;
 mod golden;
 mod letters;
+mod photos;
 mod road;
 mod study;
 mod twins;

@@ -1,0 +1,380 @@
+//! ꟻLIP: how different two pictures look to a person who flips between them (Andersson, Nilsson,
+//! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
+//! alternating images", with the constants of that paper).
+//!
+//! Colours are filtered as the eye does at a distance ([`PIXELS_PER_DEGREE`]), compared in Hunt-
+//! adjusted `L*a*b*` by the distance `HyAB`, and weighed more where edges and points differ. 0: the
+//! same; 1: as far as can be, black against white or green against blue.
+
+use super::{Photo, srgb};
+
+/// Pixels in a degree of sight: a 4K screen, 0.7 m wide, from 0.7 m.
+const PIXELS_PER_DEGREE: f32 = 67.0;
+
+/// White in XYZ: D65.
+const WHITE: [f32; 3] = [0.950_428_5, 1.0, 1.088_900_4];
+
+/// Contrast sensitivity of the eye as two gaussians `a √(π/b) exp(-π² x² / b)` of x in degrees, for
+/// luminance, red-green and blue-yellow: a1, b1, a2, b2.
+const SENSITIVITY: [[f32; 4]; 3] =
+    [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
+
+/// Exponents of colours and of features.
+const COLOR_EXPONENT: f32 = 0.7;
+const FEATURE_EXPONENT: f32 = 0.5;
+
+/// Where the larger color differences are compressed: this share of the largest becomes that.
+const COMPRESSED: [f32; 2] = [0.4, 0.95];
+
+/// Width of the edges and points that the eye finds, in degrees.
+const FEATURE_DEG: f32 = 0.082;
+
+/// A difference of two pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// ꟻLIP error by pixel, 0 to 1, row by row from the top left.
+    pub values: Vec<f32>,
+}
+
+impl Difference {
+    /// Mean over the pixels that a mask takes.
+    #[must_use]
+    pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
+        let taken = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
+        let (n, sum) = taken.fold((0.0, 0.0), |(n, sum), (_, v)| (n + 1.0, sum + f64::from(*v)));
+        if n > 0.0 { sum / n } else { 0.0 }
+    }
+
+    /// As a picture, from black over purple and orange to white: the colours of matplotlib's map
+    /// "magma" (polynomial fit by Zucker, public domain).
+    #[must_use]
+    pub fn picture(&self) -> Photo {
+        const FIT: [[f32; 3]; 7] = [
+            [-0.002_136_5, -0.000_749_7, -0.005_386_1],
+            [0.251_660_5, 0.677_523_2, 2.494_026_6],
+            [8.353_717, -3.577_719_5, 0.314_467_9],
+            [-27.668_733, 14.264_731, -13.649_213],
+            [52.176_14, -27.943_606, 12.944_169],
+            [-50.768_525, 29.046_583, 4.234_153],
+            [18.655_705, -11.489_774, -5.601_961_5],
+        ];
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let level = |share: f32| (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+        let color = |value: f32| -> [u8; 3] {
+            std::array::from_fn(|c| level(FIT.iter().rev().fold(0.0, |sum, k| sum * value + k[c])))
+        };
+        let rgb8 = self.values.iter().flat_map(|&value| color(value)).collect();
+        let (width_px, height_px) = (self.width_px, self.height_px);
+        Photo { width_px, height_px, rgb8, scene_toml: None }
+    }
+}
+
+/// How two pictures of one size differ.
+///
+/// # Panics
+///
+/// If the sizes differ.
+#[must_use]
+pub fn difference(a: &Photo, b: &Photo) -> Difference {
+    let size = [a.width_px, a.height_px];
+    assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
+    let [a, b] = [Seen::new(a), Seen::new(b)];
+    let largest = largest_color_difference();
+    let values = (0..a.lab[0].values.len()).map(|i| {
+        let [color_a, color_b] = [&a, &b].map(|seen| [0, 1, 2].map(|c| seen.lab[c].values[i]));
+        let color = compressed(libm::powf(hyab(color_a, color_b), COLOR_EXPONENT), largest);
+        let edge = (a.edges.values[i] - b.edges.values[i]).abs();
+        let point = (a.points.values[i] - b.points.values[i]).abs();
+        let feature = edge.max(point) / std::f32::consts::SQRT_2;
+        libm::powf(color, 1.0 - libm::powf(feature, FEATURE_EXPONENT))
+    });
+    let values = values.collect();
+    Difference { width_px: size[0], height_px: size[1], values }
+}
+
+/// One channel of a picture.
+#[derive(Clone, Debug)]
+struct Plane {
+    width: usize,
+    values: Vec<f32>,
+}
+
+/// What the eye makes of a picture.
+struct Seen {
+    /// Hunt-adjusted `L*`, `a*`, `b*`.
+    lab: [Plane; 3],
+    /// Strength of edges and points.
+    edges: Plane,
+    points: Plane,
+}
+
+impl Seen {
+    fn new(photo: &Photo) -> Self {
+        let width = photo.width_px as usize;
+        let light = srgb::linear_from_level();
+        let opponent: Vec<[f32; 3]> = photo
+            .rgb8
+            .chunks_exact(3)
+            .map(|p| opponent_from_xyz(xyz_from_rgb([0, 1, 2].map(|c| light[usize::from(p[c])]))))
+            .collect();
+        let plane = |c: usize| Plane { width, values: opponent.iter().map(|p| p[c]).collect() };
+        let planes = [plane(0), plane(1), plane(2)];
+        let grey =
+            Plane { width, values: planes[0].values.iter().map(|y| (y + 16.0) / 116.0).collect() };
+        let filtered = [0, 1, 2].map(|c| planes[c].as_the_eye_sees(SENSITIVITY[c]));
+        let lab: Vec<[f32; 3]> = (0..opponent.len())
+            .map(|i| {
+                let xyz = xyz_from_opponent([0, 1, 2].map(|c| filtered[c].values[i]));
+                let rgb = rgb_from_xyz(xyz).map(|value| value.clamp(0.0, 1.0));
+                hunt_lab(xyz_from_rgb(rgb))
+            })
+            .collect();
+        let lab = |c: usize| Plane { width, values: lab.iter().map(|p| p[c]).collect() };
+        let [edges, points] = grey.features();
+        Self { lab: [lab(0), lab(1), lab(2)], edges, points }
+    }
+}
+
+impl Plane {
+    /// Filtered by the eye's contrast sensitivity: a sum of two gaussians, each separable.
+    fn as_the_eye_sees(&self, [a1, b1, a2, b2]: [f32; 4]) -> Self {
+        let pi = std::f32::consts::PI;
+        let reach = |b: f32| (3.0 * (b / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil();
+        // One radius for all channels, as in the paper's program.
+        let radius = SENSITIVITY.iter().map(|s| reach(s[1].max(s[3]))).fold(0.0, f32::max);
+        let of = |a: f32, b: f32| {
+            let bell = kernel(radius, |x| libm::expf(-pi * pi * x * x / b));
+            // Along both axes the factor a √(π/b) counts once.
+            let area: f32 = bell.iter().sum();
+            (a * (pi / b).sqrt() * area * area, bell)
+        };
+        let (first, bell) = of(a1, b1);
+        let (second, wide) = of(a2, b2);
+        let mut out = self.along_both(&unit(bell));
+        if second > 0.0 {
+            let wide = self.along_both(&unit(wide));
+            for (out, wide) in out.values.iter_mut().zip(wide.values) {
+                *out = (first * *out + second * wide) / (first + second);
+            }
+        }
+        out
+    }
+
+    /// Strength of edges and of points: first and second derivative of a gaussian.
+    fn features(&self) -> [Self; 2] {
+        let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
+        let radius = (3.0 * sigma).ceil();
+        let in_px = |f: &dyn Fn(f32) -> f32| kernel(radius, |x| f(x * PIXELS_PER_DEGREE));
+        let bell = |x: f32| libm::expf(-x * x / (2.0 * sigma * sigma));
+        let flat = unit(in_px(&bell));
+        let edge = balanced(in_px(&|x| -x * bell(x)));
+        let point = balanced(in_px(&|x| (x * x / (sigma * sigma) - 1.0) * bell(x)));
+        [edge, point].map(|across| {
+            let x = self.along_x(&across).along_y(&flat);
+            let y = self.along_y(&across).along_x(&flat);
+            let strength = x.values.iter().zip(&y.values).map(|(x, y)| (x * x + y * y).sqrt());
+            Self { width: self.width, values: strength.collect() }
+        })
+    }
+
+    fn along_both(&self, kernel: &[f32]) -> Self {
+        self.along_x(kernel).along_y(kernel)
+    }
+
+    /// Folded with a kernel along the rows; beyond the border the last pixel goes on.
+    fn along_x(&self, kernel: &[f32]) -> Self {
+        let radius = kernel.len() / 2;
+        let mut padded = Vec::new();
+        let mut values = Vec::with_capacity(self.values.len());
+        for row in self.values.chunks_exact(self.width) {
+            padded.clear();
+            padded.extend(std::iter::repeat_n(row[0], radius));
+            padded.extend_from_slice(row);
+            padded.extend(std::iter::repeat_n(row[self.width - 1], radius));
+            let folded = padded.windows(kernel.len());
+            values.extend(
+                folded.map(|near| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()),
+            );
+        }
+        Self { width: self.width, values }
+    }
+
+    /// The same along the columns.
+    fn along_y(&self, kernel: &[f32]) -> Self {
+        let radius = (kernel.len() / 2).cast_signed();
+        let height = (self.values.len() / self.width).cast_signed();
+        let mut values = vec![0.0; self.values.len()];
+        for (y, out) in (0..height).zip(values.chunks_exact_mut(self.width)) {
+            for (k, weight) in (-radius..).zip(kernel) {
+                let from = (y + k).clamp(0, height - 1).cast_unsigned() * self.width;
+                for (out, value) in out.iter_mut().zip(&self.values[from..]) {
+                    *out += weight * value;
+                }
+            }
+        }
+        Self { width: self.width, values }
+    }
+}
+
+/// Values at whole pixels from `-radius` to `radius`, given in degrees.
+fn kernel(radius: f32, value: impl Fn(f32) -> f32) -> Vec<f32> {
+    #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
+    let radius = radius as i32;
+    (-radius..=radius).map(|px| value(px as f32 / PIXELS_PER_DEGREE)).collect()
+}
+
+/// Scaled to a sum of 1.
+fn unit(mut kernel: Vec<f32>) -> Vec<f32> {
+    let sum: f32 = kernel.iter().sum();
+    kernel.iter_mut().for_each(|value| *value /= sum);
+    kernel
+}
+
+/// Positive values scaled to a sum of 1, negative ones to -1.
+fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
+    let sum = |sign: f32| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>();
+    let (up, down) = (sum(1.0), sum(-1.0));
+    kernel.iter_mut().for_each(|value| *value /= if *value > 0.0 { up } else { down });
+    kernel
+}
+
+fn xyz_from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [
+        0.412_390_8 * r + 0.357_584_33 * g + 0.180_480_8 * b,
+        0.212_639 * r + 0.715_168_65 * g + 0.072_192_32 * b,
+        0.019_330_818 * r + 0.119_194_78 * g + 0.950_532_14 * b,
+    ]
+}
+
+fn rgb_from_xyz([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [
+        3.240_97 * x - 1.537_383_2 * y - 0.498_610_76 * z,
+        -0.969_243_65 * x + 1.875_967_5 * y + 0.041_555_06 * z,
+        0.055_630_08 * x - 0.203_976_96 * y + 1.056_971_5 * z,
+    ]
+}
+
+/// `YCxCz`: `L*a*b*` without its roots.
+fn opponent_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
+    let [x, y, z] = [0, 1, 2].map(|c| xyz[c] / WHITE[c]);
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+fn xyz_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
+    let y = (y + 16.0) / 116.0;
+    [(y + cx / 500.0) * WHITE[0], y * WHITE[1], (y - cz / 200.0) * WHITE[2]]
+}
+
+/// `L*a*b*` with colourfulness falling in the dark (Hunt).
+fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
+    let root = |value: f32| {
+        let delta = 6.0_f32 / 29.0;
+        if value > delta * delta * delta {
+            libm::cbrtf(value)
+        } else {
+            value / (3.0 * delta * delta) + 4.0 / 29.0
+        }
+    };
+    let [x, y, z] = [0, 1, 2].map(|c| root(xyz[c] / WHITE[c]));
+    let lightness = 116.0 * y - 16.0;
+    let hunt = 0.01 * lightness;
+    [lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z)]
+}
+
+fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (a[0] - b[0]).abs() + libm::hypotf(a[1] - b[1], a[2] - b[2])
+}
+
+/// Green against blue, raised as all are.
+fn largest_color_difference() -> f32 {
+    let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
+    libm::powf(hyab(green, blue), COLOR_EXPONENT)
+}
+
+fn compressed(difference: f32, largest: f32) -> f32 {
+    let [share, becomes] = COMPRESSED;
+    let knee = share * largest;
+    if difference < knee {
+        becomes / knee * difference
+    } else {
+        becomes + (difference - knee) / (largest - knee) * (1.0 - becomes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Photo {
+        let rgb8 = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let rgb8 = rgb8.flat_map(|(x, y)| pixel(x, y)).collect();
+        Photo { width_px: width, height_px: height, rgb8, scene_toml: None }
+    }
+
+    /// A trail, a dot, a ramp of colours and a field of checks.
+    fn drawing(shift: u32) -> Photo {
+        picture(96, 64, |x, y| {
+            let (x, y) = (x + shift, y);
+            if (2 * y).abs_diff(x) < 4 {
+                [255, 250, 240]
+            } else if x.abs_diff(70) < 2 && y.abs_diff(12) < 2 {
+                [250, 40, 20]
+            } else if y > 48 {
+                [level(x * 2), level(y * 3), level(255 - x * 2)]
+            } else if x > 60 && y > 24 {
+                if (x / 3 + y / 3).is_multiple_of(2) { [20, 60, 200] } else { [10, 10, 12] }
+            } else {
+                [8, 7, 6]
+            }
+        })
+    }
+
+    fn level(value: u32) -> u8 {
+        u8::try_from(value.min(255)).unwrap()
+    }
+
+    #[test]
+    fn the_figures_are_those_of_nvidias_program() {
+        // flip-evaluator 1.7 (Python), evaluate(a, b, "LDR", inputsRGB=True), 67 pixels a degree.
+        let cases = OUTSIDE;
+        for (name, a, b, wanted) in [
+            ("shifted", drawing(0), drawing(3), cases[0]),
+            ("dark", drawing(0), picture(96, 64, |_, _| [0, 0, 0]), cases[1]),
+            (
+                "green and blue",
+                picture(96, 64, |_, _| [0, 255, 0]),
+                picture(96, 64, |_, _| [0, 0, 255]),
+                cases[2],
+            ),
+        ] {
+            let found = difference(&a, &b).mean(|_| true);
+            assert!((found - wanted).abs() < 2e-4, "{name}: {found}, wanted {wanted}");
+        }
+    }
+
+    const OUTSIDE: [f64; 3] = [0.186_907, 0.532_208, 1.0];
+
+    #[test]
+    fn it_is_symmetric_and_nothing_where_nothing_differs() {
+        let (a, b) = (drawing(0), drawing(5));
+        assert!(difference(&a, &a).values.iter().all(|value| *value == 0.0));
+        let [there, back] = [difference(&a, &b), difference(&b, &a)];
+        for (there, back) in there.values.iter().zip(&back.values) {
+            assert!((there - back).abs() < 1e-5 && (0.0..=1.0).contains(there));
+        }
+    }
+
+    #[test]
+    fn one_pixel_is_seen_where_it_is() {
+        let mut changed = drawing(0);
+        let at = (20 * 96 + 10) * 3;
+        changed.rgb8[at..at + 3].copy_from_slice(&[90, 90, 90]);
+        let found = difference(&drawing(0), &changed);
+        let brightest = (0..96 * 64).max_by(|a, b| found.values[*a].total_cmp(&found.values[*b]));
+        assert_eq!(brightest, Some(20 * 96 + 10));
+    }
+}

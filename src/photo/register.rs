@@ -1,0 +1,563 @@
+//! Registration: where a render lies in a photograph of the same flight, by a similarity transform.
+//!
+//! 1. Of both pictures only the light counts that stands out of its surroundings: trails, not rooms
+//!    and floors.
+//! 2. On pictures of [`COARSE_PX`] every scale, turn and shift within bounds is tried.
+//! 3. The best few are followed through finer pictures by the enhanced correlation coefficient
+//!    (Evangelidis and Psarakis 2008), and the one that correlates most is taken.
+//!
+//! Not sought: perspective and distortion; they are in the residual.
+
+use nalgebra::{Matrix4, Vector4};
+
+use super::{Photo, srgb};
+use crate::error::{Error, Result};
+
+/// Longer side of the pictures that everything is tried on, and of the finest.
+const COARSE_PX: usize = 64;
+const FINE_PX: usize = 1024;
+
+/// Scales tried, as shares of that at which the pictures' longer sides agree, and their steps.
+const SCALES: [f64; 2] = [0.4, 2.5];
+const SCALE_STEP: f64 = 1.1;
+
+/// Turns tried, and their steps.
+const TURN_RAD: f64 = 0.35;
+const TURN_STEP_RAD: f64 = 0.07;
+
+/// Candidates that are followed.
+const FOLLOWED: usize = 6;
+
+/// Least correlation that is no chance.
+const LEAST_CORRELATION: f64 = 0.2;
+
+/// Takes a place `q` of the render, in pixels from its top left corner, to `scale R(rotation) q +
+/// shift` in the photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Similarity {
+    /// Pixels of the photograph per pixel of the render.
+    pub scale: f64,
+    /// From x to y: clockwise, as pictures are seen.
+    pub rotation_rad: f64,
+    /// Where the render's corner falls.
+    pub shift_px: [f64; 2],
+}
+
+impl Similarity {
+    /// Where a place of the render falls.
+    #[must_use]
+    pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (a, b) = self.linear();
+        [a * x - b * y + self.shift_px[0], b * x + a * y + self.shift_px[1]]
+    }
+
+    /// The way back.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let back =
+            Self { scale: 1.0 / self.scale, rotation_rad: -self.rotation_rad, shift_px: [0.0; 2] };
+        Self { shift_px: back.apply(self.shift_px).map(|value| -value), ..back }
+    }
+
+    fn linear(&self) -> (f64, f64) {
+        let (sin, cos) = libm::sincos(self.rotation_rad);
+        (self.scale * cos, self.scale * sin)
+    }
+
+    fn of(p: Vector4<f64>) -> Self {
+        let scale = libm::hypot(p[0], p[1]);
+        Self { scale, rotation_rad: libm::atan2(p[1], p[0]), shift_px: [p[2], p[3]] }
+    }
+
+    /// The same between pictures that are so many times as small.
+    fn between(&self, render: f64, photo: f64) -> Self {
+        let shift_px = self.shift_px.map(|value| value / photo);
+        Self { scale: self.scale * render / photo, shift_px, ..*self }
+    }
+}
+
+/// How a render lies in a photograph, and how well it fits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Registration {
+    /// Where the render lies.
+    pub transform: Similarity,
+    /// Correlation of the trails, 1 where they are alike.
+    pub correlation: f64,
+    /// Distance of the render's trails from the nearest of the photograph's, in its pixels: median,
+    /// and what 95 % stay below.
+    pub residual_px: [f64; 2],
+}
+
+/// Finds a render in a photograph.
+///
+/// # Errors
+///
+/// [`Error::Infeasible`] where nothing in the photograph resembles the render.
+pub fn register(render: &Photo, photo: &Photo) -> Result<Registration> {
+    let [render, photo] = [render, photo].map(Levels::new);
+    let mut followed: Vec<Similarity> = coarse(render.coarsest(), photo.coarsest())
+        .into_iter()
+        .map(|s| s.between(1.0 / render.factor(0), 1.0 / photo.factor(0)))
+        .collect();
+    let mut best = (f64::NEG_INFINITY, None);
+    for level in 0..render.levels.len() {
+        let [from, to] = [&render, &photo].map(|levels| levels.at(level));
+        let [by_from, by_to] = [&render, &photo].map(|levels| levels.factor(level));
+        let mut scored: Vec<(f64, Similarity)> = followed
+            .iter()
+            .filter_map(|start| climb(from, to, start.between(by_from, by_to)))
+            .map(|(score, s)| (score, s.between(1.0 / by_from, 1.0 / by_to)))
+            .collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Halves the field from level to level.
+        scored.truncate((FOLLOWED >> level).max(1));
+        best = scored.first().map_or((f64::NEG_INFINITY, None), |(c, s)| (*c, Some(*s)));
+        followed = scored.into_iter().map(|(_, s)| s).collect();
+    }
+    let (correlation, Some(transform)) = best else { return Err(nothing_alike(0.0)) };
+    if correlation < LEAST_CORRELATION {
+        return Err(nothing_alike(correlation));
+    }
+    let residual_px = residual_px(&render, &photo, &transform);
+    Ok(Registration { transform, correlation, residual_px })
+}
+
+fn nothing_alike(correlation: f64) -> Error {
+    Error::Infeasible {
+        what: format!(
+            "the render's trails are not in the photograph (correlation {correlation:.2} at best, \
+             wanted {LEAST_CORRELATION})"
+        ),
+        hint:
+            "compare photographs of the same word; cut the photograph to it, turn it upright, and \
+               render it from about the same side"
+                .to_owned(),
+    }
+}
+
+/// Light that stands out of its surroundings.
+#[derive(Clone, Debug)]
+struct Ink {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+}
+
+/// A picture's ink from [`COARSE_PX`] to [`FINE_PX`], each twice as fine as the one before.
+struct Levels {
+    levels: Vec<Ink>,
+    /// Pixels of the picture per pixel of the finest.
+    finest: f64,
+}
+
+impl Levels {
+    fn new(photo: &Photo) -> Self {
+        let (width, height) = (photo.width_px as usize, photo.height_px as usize);
+        let finest = width.max(height) as f64 / FINE_PX as f64;
+        let size = [width, height].map(|side| whole((side as f64 / finest).round()).max(1));
+        let mut ink = Ink::new(photo, size);
+        let mut levels = vec![ink.blurred(1)];
+        while ink.width.max(ink.height) > COARSE_PX {
+            ink = ink.halved();
+            levels.push(ink.blurred(1));
+        }
+        levels.reverse();
+        Self { levels, finest }
+    }
+
+    fn at(&self, level: usize) -> &Ink {
+        &self.levels[level]
+    }
+
+    fn coarsest(&self) -> &Ink {
+        &self.levels[0]
+    }
+
+    /// Pixels of the picture per pixel of a level.
+    fn factor(&self, level: usize) -> f64 {
+        self.finest * libm::exp2((self.levels.len() - 1 - level) as f64)
+    }
+}
+
+impl Ink {
+    /// A photo's luminance, in linear light, less that of its surroundings.
+    fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
+        let light = srgb::linear_from_level();
+        let full = [photo.width_px as usize, photo.height_px as usize];
+        let luminance = |p: &[u8]| {
+            let [r, g, b] = [0, 1, 2].map(|c| light[usize::from(p[c])]);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        // Means over the pixels that fall on each pixel; a picture that is small is repeated.
+        let range = |i: usize, n: usize, all: usize| {
+            let first = i * all / n;
+            first..((i + 1) * all / n).max(first + 1)
+        };
+        let mut values = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let rows = range(y, height, full[1]);
+            for x in 0..width {
+                let columns = range(x, width, full[0]);
+                let n = (rows.len() * columns.len()) as f32;
+                let sum: f32 = rows
+                    .clone()
+                    .map(|y| 3 * y * full[0])
+                    .map(|row| &photo.rgb8[row + 3 * columns.start..row + 3 * columns.end])
+                    .flat_map(|row| row.chunks_exact(3).map(luminance))
+                    .sum();
+                values.push(sum / n);
+            }
+        }
+        let mut ink = Self { width, height, values };
+        let around = ink.blurred(width.max(height) / 32).blurred(width.max(height) / 32);
+        for (value, around) in ink.values.iter_mut().zip(around.values) {
+            *value = (*value - around).max(0.0);
+        }
+        ink
+    }
+
+    /// Means of squares of `2 radius + 1` pixels; what is outside counts for nothing.
+    fn blurred(&self, radius: usize) -> Self {
+        let along = |ink: &Self| {
+            // Transposes while it blurs along rows.
+            let mut values = vec![0.0; ink.values.len()];
+            for (y, row) in ink.values.chunks_exact(ink.width).enumerate() {
+                let mut sum: f64 = row.iter().take(radius).map(|v| f64::from(*v)).sum();
+                for x in 0..ink.width {
+                    let get = |x: usize| row.get(x).map_or(0.0, |v| f64::from(*v));
+                    sum += get(x + radius);
+                    if x > radius {
+                        sum -= get(x - radius - 1);
+                    }
+                    values[x * ink.height + y] = narrow(sum / (2 * radius + 1) as f64);
+                }
+            }
+            Self { width: ink.height, height: ink.width, values }
+        };
+        along(&along(self))
+    }
+
+    /// Means of 2 × 2 pixels; an odd last row or column is left out.
+    fn halved(&self) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let at = |x: usize, y: usize| {
+            self.values[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
+        };
+        let quad = |x: usize, y: usize| {
+            0.25 * (at(2 * x, 2 * y)
+                + at(2 * x + 1, 2 * y)
+                + at(2 * x, 2 * y + 1)
+                + at(2 * x + 1, 2 * y + 1))
+        };
+        let values = (0..height).flat_map(|y| (0..width).map(move |x| quad(x, y))).collect();
+        Self { width, height, values }
+    }
+
+    /// Value and slopes at a place, bilinear; `None` outside.
+    fn at(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
+        let (x, y) = (x - 0.5, y - 0.5);
+        if !(x >= 0.0 && y >= 0.0) {
+            return None;
+        }
+        let (i, j) = (whole(x), whole(y));
+        if i + 1 >= self.width || j + 1 >= self.height {
+            return None;
+        }
+        let (u, v) = (x - i as f64, y - j as f64);
+        let first = j * self.width + i;
+        let get = |index: usize| f64::from(self.values[index]);
+        let (nw, ne) = (get(first), get(first + 1));
+        let (sw, se) = (get(first + self.width), get(first + self.width + 1));
+        let (north, south) = (nw + u * (ne - nw), sw + u * (se - sw));
+        let slope_x = (1.0 - v) * (ne - nw) + v * (se - sw);
+        Some([north + v * (south - north), slope_x, south - north])
+    }
+}
+
+/// Every scale, turn and shift of the coarsest pictures: the best of each scale and turn, the best
+/// few of these.
+fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
+    let points = brightest(render);
+    let square = |values: &[f32]| values.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+    let norms = square(&points.iter().map(|p| p.1).collect::<Vec<_>>()) * square(&photo.values);
+    let equal = photo.width.max(photo.height) as f64 / render.width.max(render.height) as f64;
+    let middle = [render.width as f64 / 2.0, render.height as f64 / 2.0];
+    let (w, h) = (photo.width.cast_signed(), photo.height.cast_signed());
+    let mut found: Vec<(f64, Similarity)> = Vec::new();
+    let mut scale = SCALES[0];
+    while scale <= SCALES[1] {
+        let turns = whole(TURN_RAD / TURN_STEP_RAD).cast_signed();
+        for turn in -turns..=turns {
+            let about = Similarity {
+                scale: scale * equal,
+                rotation_rad: turn as f64 * TURN_STEP_RAD,
+                shift_px: [0.0; 2],
+            };
+            let center = about.apply(middle);
+            // Places from the middle of the render, to be shifted over the photo.
+            let placed: Vec<(isize, isize, f32)> = points
+                .iter()
+                .map(|(place, value)| {
+                    let [x, y] = about.apply(*place);
+                    (rounded(x - center[0]), rounded(y - center[1]), *value)
+                })
+                .collect();
+            let mut best = (0.0_f32, [0, 0]);
+            for dy in 0..h {
+                for dx in 0..w {
+                    let sum: f32 = placed
+                        .iter()
+                        .map(|(x, y, value)| {
+                            let (x, y) = (x + dx, y + dy);
+                            let inside = (0..w).contains(&x) && (0..h).contains(&y);
+                            let index = (y * w + x).max(0).cast_unsigned();
+                            if inside { value * photo.values[index] } else { 0.0 }
+                        })
+                        .sum();
+                    if sum > best.0 {
+                        best = (sum, [dx, dy]);
+                    }
+                }
+            }
+            let [dx, dy] = best.1.map(|shift| shift as f64 + 0.5);
+            let shift_px = [dx - center[0], dy - center[1]];
+            // A render that is drawn larger has as many points but more light.
+            let score = f64::from(best.0) * about.scale / norms.max(f64::MIN_POSITIVE);
+            found.push((score, Similarity { shift_px, ..about }));
+        }
+        scale *= SCALE_STEP;
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.truncate(2 * FOLLOWED);
+    found.into_iter().map(|(_, s)| s).collect()
+}
+
+/// The brightest twelfth of a picture, places and values.
+fn brightest(ink: &Ink) -> Vec<([f64; 2], f32)> {
+    let mut points: Vec<([f64; 2], f32)> = (0..ink.values.len())
+        .map(|i| {
+            let place = [(i % ink.width) as f64 + 0.5, (i / ink.width) as f64 + 0.5];
+            (place, ink.values[i])
+        })
+        .collect();
+    points.sort_by(|a, b| b.1.total_cmp(&a.1));
+    points.truncate((ink.values.len() / 12).max(16));
+    points
+}
+
+/// Climbs to the transform that correlates most nearby; and that correlation.
+fn climb(render: &Ink, photo: &Ink, start: Similarity) -> Option<(f64, Similarity)> {
+    let (a, b) = start.linear();
+    let mut p = Vector4::new(a, b, start.shift_px[0], start.shift_px[1]);
+    let mut best: Option<(f64, Vector4<f64>)> = None;
+    for _ in 0..40 {
+        let Some((correlation, step)) = step(render, photo, p) else { break };
+        if best.is_none_or(|(known, _)| correlation > known) {
+            best = Some((correlation, p));
+        }
+        p += step;
+        let moved = (step[0].abs() + step[1].abs()) * render.width as f64;
+        if moved + step[2].abs() + step[3].abs() < 0.01 {
+            break;
+        }
+    }
+    best.map(|(correlation, p)| (correlation, Similarity::of(p)))
+}
+
+/// Correlation at a transform, and the step to a better one.
+fn step(render: &Ink, photo: &Ink, p: Vector4<f64>) -> Option<(f64, Vector4<f64>)> {
+    // Sums of the gradient G, the photo w and the render t over the pixels that both have.
+    let (mut n, mut sum_w, mut sum_t, mut ww, mut tt, mut wt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut gg, mut g) = (Matrix4::zeros(), Vector4::zeros());
+    let (mut gw, mut gt) = (Vector4::zeros(), Vector4::zeros());
+    let mut all_t = 0.0;
+    for (i, &t) in render.values.iter().enumerate() {
+        let t = f64::from(t);
+        all_t += t * t;
+        let (x, y) = ((i % render.width) as f64 + 0.5, (i / render.width) as f64 + 0.5);
+        let place = [p[0] * x - p[1] * y + p[2], p[1] * x + p[0] * y + p[3]];
+        let Some([w, slope_x, slope_y]) = photo.at(place) else { continue };
+        let row =
+            Vector4::new(slope_x * x + slope_y * y, slope_y * x - slope_x * y, slope_x, slope_y);
+        n += 1.0;
+        (sum_w, sum_t) = (sum_w + w, sum_t + t);
+        (ww, tt, wt) = (ww + w * w, tt + t * t, wt + w * t);
+        gg += row * row.transpose();
+        g += row;
+        gw += row * w;
+        gt += row * t;
+    }
+    // A fit that leaves the render's light outside the photo is none.
+    if n < 16.0 || tt < 0.5 * all_t {
+        return None;
+    }
+    let (ww, tt, wt) = (ww - sum_w * sum_w / n, tt - sum_t * sum_t / n, wt - sum_w * sum_t / n);
+    let (gw, gt) = (gw - g * (sum_w / n), gt - g * (sum_t / n));
+    let hessian = (gg - g * g.transpose() / n).try_inverse()?;
+    let correlation = wt / (ww * tt).sqrt();
+    let across = wt - gt.dot(&(hessian * gw));
+    if !correlation.is_finite() || across <= 0.0 {
+        return Some((if correlation.is_finite() { correlation } else { 0.0 }, Vector4::zeros()));
+    }
+    let lambda = (ww - gw.dot(&(hessian * gw))) / across;
+    Some((correlation, hessian * (gt * lambda - gw)))
+}
+
+/// Distances from the render's trails to the nearest of the photo's, in the photo's pixels.
+fn residual_px(render: &Levels, photo: &Levels, transform: &Similarity) -> [f64; 2] {
+    let finest = render.levels.len() - 1;
+    let [from, to] = [render.at(finest), photo.at(photo.levels.len() - 1)];
+    let near = transform.between(render.finest, photo.finest);
+    let far = distances(to);
+    let mut off: Vec<f64> = trails(from)
+        .into_iter()
+        .enumerate()
+        .filter(|(_, lit)| *lit)
+        .filter_map(|(i, _)| {
+            let place = [(i % from.width) as f64 + 0.5, (i / from.width) as f64 + 0.5];
+            let [x, y] = near.apply(place).map(f64::floor);
+            let inside = x >= 0.0 && y >= 0.0 && x < to.width as f64 && y < to.height as f64;
+            inside.then(|| f64::from(far[whole(y) * to.width + whole(x)]) * photo.finest)
+        })
+        .collect();
+    off.sort_by(f64::total_cmp);
+    let quantile = |share: f64| off.get(whole(share * off.len() as f64)).copied().unwrap_or(0.0);
+    [quantile(0.5), quantile(0.95)]
+}
+
+/// Pixels of a trail: a fifth and more as bright as a bright one.
+fn trails(ink: &Ink) -> Vec<bool> {
+    let mut sorted = ink.values.clone();
+    sorted.sort_by(f32::total_cmp);
+    let bright = sorted[(sorted.len() - 1) * 995 / 1000];
+    ink.values.iter().map(|value| *value > 0.2 * bright && *value > 0.0).collect()
+}
+
+/// Distance of every pixel from the nearest of a trail, in pixels: exact along one axis at a time
+/// (Saito and Toriwaki 1994).
+fn distances(ink: &Ink) -> Vec<f32> {
+    let (width, height) = (ink.width, ink.height);
+    let lit = trails(ink);
+    let far = (width + height) as f32;
+    let mut across = vec![far; lit.len()];
+    for y in 0..height {
+        let mut run = far;
+        for x in 0..width {
+            run = if lit[y * width + x] { 0.0 } else { run + 1.0 };
+            across[y * width + x] = run;
+        }
+        let mut run = far;
+        for x in (0..width).rev() {
+            run = if lit[y * width + x] { 0.0 } else { run + 1.0 };
+            across[y * width + x] = across[y * width + x].min(run);
+        }
+    }
+    let mut out = vec![far; lit.len()];
+    for x in 0..width {
+        for y in 0..height {
+            let mut best = across[y * width + x] * across[y * width + x];
+            for step in 1..height {
+                let away = (step * step) as f32;
+                if away >= best {
+                    break;
+                }
+                for row in [y.checked_sub(step), Some(y + step).filter(|row| *row < height)] {
+                    let Some(row) = row else { continue };
+                    let aside = across[row * width + x];
+                    best = best.min(aside * aside + away);
+                }
+            }
+            out[y * width + x] = best.sqrt();
+        }
+    }
+    out
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels, not below 0")]
+fn whole(px: f64) -> usize {
+    px as usize
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "pixels")]
+fn rounded(px: f64) -> isize {
+    px.round() as isize
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A word of strokes in a dark room with a lit floor, drawn through a transform.
+    fn word([width_px, height_px]: [u32; 2], place: Similarity, floor: f64) -> Photo {
+        let strokes = [
+            ([200.0, 300.0], [200.0, 120.0]),
+            ([200.0, 120.0], [290.0, 300.0]),
+            ([290.0, 300.0], [290.0, 120.0]),
+            ([360.0, 300.0], [360.0, 130.0]),
+            ([360.0, 130.0], [460.0, 150.0]),
+            ([460.0, 150.0], [380.0, 220.0]),
+            ([380.0, 220.0], [470.0, 310.0]),
+        ];
+        let strokes = strokes.map(|(a, b)| [place.apply(a), place.apply(b)]);
+        let pixel = |x: u32, y: u32| {
+            let p = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+            let near = strokes.iter().map(|[a, b]| {
+                let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+                let t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy);
+                let t = t.clamp(0.0, 1.0);
+                libm::hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy)
+            });
+            let off = near.fold(f64::INFINITY, f64::min) / (3.0 * place.scale);
+            let room = floor * f64::from(y) / f64::from(height_px);
+            let light = libm::exp(-0.5 * off * off) + room;
+            #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "0 to 255")]
+            let level = (255.0 * srgb::encoded_from_linear(light.min(1.0))) as u8;
+            [level; 3]
+        };
+        let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
+        let rgb8 = places.flat_map(|(x, y)| pixel(x, y)).collect();
+        Photo { width_px, height_px, rgb8, scene_toml: None }
+    }
+
+    const HOME: Similarity = Similarity { scale: 1.0, rotation_rad: 0.0, shift_px: [0.0; 2] };
+
+    #[test]
+    fn a_similarity_is_found_to_a_third_of_a_pixel() {
+        let render = word([640, 400], HOME, 0.0);
+        let places = [
+            ([640, 400], HOME),
+            ([900, 300], Similarity { scale: 0.9, rotation_rad: 0.1, shift_px: [170.0, -80.0] }),
+            ([500, 600], Similarity { scale: 0.7, rotation_rad: -0.2, shift_px: [-60.0, 230.0] }),
+            ([1200, 800], Similarity { scale: 2.3, rotation_rad: 0.03, shift_px: [-200., -120.] }),
+        ];
+        for (size_px, place) in places {
+            let photo = word(size_px, place, 0.3);
+            let found = register(&render, &photo).unwrap();
+            for corner in [[200.0, 300.0], [290.0, 120.0], [470.0, 310.0]] {
+                let (at, wanted) = (found.transform.apply(corner), place.apply(corner));
+                let off = libm::hypot(at[0] - wanted[0], at[1] - wanted[1]);
+                assert!(off < 0.35 * place.scale.max(1.0), "{off} px off: {found:?} for {place:?}");
+            }
+            assert!(found.correlation > 0.9, "{found:?}");
+            assert!(found.residual_px[1] < 2.0 * place.scale, "{found:?}");
+            let back = found.transform.inverse().apply(found.transform.apply([3.0, 4.0]));
+            assert!((back[0] - 3.0).abs() + (back[1] - 4.0).abs() < 1e-9, "{back:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_found() {
+        let render = word([640, 400], HOME, 0.0);
+        let dark =
+            Photo { rgb8: vec![7; 300 * 200 * 3], width_px: 300, height_px: 200, ..render.clone() };
+        assert!(matches!(register(&render, &dark), Err(Error::Infeasible { .. })));
+        assert!(matches!(register(&dark, &render), Err(Error::Infeasible { .. })));
+        let speck = Photo { rgb8: vec![200; 3], width_px: 1, height_px: 1, ..render.clone() };
+        assert!(matches!(register(&render, &speck), Err(Error::Infeasible { .. })));
+    }
+}

@@ -1,0 +1,182 @@
+//! Photographs as a person has them: several drones, a camera from EXIF, a render over a photo, and
+//! the same bytes from every backend.
+
+use std::io::Read;
+use std::path::Path;
+
+use noctograph::light::LightTrace;
+use noctograph::photo::Photo;
+
+use crate::cli::{fails, json, noctograph};
+
+/// A light trace of so many drones' third, at a height of its own.
+fn streak(x_m: f64, rgb: [f64; 3]) -> String {
+    let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+    for i in 0..=400 {
+        let t = f64::from(i) / 100.0;
+        let (x, z) = (x_m + 0.1 * t, 0.6 + 0.2 * libm::sin(2.0 * t));
+        csv += &format!("{t},{x:.4},0,{z:.4},{},{},{}\n", rgb[0], rgb[1], rgb[2]);
+    }
+    csv
+}
+
+fn write_streaks(folder: &Path) {
+    let drones = [(-0.4, [1.0, 0.2, 0.1]), (0.0, [0.2, 1.0, 0.3]), (0.4, [0.2, 0.3, 1.0])];
+    for ((x_m, rgb), name) in drones.into_iter().zip(["a.csv", "b.csv", "c.csv"]) {
+        std::fs::write(folder.join(name), streak(x_m, rgb)).unwrap();
+    }
+}
+
+#[test]
+fn several_flights_are_one_photo_and_the_meter_tells_the_drones_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    write_streaks(folder.path());
+    let flags = ["--word", "NO", "--backend", "cpu", "--size", "320x180", "-o"];
+    let expose = |flights: &[&str], name: &str| {
+        let arguments = [&["expose"], flights, &flags, &[name]].concat();
+        noctograph(folder.path()).args(arguments).assert().success();
+        Photo::read_png(&folder.path().join(name)).unwrap()
+    };
+    let all = expose(&["a.csv", "b.csv", "c.csv"], "all.png");
+    let alone = ["a.csv", "b.csv", "c.csv"].map(|flight| expose(&[flight], "one.png"));
+    for (index, one) in alone.iter().enumerate() {
+        let bright = one.rgb8.iter().zip(&all.rgb8).filter(|(one, _)| **one > 200);
+        let (n, kept) =
+            bright.fold((0, 0), |(n, k), (_, all)| (n + 1, k + usize::from(*all > 150)));
+        assert!(n > 200 && kept * 20 > n * 19, "drone {index}: {kept} of {n} bright levels");
+    }
+    let flights = ["--flight", "a.csv", "--flight", "b.csv", "--flight", "c.csv"];
+    let mut meter = noctograph(folder.path());
+    let output = meter.args(["meter", "NO", "--json"]).args(flights).output().unwrap();
+    let found = json(&output.stdout);
+    let names: Vec<&str> =
+        found["lamps"].as_array().unwrap().iter().map(|l| l["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["1: trace", "2: trace", "3: trace"]);
+    assert!(found["ambient_stops"].as_f64().unwrap() < 0.0, "{found}");
+}
+
+/// Flights of three drones that write a word together.
+fn fly_three(folder: &Path) {
+    let run = |arguments: &[&str]| {
+        noctograph(folder).args(arguments).assert().success();
+    };
+    run(&["plan", "LOG", "--style", "even", "--drones", "3", "-o", "plans"]);
+    for drone in ["1", "2", "3"] {
+        let plan = format!("plans/plan-{drone}.csv");
+        run(&["fly", &plan, "--seed", drone, "-o", &format!("{drone}.csv")]);
+    }
+}
+
+#[test]
+fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_thread_count() {
+    let folder = tempfile::tempdir().unwrap();
+    fly_three(folder.path());
+    let required = std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some();
+    for effect in ["double-spin", "solid", "memory", "fade", "off"] {
+        let scene = format!("[light]\nring_effect = \"{effect}\"\nring_color = [40, 10, 90]\n");
+        std::fs::write(folder.path().join("s.toml"), scene).unwrap();
+        let hash = |backend: &str, threads: &str| {
+            let mut command = noctograph(folder.path());
+            command.env("LP_NUM_THREADS", threads).args(["expose", "1.csv", "2.csv", "3.csv"]);
+            command.args(["--word", "LOG", "--size", "480x270", "--scene", "s.toml", "--json"]);
+            let output = command.args(["--backend", backend]).output().unwrap();
+            output.status.success().then(|| json(&output.stdout)["photo_sha256"].clone())
+        };
+        let on_cpu = hash("cpu", "1").unwrap();
+        for threads in ["1", "4"] {
+            let on_gpu = hash("wgpu", threads);
+            assert!(on_gpu.is_some() || !required, "{effect}: no device");
+            if let Some(on_gpu) = on_gpu {
+                assert_eq!(on_gpu, on_cpu, "{effect} with {threads} threads");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_camera_from_a_photo_is_that_of_its_exif() {
+    let folder = tempfile::tempdir().unwrap();
+    write_streaks(folder.path());
+    let scene = "[camera]\nf_number = 11.0\niso = 400.0\nwidth_px = 160\nheight_px = 120\n";
+    std::fs::write(folder.path().join("s.toml"), scene).unwrap();
+    let run = |arguments: &[&str]| {
+        let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu"];
+        noctograph(folder.path()).args(common).args(arguments).assert().success();
+        Photo::read_png(&folder.path().join("photo.png")).unwrap().scene_toml.unwrap()
+    };
+    // Our own photo carries EXIF, but no size: that of the scene stays.
+    run(&["--scene", "s.toml", "-o", "taken.png"]);
+    let scene = run(&["--camera-from", "taken.png", "--size", "160x120"]);
+    for key in ["f_number = 11.0", "iso = 400.0", "shutter_close_s = 4.0", "width_px = 160"] {
+        assert!(scene.contains(key), "{key} in {scene}");
+    }
+    let no_exif = Photo { width_px: 2, height_px: 2, rgb8: vec![9; 12], scene_toml: None };
+    let file = std::fs::File::create(folder.path().join("bare.png")).unwrap();
+    no_exif.write_png(file, None, &[]).unwrap();
+    let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];
+    let output = noctograph(folder.path()).args(bare).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("no EXIF") && told.contains("hint: "), "{told}");
+}
+
+#[test]
+fn a_render_is_found_in_a_photo_of_the_same_light() {
+    let folder = tempfile::tempdir().unwrap();
+    write_streaks(folder.path());
+    let run = |arguments: &[&str]| noctograph(folder.path()).args(arguments).output().unwrap();
+    let expose = ["expose", "a.csv", "b.csv", "c.csv", "--word", "NO", "--backend", "cpu"];
+    run(&[&expose[..], &["--size", "480x270", "-o", "render.png"]].concat());
+    run(&[&expose[..], &["--size", "640x360", "--seed", "5", "-o", "photo.png"]].concat());
+    let output = run(&["compare-photo", "render.png", "photo.png", "-o", "out", "--json"]);
+    let found = json(&output.stdout);
+    let scale = found["transform"]["scale"].as_f64().unwrap();
+    assert!((scale - 4.0 / 3.0).abs() < 0.005, "{found}");
+    assert!(found["transform"]["rotation_rad"].as_f64().unwrap().abs() < 0.003, "{found}");
+    assert!(found["correlation"].as_f64().unwrap() > 0.95, "{found}");
+    assert!(found["mean_flip"].as_f64().unwrap() < 0.1, "{found}");
+    for name in ["overlay.png", "difference.png", "placed.png"] {
+        let picture = Photo::read_png(&folder.path().join("out").join(name)).unwrap();
+        assert_eq!((picture.width_px, picture.height_px), (640, 360), "{name}");
+    }
+    fails(&["compare-photo", "a.png", "b.jpg"], &[], &["a.png"]);
+}
+
+#[test]
+fn an_exr_in_a_folder_that_is_not_there_is_refused_before_the_work() {
+    let files = [("a.csv", &*streak(0.0, [1.0; 3]))];
+    let arguments = ["expose", "a.csv", "--word", "NO", "-o", "nowhere/photo.exr"];
+    fails(&arguments, &files, &["nowhere/photo.exr", "writ"]);
+}
+
+/// The same row again and again.
+struct Rows {
+    left: u64,
+    at: usize,
+}
+
+impl Read for Rows {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        const ROW: &[u8] = b"1,0,0,1,1,1,1\n";
+        for (n, byte) in out.iter_mut().enumerate() {
+            if self.left == 0 {
+                return Ok(n);
+            }
+            *byte = ROW[self.at];
+            self.at = (self.at + 1) % ROW.len();
+            self.left -= u64::from(self.at == 0);
+        }
+        Ok(out.len())
+    }
+}
+
+#[test]
+fn a_billion_samples_are_refused_with_numbers_and_bounded_memory() {
+    let header = &b"t,x,y,z,r,g,b\n"[..];
+    let rows = Rows { left: 1_000_000_000, at: 0 };
+    let error = LightTrace::parse_csv(header.chain(rows), "big.csv").unwrap_err().to_string();
+    assert!(
+        error.contains("more than 4000000 rows") && error.contains("at most 4000000"),
+        "{error}"
+    );
+}
