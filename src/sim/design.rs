@@ -339,18 +339,18 @@ mod tests {
 
     #[test]
     fn a_gain_designed_for_its_rotors_bears_twice_their_lag() {
-        // With the rotors' own lag, by NumPy 2.4.6: 38° at the pitch, 47° at the yaw, any rise of the
-        // gain, a fall to 0.40 at the pitch; slowest pole −2.346.
+        // With the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the yaw, any rise of
+        // the gain, a fall to 0.32 at the pitch; slowest pole −2.397; stable up to 2.6 times the lag.
         let options = SimOptions::cf21();
         let design = design(&options, 0.121).unwrap();
         assert_eq!((design.k.shape(), design.states.len()), ((4, 16), 16));
         let slowest = design.lagging_poles.unwrap()[0].re;
-        assert!((slowest + 2.346).abs() < 1e-3, "{slowest}");
+        assert!((slowest + 2.397).abs() < 1e-3, "{slowest}");
         let margins = design.lagging_margins.unwrap();
         let degrees = |i: usize| margins[i].phase_rad.unwrap().to_degrees();
-        assert!((degrees(1) - 38.0).abs() < 0.2 && (degrees(2) - 46.8).abs() < 0.2, "{margins:?}");
+        assert!((degrees(1) - 42.1).abs() < 0.2 && (degrees(2) - 46.8).abs() < 0.2, "{margins:?}");
         assert!(margins.iter().all(|m| m.gain_up.is_none() && m.gain_down.is_none_or(|g| g < 0.5)));
-        assert!(design.longest_lag_s.unwrap() > 2.0 * 0.121, "{:?}", design.longest_lag_s);
+        assert!(design.longest_lag_s.unwrap() > 2.6 * 0.121, "{:?}", design.longest_lag_s);
         assert!(design.warnings.is_empty(), "{:?}", design.warnings);
     }
 

@@ -114,8 +114,10 @@ mod tests {
 
     #[test]
     fn gain_on_sixteen_states_is_that_of_scipy() {
-        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem, lag 0.121 s.
-        let found = gain(&SimOptions::cf21());
+        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem, lag 0.121 s, the team's
+        // weights.
+        let team = SimOptions::default().controller;
+        let found = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
         for (found, want) in [
             (found.k[(1, 0)], 0.004_876_789_371_787_908),
             (found.k[(1, 4)], 0.006_612_203_428_033_52),
