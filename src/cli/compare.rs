@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use nalgebra::Vector3;
 
-use super::inputs::read_flight;
+use super::inputs::{PositionName, import_flight};
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
 use crate::error::Result;
@@ -14,6 +14,7 @@ use crate::flight::Flight;
 use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, compare};
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::geometry::Attitude;
+use crate::logs::ImportOptions;
 use crate::report::{Trace, error_over_time, front_view, top_view};
 
 #[derive(Debug, Args)]
@@ -28,6 +29,15 @@ pub(super) struct CompareArgs {
     /// Add this many seconds to B's clock, instead of setting it by the designs
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     offset: Option<f64>,
+    /// Position of a log that is compared; of a flight file, estimate takes what was believed
+    #[arg(long, value_name = "SOURCE", default_value = "best")]
+    position: PositionName,
+    /// Another position of B
+    #[arg(long, value_name = "SOURCE")]
+    position_b: Option<PositionName>,
+    /// Join samples of a log, and those of B, over no longer a gap than this, in seconds
+    #[arg(long, value_name = "S")]
+    max_gap: Option<f64>,
     /// Folder for plots: flight-xy.svg, flight-xz.svg and error.svg
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -62,12 +72,18 @@ const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
 pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
-    let (a, b) = (read_flight(&args.a)?, read_flight(&args.b)?);
-    let options = ComparisonOptions {
+    let mut options = ComparisonOptions {
         part: args.part.into(),
         alignment: args.offset.map_or(Alignment::Design, Alignment::Offset),
         ..ComparisonOptions::default()
     };
+    let mut import = ImportOptions { position: args.position.into(), ..Default::default() };
+    if let Some(max_gap_s) = args.max_gap {
+        (options.max_gap_s, import.max_gap_s) = (max_gap_s, max_gap_s);
+    }
+    let a = import_flight(&args.a, &import)?;
+    import.position = args.position_b.unwrap_or(args.position).into();
+    let b = import_flight(&args.b, &import)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
     let tracking = [&a, &b].map(|flight| track(flight, options.part).ok());
@@ -76,7 +92,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
         None => Vec::new(),
     };
     if args.json {
-        let json = to_json(args, &comparison, &tracking, &files);
+        let digests = [a.sha256(), b.sha256()];
+        let json = to_json(args, &comparison, &tracking, &digests, &files);
         print(&format!("{json}\n"))?;
     } else {
         print(&table(args, &comparison, &tracking, &files))?;
@@ -109,11 +126,12 @@ fn to_json(
     args: &CompareArgs,
     comparison: &Comparison,
     [a, b]: &[Option<Tracking>; 2],
+    [digest_a, digest_b]: &[String; 2],
     files: &[PathBuf],
 ) -> serde_json::Value {
-    let side = |path: &Path, tracking: &Option<Tracking>| {
+    let side = |path: &Path, digest: &str, tracking: &Option<Tracking>| {
         let tracking = tracking.as_ref().map(show::tracking_json);
-        serde_json::json!({ "file": path, "tracking": tracking })
+        serde_json::json!({ "file": path, "sha256": digest, "tracking": tracking })
     };
     let (rmse, mean) = (comparison.rmse_m, comparison.mean_m);
     let turned = comparison.attitude_rmse.map(|a| [a.yaw_rad, a.pitch_rad, a.roll_rad]);
@@ -126,8 +144,8 @@ fn to_json(
         "mean_m": [mean.x, mean.y, mean.z],
         "max_m": comparison.max_m,
         "attitude_rmse_rad": turned,
-        "a": side(&args.a, a),
-        "b": side(&args.b, b),
+        "a": side(&args.a, digest_a, a),
+        "b": side(&args.b, digest_b, b),
         "files": files,
     })
 }

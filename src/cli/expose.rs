@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use nalgebra::Vector3;
 
-use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps};
+use super::inputs::{Lamps, PictureFlags, SceneFlags, bounds_m, lamps};
 use super::outputs::Output;
 use super::progress::Busy;
 use super::{Outcome, print, show, tell};
 use crate::camera::Camera;
+use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::expose::{Developer, Exposure, project};
 use crate::light::{LightSample, LightTrace};
@@ -67,16 +68,20 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Outcome> {
     let bounds_m = bounds_m(&mut scene, args.word.as_deref())?;
     let output = Output::create(&args.output)?;
     let developer = Developer::start(args.picture.backend.into());
-    let (trace, end_s) = lamps(&args.flights, &scene)?;
-    let shot = shoot(&trace, end_s, bounds_m, &scene, developer)?;
+    let lamps = lamps(&args.flights, &scene)?;
+    let shot = shoot(&lamps, bounds_m, &scene, developer)?;
     let format = args.format.unwrap_or_else(|| Format::of(&args.output));
     let bytes = shot.file(format, &scene)?;
-    let sha256 = show::sha256(&bytes);
+    let sha256 = sha256(&bytes);
     let path = output.keep(|out| std::io::Write::write_all(out, &bytes))?;
     let (backend, adapter) = (shot.exposure.backend, &shot.exposure.adapter);
     if args.json {
         let json = serde_json::json!({
-            "backend": backend.name(), "adapter": adapter, "photo_sha256": sha256, "files": [path],
+            "backend": backend.name(),
+            "adapter": adapter,
+            "flight_sha256": lamps.flight_sha256,
+            "photo_sha256": sha256,
+            "files": [path],
         });
         print(&format!("{json}\n"))?;
     } else {
@@ -93,24 +98,26 @@ pub(super) struct Shot {
     pub(super) camera: Camera,
     pub(super) exposure: Exposure,
     seed: u64,
+    flight_sha256: Option<String>,
 }
 
 /// Photographs lamps with a scene's camera, and tells what falls outside the picture.
 pub(super) fn shoot(
-    trace: &LightTrace,
-    end_s: f64,
+    lamps: &Lamps,
     bounds_m: [f64; 4],
     scene: &Scene,
     developer: Developer,
 ) -> Result<Shot> {
-    let camera = scene.camera.camera(bounds_m, end_s)?;
+    let Lamps { trace, end_s, flight_sha256 } = lamps;
+    let camera = scene.camera.camera(bounds_m, *end_s)?;
     check_place(trace, bounds_m, &camera)?;
     warn_outside(trace, bounds_m, &camera);
     let _busy = Busy::new("exposing");
     let exposure = developer.develop(&project(trace, &camera, &scene.expose)?)?;
     let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
     photo.scene_toml = Some(scene.to_toml());
-    Ok(Shot { photo, camera, exposure, seed: scene.seed })
+    let flight_sha256 = flight_sha256.clone();
+    Ok(Shot { photo, camera, exposure, seed: scene.seed, flight_sha256 })
 }
 
 /// Nearest that a lit lamp may come to the camera.
@@ -201,10 +208,13 @@ impl Shot {
              {shutter_close_s} s of the flight",
             focal_length_m * 1000.0
         );
-        vec![
+        let mut notes = vec![
             ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
             ("noctograph.camera", camera),
             ("noctograph.seed", self.seed.to_string()),
-        ]
+        ];
+        let flight = self.flight_sha256.clone();
+        notes.extend(flight.map(|digest| ("noctograph.flight_sha256", digest)));
+        notes
     }
 }

@@ -8,6 +8,7 @@ use super::inputs::read_flight;
 use super::{Outcome, print};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
+use crate::sim::identify::yaw::ReactionTorque;
 use crate::sim::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 
 #[derive(Debug, Args)]
@@ -68,6 +69,19 @@ fn table(found: &Identified) -> String {
          centre        of mass x {com_x:+.2} mm, y {com_y:+.2} mm from the motors' middle\n",
         found.n_samples, found.k_f_n
     );
+    if let Some(reaction) = found.reaction {
+        let ReactionTorque { k_m_n_m, half_width_n_m, correlation } = reaction;
+        text += &format!(
+            "k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} N m per unit of a motor's command \
+             (95 %)\n"
+        );
+        if !reaction.is_identifiable() {
+            text += &format!(
+                "              not identifiable from this log: yaw was not excited (correlation \
+                 {correlation:.2})\n"
+            );
+        }
+    }
     if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
         text += "\nmeasured      sigma, m        observer.q\n";
         for ((name, sigma), q) in ["x", "y", "z"].iter().zip(sigma).zip(q) {
@@ -87,12 +101,17 @@ fn table(found: &Identified) -> String {
 }
 
 fn to_json(found: Option<&Identified>, inertia_kg_m2: Option<f64>) -> serde_json::Value {
+    let reaction = found.and_then(|found| found.reaction);
     serde_json::json!({
         "samples": found.map(|found| found.n_samples),
         "mean_motors": found.map(|found| found.mean_motors),
         "k_f_n": found.map(|found| found.k_f_n),
         "motor_torque_n_m": found.map(|found| found.motor_torque_n_m),
         "center_of_mass_m": found.map(|found| found.center_of_mass_m),
+        "k_m_n_m": reaction.map(|reaction| reaction.k_m_n_m),
+        "k_m_half_width_n_m": reaction.map(|reaction| reaction.half_width_n_m),
+        "k_m_identifiable": reaction.map(|reaction| reaction.is_identifiable()),
+        "yaw_correlation": reaction.map(|reaction| reaction.correlation),
         "measurement_sigma_m": found.and_then(|found| found.measurement_sigma_m),
         "model_sigma": found.and_then(|found| found.model_sigma),
         "observer_q": found.and_then(Identified::observer_q),

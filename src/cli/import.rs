@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{SceneFlags, strokes, tell_warnings};
+use super::inputs::{PositionName, SceneFlags, import_flight, strokes};
 use super::outputs::Output;
 use super::{Outcome, print, show};
 use crate::error::Result;
 use crate::flight::airborne;
-use crate::logs::{self, Damaged, ImportOptions, PositionSource};
+use crate::logs::{Damaged, ImportOptions};
 use crate::plan::relight;
 
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ pub(super) struct ImportArgs {
     /// Join samples over no longer a gap than this, in seconds
     #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
     max_gap: f64,
-    /// Which logged position is taken for the truth
+    /// Which logged position, and attitude, is taken for the truth
     #[arg(long, value_name = "SOURCE", default_value = "best")]
     position: PositionName,
     /// Seconds that the drone's clock counts in a true second (0.98824 for µSD logs of firmware
@@ -45,27 +45,6 @@ pub(super) struct ImportArgs {
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum PositionName {
-    Best,
-    Mocap,
-    Custom,
-    Firmware,
-    Lighthouse,
-}
-
-impl From<PositionName> for PositionSource {
-    fn from(name: PositionName) -> Self {
-        match name {
-            PositionName::Best => Self::Best,
-            PositionName::Mocap => Self::Mocap,
-            PositionName::Custom => Self::Custom,
-            PositionName::Firmware => Self::Firmware,
-            PositionName::Lighthouse => Self::Lighthouse,
-        }
-    }
-}
-
 pub(super) fn run(args: &ImportArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     let output = Output::create(&args.output)?;
@@ -76,11 +55,10 @@ pub(super) fn run(args: &ImportArgs) -> Result<Outcome> {
         clock_ratio: args.clock_ratio,
         damaged: if args.recover { Damaged::Recover } else { Damaged::Refuse },
     };
-    let mut flight = logs::import(&args.log, &options)?;
+    let mut flight = import_flight(&args.log, &options)?;
     if let Some(word) = &args.word {
         relight(&mut flight, &strokes(&mut scene, Some(word))?)?;
     }
-    tell_warnings(&flight, &args.log);
     let path = output.keep(|out| flight.write_csv(out))?;
     let air_s = airborne(&flight).map(|air| {
         let air = &flight.samples[air];

@@ -11,7 +11,7 @@ use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::letters::{self, Strokes};
 use crate::light::{LightTrace, csv::is_light_trace, light};
-use crate::logs::{self, ImportOptions};
+use crate::logs::{self, ImportOptions, PositionSource};
 use crate::photo::Photo;
 use crate::plan::{PlanOptions, Style};
 use crate::scene::Scene;
@@ -41,7 +41,11 @@ impl SceneFlags {
             scene.seed = seed;
         }
         if let Some(path) = &self.lighthouse {
-            scene.sensors.stations = read_lighthouse_config(path)?;
+            let config = read_lighthouse_config(path)?;
+            for warning in &config.warnings {
+                tell(&format!("warning: {}: {warning}", path.display()));
+            }
+            scene.sensors.stations = config.stations;
         }
         scene.check()?;
         Ok(scene)
@@ -192,9 +196,44 @@ pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> 
 
 /// A flight from a file, whoever flew it: a flight of ours, or a log.
 pub(super) fn read_flight(path: &Path) -> Result<Flight> {
-    let flight = logs::import(path, &ImportOptions::default())?;
+    import_flight(path, &ImportOptions::default())
+}
+
+/// A flight from a file, imported as told where it is a log.
+pub(super) fn import_flight(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    let flight = logs::import(path, options)?;
     tell_warnings(&flight, path);
     Ok(flight)
+}
+
+/// Which logged position, and attitude, is taken for the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum PositionName {
+    /// The first of the following that is logged and alive
+    Best,
+    /// Motion capture
+    Mocap,
+    /// The observer of the AE483 course
+    Custom,
+    /// The firmware's estimator
+    Firmware,
+    /// Raw fixes of the Lighthouse
+    Lighthouse,
+    /// What was believed in flight: custom, else firmware; the estimate of a flight file
+    Estimate,
+}
+
+impl From<PositionName> for PositionSource {
+    fn from(name: PositionName) -> Self {
+        match name {
+            PositionName::Best => Self::Best,
+            PositionName::Mocap => Self::Mocap,
+            PositionName::Custom => Self::Custom,
+            PositionName::Firmware => Self::Firmware,
+            PositionName::Lighthouse => Self::Lighthouse,
+            PositionName::Estimate => Self::Estimate,
+        }
+    }
 }
 
 /// Tells what whoever reads a flight should know.
@@ -204,34 +243,61 @@ pub(super) fn tell_warnings(flight: &Flight, path: &Path) {
     }
 }
 
+/// What shines in front of the camera.
+#[derive(Debug, Default)]
+pub(super) struct Lamps {
+    pub(super) trace: LightTrace,
+    /// Time of the last sample.
+    pub(super) end_s: f64,
+    /// Digests of the flights that carried them, with a space between; `None` where they came from
+    /// light traces.
+    pub(super) flight_sha256: Option<String>,
+}
+
+impl Lamps {
+    /// Those of a flight of the drone with index `drone`, with the scene's emitters.
+    pub(super) fn of(flight: &Flight, scene: &Scene, drone: u64) -> Result<Self> {
+        Ok(Self {
+            trace: light(flight, &scene.light, scene.seed, drone)?,
+            end_s: flight.samples.last().map_or(0.0, |last| last.time_s),
+            flight_sha256: Some(flight.sha256()),
+        })
+    }
+
+    /// Those of another drone as well.
+    pub(super) fn append(&mut self, other: Self) {
+        self.trace.append(other.trace);
+        self.end_s = self.end_s.max(other.end_s);
+        let digests = [self.flight_sha256.take(), other.flight_sha256];
+        let digests: Vec<String> = digests.into_iter().flatten().collect();
+        self.flight_sha256 = (!digests.is_empty()).then(|| digests.join(" "));
+    }
+}
+
 /// The lamps of files, one for each drone: flights with the scene's emitters, or light traces as
-/// they are; and the time of the last sample. Lamps of several drones have the drone's number, from
-/// 1, before their name.
-pub(super) fn lamps(paths: &[PathBuf], scene: &Scene) -> Result<(LightTrace, f64)> {
-    let (mut all, mut last_s) = (LightTrace::default(), 0.0_f64);
+/// they are. Lamps of several drones have the drone's number, from 1, before their name.
+pub(super) fn lamps(paths: &[PathBuf], scene: &Scene) -> Result<Lamps> {
+    let mut all = Lamps::default();
     for (drone, path) in (0..).zip(paths) {
-        let (mut trace, end_s) = lamps_of(path, scene, drone)?;
+        let mut lamps = lamps_of(path, scene, drone)?;
         if paths.len() > 1 {
-            for lamp in &mut trace.lamps {
+            for lamp in &mut lamps.trace.lamps {
                 lamp.emitter.name = format!("{}: {}", drone + 1, lamp.emitter.name);
             }
         }
-        all.append(trace);
-        last_s = last_s.max(end_s);
+        all.append(lamps);
     }
-    Ok((all, last_s))
+    Ok(all)
 }
 
-fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<(LightTrace, f64)> {
+fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<Lamps> {
     if is_light_trace(path) {
         let trace = LightTrace::read_csv(path)?;
         let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
         let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
-        return Ok((trace, end_s));
+        return Ok(Lamps { trace, end_s, flight_sha256: None });
     }
-    let flight = read_flight(path)?;
-    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    Ok((light(&flight, &scene.light, scene.seed, drone)?, end_s))
+    Lamps::of(&read_flight(path)?, scene, drone)
 }
 
 /// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.

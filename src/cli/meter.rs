@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::fly::fly;
-use super::inputs::{PictureFlags, SceneFlags, bounds_m, lamps, one_drone, strokes};
+use super::inputs::{Lamps, PictureFlags, SceneFlags, bounds_m, lamps, one_drone, strokes};
 use super::{Outcome, print};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{Reading, floor_stops, meter};
-use crate::light::light;
 use crate::scene::Scene;
 
 #[derive(Debug, Args)]
@@ -56,19 +55,18 @@ struct Found {
 }
 
 fn read(args: &MeterArgs, scene: &mut Scene) -> Result<Found> {
-    let (bounds_m, (trace, end_s)) = if args.flight.is_empty() {
+    let (bounds_m, lamps) = if args.flight.is_empty() {
         let strokes = strokes(scene, args.word.as_deref())?;
         one_drone(scene)?;
         let flight = fly(&scene.first_plan(&strokes)?, scene)?;
-        let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-        (strokes.bounds_m(), (light(&flight, &scene.light, scene.seed, 0)?, end_s))
+        (strokes.bounds_m(), Lamps::of(&flight, scene, 0)?)
     } else {
         (bounds_m(scene, args.word.as_deref())?, lamps(&args.flight, scene)?)
     };
-    let camera = scene.camera.camera(bounds_m, end_s)?;
-    let readings = meter(&trace, &camera)?;
+    let camera = scene.camera.camera(bounds_m, lamps.end_s)?;
+    let readings = meter(&lamps.trace, &camera)?;
     let ambient_stops = scene.photo.ambient_stops(&camera);
-    let floor_stops = floor_stops(&trace, &camera, &scene.expose);
+    let floor_stops = floor_stops(&lamps.trace, &camera, &scene.expose);
     Ok(Found { camera, readings, ambient_stops, floor_stops })
 }
 

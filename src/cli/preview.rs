@@ -7,12 +7,12 @@ use clap::Args;
 
 use super::expose::shoot;
 use super::fly::fly;
-use super::inputs::{LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone, strokes};
+use super::inputs::{Lamps, LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone, strokes};
 use super::outputs::OutputFolder;
 use super::{Outcome, print, show};
+use crate::digest::sha256;
 use crate::error::Result;
 use crate::expose::Developer;
-use crate::light::light;
 use crate::score::score;
 
 #[derive(Debug, Args)]
@@ -51,9 +51,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
 
     let developer = Developer::start(args.picture.backend.into());
     let flight = fly(&plan, &scene)?;
-    let trace = light(&flight, &scene.light, scene.seed, 0)?;
-    let end_s = flight.samples.last().map_or(0.0, |last| last.time_s);
-    let shot = shoot(&trace, end_s, strokes.bounds_m(), &scene, developer)?;
+    let lamps = Lamps::of(&flight, &scene, 0)?;
+    let shot = shoot(&lamps, strokes.bounds_m(), &scene, developer)?;
     // A drawing has no word to read, so nothing is said of its legibility.
     let verdict = match strokes.font {
         Some(_) => Some(score(&shot.photo, &strokes, &shot.camera, &scene.score)?),
@@ -66,7 +65,9 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     folder.write("plan.csv", |out| plan.write_csv(out))?;
     folder.write("scene.toml", |out| out.write_all(scene.to_toml().as_bytes()))?;
     if let Some(verdict) = &verdict {
-        folder.write("verdict.json", |out| writeln!(out, "{:#}", show::to_json(verdict)))?;
+        let mut json = show::to_json(verdict);
+        json["flight_sha256"] = lamps.flight_sha256.into();
+        folder.write("verdict.json", |out| writeln!(out, "{json:#}"))?;
     }
     let files = folder.keep(if verdict.is_some() { &FILES } else { &FILES[..FILES.len() - 1] })?;
 
@@ -81,7 +82,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
             "flight": show::flight_json(&flight),
             "backend": backend.name(),
             "adapter": adapter,
-            "photo_sha256": show::sha256(&png),
+            "photo_sha256": sha256(&png),
             "files": files,
         });
         print(&format!("{json}\n"))?;

@@ -1,7 +1,6 @@
 //! Results as people read them, and as programs do.
 
 use nalgebra::Vector3;
-use sha2::{Digest, Sha256};
 
 use crate::expose::Backend;
 use crate::flight::tracking::{Part, Tracking, track};
@@ -36,11 +35,12 @@ fn in_words(reason: Reason) -> &'static str {
     }
 }
 
-/// Flight time and tracking error, over the letters or, where none was written, in the air.
+/// Flight time, tracking error over the letters or, where none was written, in the air, and digest.
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
+    let digest = format!("digest    {}\n", flight.sha256());
     let Ok(tracking) = track(flight, Part::of(flight)) else {
-        return format!("flight    {duration_s:.1} s on the floor\n");
+        return format!("flight    {duration_s:.1} s on the floor\n{digest}");
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
     let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
@@ -49,7 +49,7 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
     });
     format!(
         "flight    {duration_s:.1} s, RMSE {}: x {:.3}  y {:.3}  z {:.3} m\n          trails by \
-         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n{battery}",
+         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n{battery}{digest}",
         in_part(tracking.part),
         rmse.x,
         rmse.y,
@@ -132,11 +132,6 @@ pub(super) fn exposure_line(backend: Backend, adapter: &str) -> String {
 /// The verdict for programs; its fields are those of [`Verdict`].
 pub(super) fn to_json(verdict: &Verdict) -> serde_json::Value {
     serde_json::to_value(verdict).expect("a verdict is plain data")
-}
-
-/// SHA-256 of a file's bytes, in hexadecimal.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The last figure of one of the simulator's own columns.

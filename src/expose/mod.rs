@@ -42,9 +42,9 @@ use std::num::NonZero;
 use std::thread::JoinHandle;
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::camera::{Camera, check_size};
+use crate::digest::Digest;
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
 use floor::Glow;
@@ -99,15 +99,15 @@ impl Film {
     /// on every backend and machine.
     #[must_use]
     pub fn sha256(&self) -> String {
-        let mut hash = Sha256::new();
-        hash.update(self.width_px.to_le_bytes());
-        hash.update(self.height_px.to_le_bytes());
-        hash.update(self.scale_log2.to_le_bytes());
+        let mut digest = Digest::default();
+        digest.add(self.width_px.to_le_bytes());
+        digest.add(self.height_px.to_le_bytes());
+        digest.add(self.scale_log2.to_le_bytes());
         for counts in self.counts.chunks(4096) {
             let bytes: Vec<u8> = counts.iter().flat_map(|count| count.to_le_bytes()).collect();
-            hash.update(bytes);
+            digest.add(bytes);
         }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        digest.hex()
     }
 }
 

@@ -10,10 +10,10 @@ use std::io::Write;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use sha2::{Digest, Sha256};
 
 use super::table::{Table, write_table};
 use super::{Flight, FlightSample, Quantity};
+use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 
@@ -105,24 +105,21 @@ impl Flight {
     /// every machine and in every build.
     #[must_use]
     pub fn sha256(&self) -> String {
-        let mut hash = Sha256::new();
-        let bytes = |numbers: &[f64]| -> Vec<u8> {
-            numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
-        };
+        let mut digest = Digest::default();
         for quantity in &self.unlogged {
-            hash.update(quantity.name());
+            digest.add(quantity.name());
         }
         for sample in &self.samples {
-            hash.update(bytes(&numbers(sample)));
+            digest.add_numbers(&numbers(sample));
         }
         for gap in &self.gaps {
-            hash.update(bytes(gap));
+            digest.add_numbers(gap);
         }
         for (name, column) in self.lights.iter().chain(&self.extra) {
-            hash.update(name);
-            hash.update(bytes(column));
+            digest.add(name);
+            digest.add_numbers(column);
         }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        digest.hex()
     }
 
     /// 1 for each sample that ends a hole, 0 for the others.

@@ -53,6 +53,7 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
     let samples: Vec<FlightSample> =
         axis.stamps_s.iter().map(|&t| writer.sample(t, &axis)).collect();
     warnings.extend(writer.warn_of_held_values(&axis));
+    warnings.extend(warn_of_size(&samples));
     let mut extra = extra(&recording, &told.used, &axis)?;
     let lights = lights(&mut extra);
     let mut all = recording.warnings;
@@ -186,6 +187,18 @@ fn warn_of_gaps(axis: &Axis) -> Option<String> {
         length_s(longest),
         shortened(&shown),
     ))
+}
+
+/// No room is so large: positions farther out are probably in another unit.
+const FARTHEST_M: f64 = 100.0;
+
+fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
+    let farthest_m = samples.iter().map(|sample| sample.position_m.amax()).fold(0.0, f64::max);
+    let text = format!(
+        "the position reaches {farthest_m:.0} m: is it in metres? A column of millimetres is named \
+         x_mm"
+    );
+    (farthest_m > FARTHEST_M).then_some(text)
 }
 
 /// Writes samples from channels.

@@ -22,7 +22,8 @@
 //! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
 //! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
 //!   have columns `light.<channel>`.
-//! - A flight file of ours ([`Flight::read_csv`]) is taken as it is.
+//! - A flight file of ours ([`Flight::read_csv`]) is taken as it is; [`PositionSource::Estimate`]
+//!   alone means something there.
 //!
 //! Not done: turning a motion capture's frame into the drone's (a warning tells their distance),
 //! positions from ranges, more than one drone in a file.
@@ -30,7 +31,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result, within};
-use crate::flight::Flight;
+use crate::flight::{Flight, Quantity};
 
 mod ae483_json;
 mod cfclient_csv;
@@ -66,7 +67,7 @@ pub struct ImportOptions {
     /// 0.4 m/s² of the reference flight's wobble, a lamp's width. Too little leaves a radio log
     /// full of holes (that flight: a third of it at 0.1 s).
     pub max_gap_s: f64,
-    /// Which position is taken for the truth.
+    /// Which position is taken for the truth, and which attitude where the source tells one.
     pub position: PositionSource,
     /// How many seconds the drone's clock counts per true second: 1, or [`SLOW_CLOCK_RATIO`] for
     /// µSD logs of firmware before August 2026 (a warning says when it looks so).
@@ -89,6 +90,9 @@ pub enum PositionSource {
     Firmware,
     /// Raw fixes of the Lighthouse: `lighthouse` or `ae483log.lh_x`.
     Lighthouse,
+    /// What was believed in flight: the custom observer, else the firmware's estimator; in a flight
+    /// file of ours its estimate.
+    Estimate,
 }
 
 /// What is done with a log that is damaged, not merely cut off.
@@ -141,9 +145,25 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     }
     let bytes = contents(path)?;
     if sheet::header(&bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
-        return Flight::read_csv(path);
+        let mut flight = Flight::read_csv(path)?;
+        if options.position == PositionSource::Estimate {
+            believe_the_estimate(&mut flight);
+        }
+        return Ok(flight);
     }
     parse(&bytes, &name, options)
+}
+
+/// Puts the estimate of a flight of ours in the place of its position.
+fn believe_the_estimate(flight: &mut Flight) {
+    for sample in &mut flight.samples {
+        sample.position_m = sample.estimate_m;
+    }
+    if flight.unlogged.contains(&Quantity::Estimate) {
+        flight.unlogged.insert(Quantity::Position);
+    } else {
+        flight.unlogged.remove(&Quantity::Position);
+    }
 }
 
 /// Imports a log from its bytes; `file` is its name in messages.

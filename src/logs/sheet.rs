@@ -95,11 +95,13 @@ impl Sheet {
             let line = record.position().map_or(1, csv::Position::line);
             let unended = record.position().is_some_and(|at| at.byte() >= last_line);
             match sheet.row(&record) {
-                Ok(row) => sheet.push(file, row)?,
-                Err(_) if unended => {
-                    let text = format!("line {line} is cut off; it is left out");
+                // Half a number is a number.
+                _ if unended => {
+                    let text =
+                        format!("line {line} has no end: it may be cut off, and is left out");
                     sheet.warnings.push(text);
                 }
+                Ok(row) => sheet.push(file, row)?,
                 Err((column, found)) => {
                     let place = format!("{file}:{line}: {column}");
                     return Err(Error::input(place, found, "a number in every column", HINT));

@@ -31,7 +31,7 @@ const fn source(kind: PositionSource, names: [&'static str; 3], factors: [f64; 3
     Source { names, factors, kind }
 }
 
-use PositionSource::{Best, Custom, Firmware, Lighthouse, Mocap};
+use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
 /// World position, m. Lighthouse comes last: its raw fixes stand still between sweeps and drop
 /// out, and the estimators have them behind them (reference flight: 5 mm r.m.s. apart).
@@ -143,14 +143,17 @@ pub(super) enum VelocityFrame {
 /// Reads the tables.
 pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
     let mut used = BTreeSet::new();
-    let mut take =
-        |table: &[Source], kinds: &[PositionSource]| first(recording, table, kinds, &mut used);
+    let mut take = |table: &[Source], kinds: &[PositionSource]| {
+        let sources = table.iter().filter(|source| kinds.contains(&source.kind));
+        first(recording, sources, &mut used)
+    };
     let truth: &[PositionSource] = match wanted {
         Best => &[Best, Mocap, Custom, Firmware, Lighthouse],
         Mocap => &[Mocap],
         Custom => &[Custom],
         Firmware => &[Best, Firmware],
         Lighthouse => &[Lighthouse],
+        Estimate => &[Custom, Firmware],
     };
     let anything = &[Best, Mocap, Custom, Firmware, Lighthouse];
     let position_m = take(&POSITION, truth);
@@ -161,22 +164,24 @@ pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
         .map(|channels| (VelocityFrame::Body, channels))
         .or_else(|| Some((VelocityFrame::World, take(&VELOCITY_WORLD, anything)?)))
         .or_else(|| Some((VelocityFrame::Body, take(&VELOCITY_BODY, &[Firmware])?)));
-    let attitude_rad = take(&ATTITUDE, anything)
+    // Who tells the position is believed about the attitude as well.
+    let believed = |source: &&Source| truth.contains(&source.kind);
+    let (believed, others): (Vec<_>, Vec<_>) = ATTITUDE.iter().partition(believed);
+    let attitude_rad = first(recording, believed.into_iter().chain(others), &mut used)
         .or_else(|| from_quaternions(recording, &mut used))
         .map(|[yaw, pitch, roll]| [without_jumps(yaw), pitch, without_jumps(roll)]);
     let motors = MOTORS.iter().find_map(|names| quadruple(recording, names, &mut used));
     Told { position_m, attitude_rad, velocity, rate_body_rad_s, estimate_m, design_m, motors, used }
 }
 
-/// The first source of these kinds that is not constantly zero; else the first one that is logged.
-fn first(
+/// The first of these sources that is not constantly zero; else the first one that is logged.
+fn first<'a>(
     recording: &Recording,
-    table: &[Source],
-    kinds: &[PositionSource],
+    sources: impl Iterator<Item = &'a Source>,
     used: &mut BTreeSet<String>,
 ) -> Option<[Channel; 3]> {
     let mut dead = None;
-    for source in table.iter().filter(|source| kinds.contains(&source.kind)) {
+    for source in sources {
         let [a, b, c] = source.names.map(|name| recording.channel(name));
         let (Some(a), Some(b), Some(c)) = (a, b, c) else { continue };
         let channels = [a, b, c];

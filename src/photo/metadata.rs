@@ -5,9 +5,9 @@
 
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
-use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
+use crate::digest::sha256;
 
 /// What a picture's file says about how it was taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,14 +33,13 @@ impl Metadata {
     /// For a picture that a camera took; its bytes make its name.
     #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
-        let hash = Sha256::digest(picture);
         Self {
             exposure_s: camera.shutter_close_s - camera.shutter_open_s,
             f_number: camera.f_number,
             iso: camera.iso,
             focal_length_m: camera.focal_length_m,
             sensor_width_m: camera.sensor_width_m,
-            unique_id: hash.iter().take(16).map(|byte| format!("{byte:02x}")).collect(),
+            unique_id: sha256(picture)[..32].to_owned(),
         }
     }
 

@@ -1,10 +1,11 @@
-//! The verdict: what was read, how surely, and where the word hangs. `verdict.json` is this.
+//! The verdict: what was read, how surely, and where the word hangs. `verdict.json` is this, with the
+//! flight's digest.
 
 use serde::Serialize;
 
 use super::calibration::{CALIBRATION, Calibration};
 
-/// Whether a photo's word is legible, and why not. `verdict.json` is this.
+/// Whether a photo's word is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// The word that should be there.

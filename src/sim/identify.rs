@@ -5,12 +5,16 @@
 //! measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ by
 //! finite differences; thrust per command is fitted to the accelerometer, and the mean motor
 //! commands show the torque that the controller pays for a displaced centre of mass. Inertia comes
-//! from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
+//! from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque
+//! is fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
 //!
-//! Not done: inertia and reaction torque from flight, where slow logs show neither.
+//! Not done: inertia from flight, where slow logs do not show it.
+
+pub mod yaw;
 
 use nalgebra::{SVector, Vector3, Vector4};
 
+use self::yaw::ReactionTorque;
 use super::mixer::SIGNS;
 use super::options::VehicleOptions;
 use super::vehicle::GRAVITY_M_S2;
@@ -42,6 +46,8 @@ pub struct Identified {
     pub motor_torque_n_m: [f64; 2],
     /// Where the centre of mass must be for that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
+    /// What the yaw says of the rotors' reaction torque; `None` where no body rate is logged.
+    pub reaction: Option<ReactionTorque>,
     /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
     /// logged.
     pub measurement_sigma_m: Option<[f64; 3]>,
@@ -127,6 +133,7 @@ pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified>
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
+        reaction: told(Quantity::Rate).then(|| yaw::reaction(flight, samples, vehicle)).flatten(),
         measurement_sigma_m: match lighthouse {
             [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
             _ => None,
@@ -164,17 +171,21 @@ fn model_sigma(
     samples: &[FlightSample],
     accelerations: Option<&[f64]>,
 ) -> [f64; 9] {
-    let hole = |time_s: f64| flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1]);
     let mut errors = Vec::new();
     for (index, pair) in samples.windows(2).enumerate() {
         let dt_s = pair[1].time_s - pair[0].time_s;
-        if dt_s <= 0.0 || hole(pair[0].time_s) {
+        if dt_s <= 0.0 || ends_at_hole(flight, pair[0].time_s) {
             continue;
         }
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
         errors.push((state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration));
     }
     spread(&errors).into()
+}
+
+/// Whether nothing is known of the time after a sample.
+fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
+    flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
 
 fn state(sample: &FlightSample) -> SVector<f64, 9> {
@@ -221,6 +232,7 @@ mod tests {
             k_f_n: 0.0,
             motor_torque_n_m: [0.0; 2],
             center_of_mass_m: [0.0; 2],
+            reaction: None,
             measurement_sigma_m: Some([0.003, 0.004, 0.002]),
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
         };

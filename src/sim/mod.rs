@@ -24,6 +24,7 @@ mod coverage;
 pub mod design;
 mod estimator;
 pub mod identify;
+mod lanes;
 mod mixer;
 mod noise;
 mod normals;
@@ -42,7 +43,8 @@ pub use estimator::{EstimatorKind, ObserverOptions};
 pub use options::{ControllerKind, ControllerOptions, MotorLag, RateOptions, SimOptions};
 pub use response::step_responses;
 pub use sensors::{
-    Generation, HeightSensor, Positioning, SensorOptions, Station, read_lighthouse_config,
+    Generation, HeightSensor, LighthouseConfig, Positioning, SensorOptions, Station,
+    read_lighthouse_config,
 };
 pub use vehicle::{
     AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,

@@ -14,7 +14,9 @@ use crate::plan::{Plan, Setpoint};
 pub(super) struct Recorder<'a> {
     plan: &'a Plan,
     flight: Flight,
-    further: BTreeMap<&'static str, Vec<f64>>,
+    saturated_s: Vec<f64>,
+    battery_v: Vec<f64>,
+    energy_j: Vec<f64>,
 }
 
 /// What the drone knows and does at one tick.
@@ -40,7 +42,9 @@ impl<'a> Recorder<'a> {
         Self {
             plan,
             flight: Flight { samples: Vec::with_capacity(n), lights, ..Flight::default() },
-            further: BTreeMap::new(),
+            saturated_s: Vec::with_capacity(n),
+            battery_v: Vec::new(),
+            energy_j: Vec::new(),
         }
     }
 
@@ -50,17 +54,22 @@ impl<'a> Recorder<'a> {
         for (column, sent) in self.flight.lights.values_mut().zip(self.plan.lights.values()) {
             column.push(on_grid(sent[moment.setpoint]));
         }
-        let battery = moment.battery.map(|(v, j)| [(BATTERY_V, v), (ENERGY_J, j)]);
-        for (name, value) in
-            std::iter::once((SATURATED_S, moment.saturated_s)).chain(battery.into_iter().flatten())
-        {
-            self.further.entry(name).or_default().push(on_grid(value));
+        self.saturated_s.push(on_grid(moment.saturated_s));
+        if let Some((volts, joules)) = moment.battery {
+            self.battery_v.push(on_grid(volts));
+            self.energy_j.push(on_grid(joules));
         }
     }
 
     pub(super) fn finish(self, warnings: Vec<String>) -> Flight {
-        let extra = self.further.into_iter().map(|(name, column)| (name.to_owned(), column));
-        Flight { warnings, extra: extra.collect(), ..self.flight }
+        let columns = [
+            (SATURATED_S, self.saturated_s),
+            (BATTERY_V, self.battery_v),
+            (ENERGY_J, self.energy_j),
+        ];
+        let logged = columns.into_iter().filter(|(_, column)| !column.is_empty());
+        let extra = logged.map(|(name, column)| (name.to_owned(), column)).collect();
+        Flight { warnings, extra, ..self.flight }
     }
 }
 

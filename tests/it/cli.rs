@@ -53,6 +53,15 @@ fn preview_prints_json_with_the_promised_fields() {
     assert!(json["flight"]["duration_s"].as_f64().unwrap() > 46.0);
     assert_eq!(json["flight"]["rmse_m"].as_array().unwrap().len(), 3);
     assert_eq!(json["photo_sha256"].as_str().unwrap().len(), 64);
+    let digest = json["flight"]["sha256"].as_str().unwrap();
+    assert_eq!(digest.len(), 64);
+    for name in ["photo.png", "verdict.json"] {
+        let bytes = std::fs::read(folder.path().join("a").join(name)).unwrap();
+        let told = bytes.windows(64).any(|text| text == digest.as_bytes());
+        assert!(told, "{name} names the flight that it shows");
+    }
+    let again = noctograph(folder.path()).args(["import", "a/flight.csv"]).assert().success();
+    again.stdout(predicate::str::contains(format!("digest    {digest}")));
     assert_eq!(json["files"].as_array().unwrap().len(), 5);
     assert!(json["adapter"].is_string());
 }

@@ -126,10 +126,10 @@ impl Ekf {
 
     #[inline(always)]
     fn see_sweep(&mut self, sweep: &Sweep) {
-        for (sensor, angle_rad) in DECK_SENSORS_M.into_iter().zip(sweep.angles_rad) {
-            let lever = Vector3::from(sensor);
-            let place = self.position_m + self.world_from_body * lever;
-            let crossing = self.stations[sweep.station].crossing(sweep.plane, &place);
+        let levers = DECK_SENSORS_M.map(Vector3::from);
+        let places_m = levers.map(|lever| self.position_m + self.world_from_body * lever);
+        let crossings = self.stations[sweep.station].crossings(sweep.plane, &places_m);
+        for ((lever, crossing), angle_rad) in levers.iter().zip(crossings).zip(sweep.angles_rad) {
             let position = crossing.slope_rad_m;
             let turn = lever.cross(&self.world_from_body.tr_mul(&position));
             let innovation = angle_rad - crossing.angle_rad;

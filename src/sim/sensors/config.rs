@@ -2,8 +2,13 @@
 //!
 //! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style after the release
 //! of its YAML library, so that it is read by a full YAML reader (`serde-saphyr`: pure Rust, kept,
-//! with the line of every value). World and station frames are ours already. Calibrations are left
-//! out: see [`super::station`].
+//! with the line of every value). World and station frames are ours already.
+//!
+//! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) are read and
+//! checked, and have no effect: the firmware undoes them before it uses an angle
+//! (`lighthouse_calibration.c`), and angles here are those that come after. What they would change
+//! is the slant of second-generation planes, by the tilt of up to 0.05 rad about 30°: a tenth of the
+//! height's noise. A warning says so.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,6 +37,28 @@ struct File {
     system_type: Option<Spanned<u8>>,
     #[serde(default)]
     geos: BTreeMap<u8, Geometry>,
+    #[serde(default)]
+    calibs: BTreeMap<u8, Calibration>,
+}
+
+/// A station's factory calibration.
+#[derive(Deserialize)]
+struct Calibration {
+    sweeps: Spanned<[Sweep; 2]>,
+}
+
+/// Calibration of one plane, under the firmware's names.
+#[derive(Deserialize)]
+struct Sweep {
+    phase: f64,
+    tilt: f64,
+    curve: f64,
+    gibmag: f64,
+    gibphase: f64,
+    #[serde(default)]
+    ogeemag: f64,
+    #[serde(default)]
+    ogeephase: f64,
 }
 
 #[derive(Deserialize)]
@@ -40,13 +67,25 @@ struct Geometry {
     rotation: Spanned<[[f64; 3]; 3]>,
 }
 
-/// Reads the base stations of a Lighthouse configuration file, in the order of their channels.
+/// Largest figure of a calibration, rad: phases lie within a turn, all others far below one.
+const LARGEST_CALIBRATION: f64 = 10.0;
+
+/// What a Lighthouse configuration file tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LighthouseConfig {
+    /// The base stations whose geometry is known, in the order of their channels.
+    pub stations: Vec<Station>,
+    /// What whoever uses them should know.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a Lighthouse configuration file.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] where the file cannot be read; [`Error::Input`] with the line where it is no such
 /// configuration, or a station's place or turn is impossible.
-pub fn read_lighthouse_config(path: &Path) -> Result<Vec<Station>> {
+pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
     let unreadable = |source| Error::read(path, source);
     let length = std::fs::metadata(path).map_err(unreadable)?.len();
     let file = path.display().to_string();
@@ -58,7 +97,7 @@ pub fn read_lighthouse_config(path: &Path) -> Result<Vec<Station>> {
 }
 
 /// Reads the text of a configuration; `file` is its name in messages.
-fn parse(yaml: &str, file: &str) -> Result<Vec<Station>> {
+fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
     let config: File = serde_saphyr::from_str(yaml).map_err(|error| {
         let line = error.location().map_or(1, |place| place.line());
         let found = error.without_snippet().to_string().replace('\n', "; ");
@@ -105,7 +144,49 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<Station>> {
         }
         Ok(placed(generation, origin.value, &r))
     };
-    config.geos.iter().map(station).collect()
+    let stations = config.geos.iter().map(station).collect::<Result<_>>()?;
+    for (id, calibration) in &config.calibs {
+        calibration.check(&place(calibration.sweeps.referenced.line(), &format!("calibs.{id}")))?;
+    }
+    Ok(LighthouseConfig { stations, warnings: warnings(&config) })
+}
+
+impl Calibration {
+    fn check(&self, place: &str) -> Result<()> {
+        for sweep in &self.sweeps.value {
+            let Sweep { phase, tilt, curve, gibmag, gibphase, ogeemag, ogeephase } = *sweep;
+            let figures = [phase, tilt, curve, gibmag, gibphase, ogeemag, ogeephase];
+            let wild = |figure: &&f64| figure.is_nan() || figure.abs() > LARGEST_CALIBRATION;
+            if let Some(figure) = figures.iter().find(wild) {
+                let wanted = format!("figures within ±{LARGEST_CALIBRATION}");
+                return Err(Error::input(place, figure, wanted, HINT));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn warnings(config: &File) -> Vec<String> {
+    let list = |ids: Vec<&u8>| ids.iter().map(|id| id.to_string()).collect::<Vec<_>>().join(", ");
+    let calibrated: Vec<&u8> =
+        config.calibs.keys().filter(|id| config.geos.contains_key(id)).collect();
+    let homeless: Vec<&u8> =
+        config.calibs.keys().filter(|id| !config.geos.contains_key(id)).collect();
+    let mut warnings = Vec::new();
+    if !calibrated.is_empty() {
+        warnings.push(format!(
+            "the factory calibration of base station {} has no effect: sweep angles are simulated \
+             as they are after the firmware has undone it",
+            list(calibrated)
+        ));
+    }
+    if !homeless.is_empty() {
+        warnings.push(format!(
+            "base station {} is left out: its place is not known, only its calibration",
+            list(homeless)
+        ));
+    }
+    warnings
 }
 
 /// A station from its rotation matrix.
@@ -170,8 +251,9 @@ version: '1'
 
     #[test]
     fn stations_come_in_place_and_turned() {
-        let stations = parse(BLOCK, "lh.yaml").unwrap();
-        assert_eq!(stations.len(), 2);
+        let LighthouseConfig { stations, warnings } = parse(BLOCK, "lh.yaml").unwrap();
+        assert_eq!((stations.len(), warnings.len()), (2, 1));
+        assert!(warnings[0].contains("calibration of base station 0 has no"), "{warnings:?}");
         assert_eq!(stations[0].position_m[2], 3.152726888656616);
         let turned = stations[0].pose().world_from_station * Vector3::x();
         assert!((turned - Vector3::y()).norm() < 1e-15, "x becomes y");
@@ -181,7 +263,9 @@ version: '1'
         assert!(stations[1].pitch_rad > 0.6, "looks down");
         assert!(stations.iter().all(|s| s.generation == Generation::V2));
         let v1 = parse(&BLOCK.replace("systemType: 2", "systemType: 1"), "lh.yaml").unwrap();
-        assert!(v1.iter().all(|s| s.generation == Generation::V1));
+        assert!(v1.stations.iter().all(|s| s.generation == Generation::V1));
+        let homeless = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
+        assert!(homeless.warnings[0].contains("station 7 is left out"), "{homeless:?}");
     }
 
     #[test]
@@ -211,6 +295,10 @@ version: '1'
             (BLOCK.replace("[0.0, 1.0, 0.0]", "[0.0, -1.0, 0.0]"), ":32: geos.1", "a rotation"),
             (BLOCK.replace("geos:", "geoz:"), "lh.yaml", "no base station"),
             (BLOCK.replace("systemType: 2", "systemType: [2"), "lh.yaml:", ""),
+            (BLOCK.replace("gibmag: 0.006", "gibmag: much"), "lh.yaml:5", "floating point"),
+            (BLOCK.replace("gibmag: 0.006", "gibmag: .nan"), "lh.yaml:4: calibs.0", "NaN"),
+            (BLOCK.replace("tilt: 0.05", "tilt: 50"), "lh.yaml:4: calibs.0", "50"),
+            (BLOCK.replace("      gibphase: 1.1\n", ""), "lh.yaml:", "gibphase"),
             (String::new(), "lh.yaml:1", ""),
             ("\u{0}\u{1}[{".to_owned(), "lh.yaml:1", ""),
         ];

@@ -203,10 +203,8 @@ impl Rotor {
     ) -> [f64; 4] {
         let direction = self.truth.station_from_world(position_m).normalize();
         let distortion_rad = self.distortion.component(plane, &direction);
-        std::array::from_fn(|sensor| {
-            let place = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[sensor]);
-            let ideal = self.truth.crossing(plane, &place).angle_rad;
-            ideal + distortion_rad + errors_rad[sensor]
-        })
+        let places_m = DECK_SENSORS_M.map(|s| position_m + world_from_body * Vector3::from(s));
+        let crossings = self.truth.crossings(plane, &places_m);
+        std::array::from_fn(|i| crossings[i].angle_rad + distortion_rad + errors_rad[i])
     }
 }

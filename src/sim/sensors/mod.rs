@@ -27,7 +27,7 @@ use self::uwb::Uwb;
 use super::noise::Noise;
 use super::vehicle::{Body, attitude};
 
-pub use self::config::read_lighthouse_config;
+pub use self::config::{LighthouseConfig, read_lighthouse_config};
 pub(super) use self::height::time_of_flight_sigma_m;
 pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub use self::options::{HeightSensor, Positioning, SensorOptions};

@@ -2,8 +2,8 @@
 //! light meet a point.
 //!
 //! A station's frame is x forward (out of the front), y left, z up. Angles are those that the
-//! firmware has after it applied the factory calibration, which is why calibration files are read
-//! for their geometry alone; what calibration leaves is the `sweep_distortion` of the sensors.
+//! firmware has after it applied the factory calibration, which is why the calibrations of a
+//! configuration file have no effect; what they leave is the `sweep_distortion` of the sensors.
 //! Model: `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware; fields of view:
 //! Bitcraze's documentation of the Lighthouse deck.
 
@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, within};
 use crate::geometry::Attitude;
+use crate::sim::lanes::{asin, atan2};
 
 /// tan(π/6): slant of a second-generation station's planes.
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
@@ -129,22 +130,32 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// Where plane 0 or 1 meets a point:
+    /// Where plane 0 or 1 meets each of four points:
     /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
     #[inline(always)]
-    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
-        let u = self.station_from_world(point_m);
-        let (angle_rad, slope) = match (self.generation, plane) {
-            (Generation::V1, 0) => upright(u.x, u.y),
-            (Generation::V1, _) => {
-                let (angle_rad, slope) = upright(u.x, u.z);
-                (angle_rad, Vector3::new(slope.x, 0.0, slope.y))
-            }
+    pub(in crate::sim) fn crossings(
+        &self,
+        plane: usize,
+        points_m: &[Vector3<f64>; 4],
+    ) -> [Crossing; 4] {
+        let u = points_m.map(|point_m| self.station_from_world(&point_m));
+        let met = match (self.generation, plane) {
+            (Generation::V1, 0) => upright(u.map(|u| u.x), u.map(|u| u.y)),
+            (Generation::V1, _) => upright(u.map(|u| u.x), u.map(|u| u.z))
+                .map(|(angle_rad, slope)| (angle_rad, Vector3::new(slope.x, 0.0, slope.y))),
             (Generation::V2, 0) => slanted(&u, -TAN_TILT),
             (Generation::V2, _) => slanted(&u, TAN_TILT),
         };
-        Crossing { angle_rad, slope_rad_m: self.world_from_station * slope }
+        met.map(|(angle_rad, slope)| Crossing {
+            angle_rad,
+            slope_rad_m: self.world_from_station * slope,
+        })
+    }
+
+    /// Where plane 0 or 1 meets one point.
+    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
+        self.crossings(plane, &[*point_m; 4])[0]
     }
 
     /// The direction in the world, a unit vector, in which both planes were met at these angles.
@@ -163,25 +174,34 @@ impl StationPose {
 }
 
 /// `atan2(b, a)` and its slope in `a` and `b`.
-fn upright(a: f64, b: f64) -> (f64, Vector3<f64>) {
-    let square = a * a + b * b;
-    (libm::atan2(b, a), Vector3::new(-b / square, a / square, 0.0))
+#[inline(always)]
+fn upright(a: [f64; 4], b: [f64; 4]) -> [(f64, Vector3<f64>); 4] {
+    let angles_rad = atan2(&b, &a);
+    std::array::from_fn(|i| {
+        let square = a[i] * a[i] + b[i] * b[i];
+        (angles_rad[i], Vector3::new(-b[i] / square, a[i] / square, 0.0))
+    })
 }
 
-/// Angle of a slanted plane, and its slope in the station's frame.
+/// Angles of a slanted plane, and their slopes in the station's frame.
 #[inline(always)]
-fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> (f64, Vector3<f64>) {
-    let square = u.x * u.x + u.y * u.y;
-    let radius = square.sqrt();
-    let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
-    let root = (1.0 - lead * lead).sqrt();
-    let outward = lead / (square * root);
-    let slope = Vector3::new(
-        -u.y / square - u.x * outward,
-        u.x / square - u.y * outward,
-        tan_tilt / (radius * root),
-    );
-    (libm::atan2(u.y, u.x) + libm::asin(lead), slope)
+fn slanted(u: &[Vector3<f64>; 4], tan_tilt: f64) -> [(f64, Vector3<f64>); 4] {
+    let squares = u.map(|u| u.x * u.x + u.y * u.y);
+    let radii = squares.map(f64::sqrt);
+    let leads: [f64; 4] =
+        std::array::from_fn(|i| (u[i].z * tan_tilt / radii[i]).clamp(-LARGEST_LEAD, LARGEST_LEAD));
+    let (azimuths_rad, leads_rad) = (atan2(&u.map(|u| u.y), &u.map(|u| u.x)), asin(&leads));
+    std::array::from_fn(|i| {
+        let (u, lead, square) = (&u[i], leads[i], squares[i]);
+        let root = (1.0 - lead * lead).sqrt();
+        let outward = lead / (square * root);
+        let slope = Vector3::new(
+            -u.y / square - u.x * outward,
+            u.x / square - u.y * outward,
+            tan_tilt / (radii[i] * root),
+        );
+        (azimuths_rad[i] + leads_rad[i], slope)
+    })
 }
 
 #[cfg(test)]

@@ -1,0 +1,53 @@
+//! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on every
+//! machine and in every build.
+
+use sha2::Digest as _;
+
+/// Takes a product in piece by piece.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Digest(sha2::Sha256);
+
+impl Digest {
+    /// Bytes as they are.
+    pub(crate) fn add(&mut self, bytes: impl AsRef<[u8]>) {
+        self.0.update(bytes);
+    }
+
+    /// Numbers as their bits, the lowest byte first.
+    pub(crate) fn add_numbers(&mut self, numbers: &[f64]) {
+        for number in numbers {
+            self.0.update(number.to_le_bytes());
+        }
+    }
+
+    /// 64 hexadecimal digits.
+    pub(crate) fn hex(self) -> String {
+        self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// Digest of some bytes.
+pub(crate) fn sha256(bytes: &[u8]) -> String {
+    let mut digest = Digest::default();
+    digest.add(bytes);
+    digest.hex()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_digest_is_the_standards() {
+        // FIPS 180-4, example of one block.
+        let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256(b"abc"), abc);
+        let mut pieces = Digest::default();
+        pieces.add("a");
+        pieces.add(b"bc");
+        assert_eq!(pieces.hex(), abc);
+        let mut numbers = Digest::default();
+        numbers.add_numbers(&[1.5]);
+        assert_eq!(numbers.hex(), sha256(&[0, 0, 0, 0, 0, 0, 0xf8, 0x3f]));
+    }
+}

@@ -1,0 +1,240 @@
+//! Functions of `libm` written out without branches, so that a processor's wide registers take
+//! several arguments at once: bit for bit what `libm` (after FreeBSD's msun) says of each. No product
+//! is fused with a sum, so that every machine rounds alike.
+//!
+//! Each is for the arguments that occur here; [`is_hard`] and the others tell those that must go to
+//! `libm` themselves.
+
+/// A high word, at which msun changes its way, as a number.
+const fn high(word: u64) -> f64 {
+    f64::from_bits(word << 32)
+}
+
+/// The natural logarithm of a normal number (msun `e_log.c`).
+#[inline(always)]
+pub(super) fn ln(x: f64) -> f64 {
+    const LN2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+    const G: [f64; 7] = [
+        6.666_666_666_666_735e-1,
+        3.999_999_999_940_942e-1,
+        2.857_142_874_366_239e-1,
+        2.222_219_843_214_978_4e-1,
+        1.818_357_216_161_805e-1,
+        1.531_383_769_920_937_3e-1,
+        1.479_819_860_511_658_6e-1,
+    ];
+    // x = 2^k (1 + f) with 1 + f about 1; a whole number below 2^52 added to 2^52 is its last bits.
+    let bits = x.to_bits();
+    let word = (bits >> 32) + (0x3ff0_0000 - 0x3fe6_a09e);
+    let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;
+    let word = (word & 0x000f_ffff) + 0x3fe6_a09e;
+    let f = f64::from_bits(word << 32 | bits & 0xffff_ffff) - 1.0;
+    let half_sq = 0.5 * f * f;
+    let s = f / (2.0 + f);
+    let z = s * s;
+    let w = z * z;
+    let even = w * (G[1] + w * (G[3] + w * G[5]));
+    let odd = z * (G[0] + w * (G[2] + w * (G[4] + w * G[6])));
+    s * (half_sq + (odd + even)) + k * LN2[1] - half_sq + f + k * LN2[0]
+}
+
+/// Angles so near to a multiple of a quarter turn that msun reduces them with more digits.
+#[inline(always)]
+pub(super) fn is_hard(x: f64) -> bool {
+    let near = |word: u64| (x >= high(word)) & (x < high(word + 1));
+    near(0x3ff9_21fb) | near(0x4009_21fb) | near(0x4012_d97c) | near(0x4019_21fb)
+}
+
+/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`,
+/// `k_sin.c`, `k_cos.c`).
+#[inline(always)]
+pub(super) fn sincos(x: f64) -> (f64, f64) {
+    const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
+    const S: [f64; 6] = [
+        -1.666_666_666_666_663_2e-1,
+        8.333_333_333_322_49e-3,
+        -1.984_126_982_985_795e-4,
+        2.755_731_370_707_007e-6,
+        -2.505_076_025_340_686_3e-8,
+        1.589_690_995_211_55e-10,
+    ];
+    const C: [f64; 6] = [
+        4.166_666_666_666_66e-2,
+        -1.388_888_888_887_411e-3,
+        2.480_158_728_947_673e-5,
+        -2.755_731_435_139_066_3e-7,
+        2.087_572_321_298_175e-9,
+        -1.135_964_755_778_819_5e-11,
+    ];
+    let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
+    let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
+    let z = x - quarters * QUARTER[0];
+    let a = z - quarters * QUARTER[1];
+    let b = (z - a) - quarters * QUARTER[1];
+
+    let z = a * a;
+    let w = z * z;
+    let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
+    let v = z * a;
+    let reduced = a - ((z * (0.5 * b - v * r) - b) - v * S[0]);
+    let sin = if quarters == 0.0 { a + v * (S[0] + z * r) } else { reduced };
+
+    let r = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
+    let half = 0.5 * z;
+    let w = 1.0 - half;
+    let cos = w + (((1.0 - w) - half) + (z * r - a * b));
+
+    let odd = (quarters == 1.0) | (quarters == 3.0);
+    let (sine, cosine) = if odd { (cos, sin) } else { (sin, cos) };
+    let sign = |minus: bool| if minus { -1.0 } else { 1.0 };
+    let sine = sign((quarters == 2.0) | (quarters == 3.0)) * sine;
+    let cosine = sign((quarters == 1.0) | (quarters == 2.0)) * cosine;
+    (sine, cosine)
+}
+
+/// Angles of four points `(x, y)`, as `libm::atan2` gives them.
+#[inline(always)]
+pub(super) fn atan2(y: &[f64; 4], x: &[f64; 4]) -> [f64; 4] {
+    let easy = |i: usize| (x[i] > 0.0) & (x[i] < 1e300) & (y[i].abs() < 1e9 * x[i]);
+    if easy(0) & easy(1) & easy(2) & easy(3) {
+        std::array::from_fn(|i| atan(y[i] / x[i]))
+    } else {
+        std::array::from_fn(|i| libm::atan2(y[i], x[i]))
+    }
+}
+
+/// Arcsines, as `libm::asin` gives them.
+#[inline(always)]
+pub(super) fn asin(x: &[f64; 4]) -> [f64; 4] {
+    if x.iter().fold(true, |easy, x| easy & (x.abs() < 0.5)) {
+        x.map(|x| {
+            let z = x * x;
+            let p = z * (P[0] + z * (P[1] + z * (P[2] + z * (P[3] + z * (P[4] + z * P[5])))));
+            let q = 1.0 + z * (Q[0] + z * (Q[1] + z * (Q[2] + z * Q[3])));
+            x + x * (p / q)
+        })
+    } else {
+        x.map(libm::asin)
+    }
+}
+
+/// Of msun's `e_asin.c`.
+const P: [f64; 6] = [
+    1.666_666_666_666_666_6e-1,
+    -3.255_658_186_224_009e-1,
+    2.012_125_321_348_629_3e-1,
+    -4.005_553_450_067_941e-2,
+    7.915_349_942_898_145e-4,
+    3.479_331_075_960_212e-5,
+];
+const Q: [f64; 4] = [
+    -2.403_394_911_734_414,
+    2.020_945_760_233_505_7,
+    -6.882_839_716_054_533e-1,
+    7.703_815_055_590_194e-2,
+];
+
+/// The arctangent of a number below 2^66 (msun `s_atan.c`).
+#[inline(always)]
+fn atan(x: f64) -> f64 {
+    const A: [f64; 11] = [
+        3.333_333_333_333_293e-1,
+        -1.999_999_999_987_648_3e-1,
+        1.428_571_427_250_346_6e-1,
+        -1.111_111_040_546_235_6e-1,
+        9.090_887_133_436_507e-2,
+        -7.691_876_205_044_83e-2,
+        6.661_073_137_387_531e-2,
+        -5.833_570_133_790_573_5e-2,
+        4.976_877_994_615_932_4e-2,
+        -3.653_157_274_421_691_6e-2,
+        1.628_582_011_536_578_2e-2,
+    ];
+    // The number above each limit is turned about an arctangent in two parts.
+    const TURNED: [(f64, [f64; 2]); 4] = [
+        (high(0x3fdc_0000), [4.636_476_090_008_061e-1, 2.269_877_745_296_168_7e-17]),
+        (high(0x3fe6_0000), [7.853_981_633_974_483e-1, 3.061_616_997_868_383e-17]),
+        (high(0x3ff3_0000), [9.827_937_232_473_29e-1, 1.390_331_103_123_099_8e-17]),
+        (high(0x4003_8000), [1.570_796_326_794_896_6, 6.123_233_995_736_766e-17]),
+    ];
+    let size = x.abs();
+    let (mut above, mut below, mut about) = (size, 1.0, [0.0; 2]);
+    let quotients = [
+        (2.0 * size - 1.0, 2.0 + size),
+        (size - 1.0, size + 1.0),
+        (size - 1.5, 1.0 + 1.5 * size),
+        (-1.0, size),
+    ];
+    for ((limit, turned), (numerator, denominator)) in TURNED.into_iter().zip(quotients) {
+        let beyond = size >= limit;
+        above = if beyond { numerator } else { above };
+        below = if beyond { denominator } else { below };
+        about = [0, 1].map(|part| if beyond { turned[part] } else { about[part] });
+    }
+    let t = above / below;
+    let z = t * t;
+    let w = z * z;
+    let odd = z * (A[0] + w * (A[2] + w * (A[4] + w * (A[6] + w * (A[8] + w * A[10])))));
+    let even = w * (A[1] + w * (A[3] + w * (A[5] + w * (A[7] + w * A[9]))));
+    let angle = about[0] - ((t * (odd + even) - about[1]) - t);
+    angle.copysign(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::sim::noise::Noise;
+
+    #[test]
+    fn logarithm_sine_and_cosine_are_libms_bit_for_bit() {
+        let mut noise = Noise::new(5, 0, "arguments");
+        let ends = [0.0, f64::EPSILON / 2.0, 1e-300, 1.0 - f64::EPSILON / 2.0];
+        let eighths = (0..=8).flat_map(|k| {
+            let near = f64::from(k) / 8.0;
+            [near.next_down(), near, near.next_up(), near - 1e-7, near + 1e-7]
+        });
+        let drawn = (0..1_000_000).map(|_| noise.uniform());
+        let mut n_hard = 0;
+        for u in ends.into_iter().chain(eighths).chain(drawn).filter(|u| (0.0..1.0).contains(u)) {
+            assert_eq!(ln(1.0 - u).to_bits(), libm::log(1.0 - u).to_bits(), "ln(1 − {u})");
+            if is_hard(TAU * u) {
+                n_hard += 1;
+                continue;
+            }
+            let ((sin, cos), (sin_libm, cos_libm)) = (sincos(TAU * u), libm::sincos(TAU * u));
+            assert_eq!(sin.to_bits(), sin_libm.to_bits(), "sin {u}");
+            assert_eq!(cos.to_bits(), cos_libm.to_bits(), "cos {u}");
+        }
+        assert!((8..40).contains(&n_hard), "few are left to libm: {n_hard}");
+    }
+
+    #[test]
+    fn arctangent_and_arcsine_are_libms_bit_for_bit() {
+        let mut noise = Noise::new(6, 0, "arguments");
+        let mut drawn = || -> [f64; 4] { std::array::from_fn(|_| noise.normal()) };
+        let edges = [0.4375, 0.6875, 1.1875, 2.4375, 1.0, 0.0, -0.0, 1e-9];
+        let near = edges.map(|edge: f64| [edge.next_down(), edge, -edge, edge.next_up()]);
+        for near in near {
+            let (found, want) = (atan2(&near, &[1.0; 4]), near.map(|y| libm::atan2(y, 1.0)));
+            assert_eq!(found.map(f64::to_bits), want.map(f64::to_bits), "{near:?}");
+        }
+        for _ in 0..300_000 {
+            let (y, mut x) = (drawn(), drawn().map(f64::abs));
+            let pairs =
+                |x: &[f64; 4]| std::array::from_fn::<f64, 4, _>(|i| libm::atan2(y[i], x[i]));
+            assert_eq!(atan2(&y, &x).map(f64::to_bits), pairs(&x).map(f64::to_bits), "{y:?} {x:?}");
+            x[2] = -x[2];
+            assert_eq!(atan2(&y, &x).map(f64::to_bits), pairs(&x).map(f64::to_bits), "{y:?} {x:?}");
+            for scale in [0.05, 0.3] {
+                let y = y.map(|y| (y * scale).clamp(-1.0, 1.0));
+                assert_eq!(
+                    asin(&y).map(f64::to_bits),
+                    y.map(libm::asin).map(f64::to_bits),
+                    "{y:?}"
+                );
+            }
+        }
+    }
+}

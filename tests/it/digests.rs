@@ -1,0 +1,128 @@
+//! Digests of a few flights, `golden/flight/digests.txt`: every build on every machine flies the same
+//! bits, with any number of threads.
+//!
+//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it digests` writes them anew; say in the commit
+//! what changed the flights.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use nalgebra::Vector3;
+use noctograph::plan::{Plan, Setpoint};
+use noctograph::sim::{
+    ControllerKind, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+};
+
+/// Presets, controllers, estimators and sensors, each at least once.
+fn cases() -> Vec<(&'static str, SimOptions)> {
+    let with = |mut options: SimOptions, change: fn(&mut SimOptions)| {
+        change(&mut options);
+        options
+    };
+    let team = SimOptions::default;
+    vec![
+        ("ae483-2022", team()),
+        ("cf21, 1 kHz, sweeps, Kalman filter", {
+            with(SimOptions::cf21(), |o| {
+                o.rates.control_hz = 1000;
+                o.sensors.positioning = Positioning::Sweeps;
+                o.observer.kind = EstimatorKind::Ekf;
+            })
+        }),
+        ("cf21, 1 kHz, gusts, crossing beams, cascade", {
+            with(SimOptions::cf21(), |o| {
+                o.rates.control_hz = 1000;
+                o.air.gusts = Gusts::OrnsteinUhlenbeck;
+                o.sensors.positioning = Positioning::CrossingBeams;
+                o.controller.kind = ControllerKind::Pid;
+            })
+        }),
+        ("cf21-thrust-kit, wind, integrals", {
+            with(SimOptions::cf21_thrust_kit(), |o| {
+                (o.air.wind_m_s, o.air.gusts) = ([0.5, 0.2, 0.0], Gusts::Dryden);
+                o.controller.kind = ControllerKind::LqrIntegral;
+            })
+        }),
+        ("cf-brushless, ranges, geometric", {
+            with(SimOptions::cf_brushless(), |o| {
+                o.sensors.positioning = Positioning::UwbTdoa;
+                o.sensors.heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
+                o.observer.kind = EstimatorKind::Ekf;
+                o.controller.kind = ControllerKind::Geometric;
+            })
+        }),
+        ("bzzz, satellites", {
+            with(SimOptions::bzzz(), |o| {
+                o.sensors.positioning = Positioning::Gnss;
+                o.observer.kind = EstimatorKind::Ekf;
+            })
+        }),
+        ("ae483-2022, truth, fed forward", {
+            with(team(), |o| {
+                o.observer.kind = EstimatorKind::Truth;
+                o.controller.kind = ControllerKind::LqrFeedforward;
+            })
+        }),
+    ]
+}
+
+/// Up, to the right at 0.2 m/s, up, and down to the floor: what no change of a planner changes.
+fn road() -> Plan {
+    let corners = [
+        (0.0, [0.0, 0.0, 0.0]),
+        (0.5, [0.0, 0.0, 0.4]),
+        (2.5, [0.0, 0.0, 0.5]),
+        (4.0, [0.3, 0.0, 0.5]),
+        (6.5, [0.3, 0.0, 1.0]),
+        (8.0, [0.3, 0.1, 0.6]),
+        (10.0, [0.3, 0.1, 0.0]),
+        (10.5, [0.3, 0.1, 0.0]),
+    ];
+    let at = |tenths: u32| {
+        let time_s = f64::from(tenths) * 0.1;
+        let next = corners.iter().position(|(corner_s, _)| *corner_s > time_s);
+        let next = next.unwrap_or(corners.len() - 1);
+        let ((from_s, from), (to_s, to)) = (corners[next - 1], corners[next]);
+        let (from, to) = (Vector3::from(from), Vector3::from(to));
+        let velocity_m_s = (to - from) / (to_s - from_s);
+        Setpoint {
+            time_s,
+            position_m: from + velocity_m_s * (time_s - from_s),
+            velocity_m_s,
+            acceleration_m_s2: Vector3::zeros(),
+            letter: (25..80).contains(&tenths).then_some(0),
+        }
+    };
+    let setpoints: Vec<Setpoint> = (0..=105).map(at).collect();
+    let levels = setpoints.iter().map(|setpoint| f64::from(u8::from(setpoint.letter.is_some())));
+    let lights = [("headlights".to_owned(), levels.collect())].into();
+    Plan { setpoints, lights, ..Plan::default() }
+}
+
+fn digest(plan: &Plan, options: &SimOptions) -> String {
+    fly(plan, options, 7, &mut |_| {}).map_or_else(|e| e.to_string(), |flight| flight.sha256())
+}
+
+#[test]
+fn every_build_flies_the_same_bits() {
+    let (plan, cases) = (road(), cases());
+    // As many threads as cases, and the whole again on one.
+    let found: Vec<String> = std::thread::scope(|scope| {
+        let threads = cases.iter().map(|(_, options)| scope.spawn(|| digest(&plan, options)));
+        let threads: Vec<_> = threads.collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    let mut text = String::new();
+    for ((name, options), found) in cases.iter().zip(found) {
+        assert_eq!(digest(&plan, options), found, "{name}: alone as beside others");
+        assert_eq!(found.len(), 64, "{name} flies: {found}");
+        writeln!(text, "{found}  {name}").unwrap();
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/flight/digests.txt");
+    if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, &text).unwrap();
+    }
+    let wanted = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(text, wanted, "bless with NOCTOGRAPH_BLESS=1 where the change is wanted");
+}

@@ -1,0 +1,92 @@
+//! The team's log of NOOR must give their tables and figures, and say what it does not show.
+//!
+//! The log was never part of the product: where it is not at hand (`NOCTOGRAPH_SHARED` names the
+//! folder of the data) nothing is asked of it.
+
+use std::path::{Path, PathBuf};
+
+use predicates::prelude::*;
+use serde_json::Value;
+
+use crate::cli::{json, noctograph};
+
+fn noor_log() -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
+    let log = shared.join("data/ae483/noor_flight.json");
+    if !log.exists() {
+        println!("skipped: no {}", log.display());
+    }
+    log.exists().then_some(log)
+}
+
+fn run_json(folder: &Path, arguments: &[&str]) -> Value {
+    json(&noctograph(folder).args(arguments).arg("--json").assert().success().get_output().stdout)
+}
+
+fn assert_near(found: &Value, want: [f64; 3], tolerance: f64) {
+    for (found, want) in found.as_array().unwrap().iter().zip(want) {
+        let found = found.as_f64().unwrap();
+        assert!((found - want).abs() < tolerance, "{found} for {want}");
+    }
+}
+
+/// The paper prints both tables for its flight 5: RMSE against the design 0.083, 0.058 and 0.068 m;
+/// of the observer against the firmware 0.012, 0.013 and 0.014 m, 0.003, 0.004 and 0.003 rad. The
+/// log is flight 4. Its figures, with NumPy's `interp` on a grid of 100 Hz over the whole log:
+/// 0.0986, 0.0513, 0.0681 m; 0.0135, 0.0181, 0.0201 m; 0.0022, 0.0286, 0.0173 rad. In the air the
+/// observers agree to a millimetre: 0.0010, 0.0005, 0.0008 m.
+#[test]
+fn the_teams_tables_1_and_2_come_from_their_log() {
+    let Some(log) = noor_log() else { return };
+    let (folder, log) = (tempfile::tempdir().unwrap(), log.to_str().unwrap());
+    let compared = |part: &str| {
+        let files = ["compare", log, log, "--position", "firmware", "--position-b", "estimate"];
+        let more = ["--offset", "0", "--max-gap", "10", "--part", part];
+        run_json(folder.path(), &[&files[..], &more].concat())
+    };
+    let whole = compared("all");
+    // Setpoints are held here, not joined by lines, which takes up to 6 mm off.
+    assert_near(&whole["b"]["tracking"]["rmse_m"], [0.0986, 0.0513, 0.0681], 0.006);
+    assert_near(&whole["rmse_m"], [0.0135, 0.0181, 0.0201], 0.0003);
+    assert_near(&whole["attitude_rmse_rad"], [0.0022, 0.0286, 0.0173], 0.0003);
+    let air = compared("airborne");
+    assert_near(&air["rmse_m"], [0.0010, 0.0005, 0.0008], 0.0001);
+    assert_near(&air["a"]["tracking"]["observer_rmse_m"], [0.0010, 0.0005, 0.0008], 0.0001);
+    let own = &air["b"]["tracking"]["observer_rmse_m"];
+    assert_near(own, [0.0; 3], 1e-12);
+}
+
+/// The log turns by a few degrees: its yaw says little of the rotors' torque, and says so.
+#[test]
+fn the_teams_log_does_not_show_the_reaction_torque() {
+    let Some(log) = noor_log() else { return };
+    let (folder, log) = (tempfile::tempdir().unwrap(), log.to_str().unwrap());
+    let run = noctograph(folder.path()).args(["identify", log]).assert().success();
+    run.stdout(predicate::str::contains("not identifiable from this log: yaw was not excited"));
+    let found = run_json(folder.path(), &["identify", log]);
+    assert_eq!(found["k_m_identifiable"], false, "{found}");
+    assert!(found["yaw_correlation"].as_f64().unwrap().abs() < 0.4, "{found}");
+}
+
+/// The paper's Figure 6 from above, with black lines at y = ±0.2 m, and its Figure 7 from the front.
+#[test]
+fn the_teams_figures_6_and_7_come_from_their_log() {
+    let Some(log) = noor_log() else { return };
+    let (folder, log) = (tempfile::tempdir().unwrap(), log.to_str().unwrap());
+    let compared = run_json(folder.path(), &["compare", log, log, "-o", "plots"]);
+    let drift = &compared["a"]["tracking"]["drift"];
+    assert_eq!(drift["in_corridor_frac"], 1.0, "the corridor holds in the air: {drift}");
+    let plot =
+        |name: &str| std::fs::read_to_string(folder.path().join("plots").join(name)).unwrap();
+    let (top, front) = (plot("flight-xy.svg"), plot("flight-xz.svg"));
+    for (svg, shown) in [
+        (&top, ["Flight from above", "y (m)", "design", "y = ±0.2 m"]),
+        (&front, ["Flight from the front", "z (m)", "design", "noor_flight.json"]),
+    ] {
+        assert!(shown.iter().all(|text| svg.contains(text)), "{shown:?}");
+        let points: usize = svg.split("points=\"").skip(1).map(|p| p.matches(',').count()).sum();
+        assert!(points > 5000, "the whole flight is drawn: {points} points");
+    }
+    assert!(!front.contains("±0.2 m"), "no corridor from the front");
+}
