@@ -8,5 +8,6 @@ mod compare_flights;
 mod coverage;
 mod golden;
 mod letters;
+mod plan;
 mod road;
 mod twins;
