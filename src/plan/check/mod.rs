@@ -155,7 +155,7 @@ fn volume(plan: &Plan, profile: &Profile) -> Finding {
     let found = if by_m > 0.0 {
         format!("{by_m:.2} m outside at {time_s:.1} s ({:.2}, {:.2}, {:.2})", at.x, at.y, at.z)
     } else {
-        format!("inside by {:.2} m", -by_m)
+        format!("inside by {:.2} m", (-by_m).max(0.0) + 0.0)
     };
     let wanted = format!(
         "x {} to {}, y {} to {}, z {} to {} m",
