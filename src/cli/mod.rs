@@ -1,6 +1,6 @@
 //! The command line: what was typed, progress, tables and exit codes. One file a verb.
 //!
-//! Exit codes: 0 success, and legible where a word was read; 1 not legible; 2 error. Results go to
+//! Exit codes: 0 success, and legible where a word was read; 1 not legible, or not to fly; 2 error. Results go to
 //! stdout, progress, warnings and errors to stderr.
 
 use std::io::Write;
@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand};
 
 use crate::error::Result;
 
+mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
@@ -42,7 +43,7 @@ mod tune;
 #[command(version, max_term_width = 80, arg_required_else_help = true)]
 #[command(
     after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), \
-                        1 not legible, 2 error."
+                        1 not legible or not to fly, 2 error."
 )]
 struct Args {
     #[command(subcommand)]
@@ -55,6 +56,8 @@ enum Verb {
     Preview(preview::PreviewArgs),
     /// Plan the flight that writes a word: setpoints and light commands as CSV
     Plan(plan::PlanArgs),
+    /// Check whether a word's flight, or a plan, should fly: limits, lights, letters, battery
+    Check(check::CheckArgs),
     /// Fly a plan in the simulator: the flight's log as CSV
     Fly(fly::FlyArgs),
     /// Import the log of a real flight: a flight's log as CSV
@@ -99,6 +102,7 @@ enum Verb {
 enum Outcome {
     Done,
     NotLegible,
+    ShouldNotFly,
 }
 
 impl Outcome {
@@ -113,6 +117,7 @@ pub fn main() -> ExitCode {
     let outcome = match Args::parse().verb {
         Verb::Preview(args) => preview::run(&args),
         Verb::Plan(args) => plan::run(&args),
+        Verb::Check(args) => check::run(&args),
         Verb::Fly(args) => fly::run(&args),
         Verb::Import(args) => import::run(&args),
         Verb::Compare(args) => compare::run(&args),
@@ -134,7 +139,7 @@ pub fn main() -> ExitCode {
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible) => ExitCode::from(1),
+        Ok(Outcome::NotLegible | Outcome::ShouldNotFly) => ExitCode::from(1),
         Err(error) => {
             tell(&format!("error: {error}"));
             tell(&format!("hint: {}", error.hint()));

@@ -38,10 +38,21 @@ struct Piece {
     way: Way,
 }
 
-/// Strokes in the order in which they are flown, each with its corners in order.
-pub(super) fn even(drawn: &[PenStroke], options: &PlanOptions) -> Result<Plan> {
-    let mut tour = Tour { options, pieces: Vec::new(), end_s: 0.0, at: Moment::default() };
-    tour.begin(drawn);
+/// Where a drone of several rises straight to before it goes to its first stroke, and comes straight
+/// down from.
+const OVER_HOME_M: f64 = 0.3;
+
+/// Strokes in the order in which they are flown, each with its corners in order. The drone takes off
+/// and lands at `home_x_m`, or below its first and last stroke where there is none.
+pub(super) fn even(
+    drawn: &[PenStroke],
+    options: &PlanOptions,
+    home_x_m: Option<f64>,
+) -> Result<Plan> {
+    let home_x_m = home_x_m.filter(|_| options.extent == Extent::Whole);
+    let mut tour =
+        Tour { options, home_x_m, pieces: Vec::new(), end_s: 0.0, at: Moment::default() };
+    tour.begin(drawn)?;
     for stroke in drawn {
         tour.draw(stroke)?;
     }
@@ -51,25 +62,30 @@ pub(super) fn even(drawn: &[PenStroke], options: &PlanOptions) -> Result<Plan> {
 
 struct Tour<'a> {
     options: &'a PlanOptions,
+    home_x_m: Option<f64>,
     pieces: Vec<Piece>,
     end_s: f64,
     at: Moment,
 }
 
 impl Tour<'_> {
-    fn begin(&mut self, drawn: &[PenStroke]) {
+    fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
         let first = Motion::new(&drawn[0].points_m, self.options, TICK_S).at(0.0);
-        let below = Vector2::new(first.position_m.x, 0.0);
+        let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
             Extent::Whole => self.push(None, Way::Floor(below), self.options.floor_wait_s),
             Extent::Letters => self.push(None, Way::Rest(first.position_m), 0.5),
+        }
+        match self.home_x_m {
+            Some(home_x_m) => self.go(None, &rest(home_x_m, OVER_HOME_M)),
+            None => Ok(()),
         }
     }
 
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
         let motion = Motion::new(&stroke.points_m, self.options, TICK_S);
-        let lifting = self.pieces.len() == 1;
-        let letter = Some(stroke.letter).filter(|_| !lifting);
+        let drawing = self.pieces.iter().any(|piece| matches!(piece.way, Way::Lit(_)));
+        let letter = Some(stroke.letter).filter(|_| drawing);
         self.go(letter, &motion.at(0.0))?;
         let duration_s = motion.duration_s();
         self.push(Some(stroke.letter), Way::Lit(motion), duration_s);
@@ -77,18 +93,16 @@ impl Tour<'_> {
     }
 
     fn finish(&mut self) -> Result<()> {
-        let above = self.at.position_m.x;
-        let rest = |height_m: f64| Moment {
-            position_m: Vector2::new(above, height_m),
-            ..Moment::default()
-        };
-        match self.options.extent {
-            Extent::Whole => {
-                self.go(None, &rest(self.options.landing_height_m))?;
-                self.push(None, Way::Floor(Vector2::new(above, 0.0)), self.options.floor_wait_s);
-            }
-            Extent::Letters => self.go(None, &rest(self.at.position_m.y))?,
+        let (x, y) = (self.at.position_m.x, self.at.position_m.y);
+        if self.options.extent == Extent::Letters {
+            return self.go(None, &rest(x, y));
         }
+        if let Some(home_x_m) = self.home_x_m {
+            self.go(None, &rest(home_x_m, OVER_HOME_M))?;
+        }
+        let home = Vector2::new(self.home_x_m.unwrap_or(x), 0.0);
+        self.go(None, &rest(home.x, self.options.landing_height_m))?;
+        self.push(None, Way::Floor(home), self.options.floor_wait_s);
         Ok(())
     }
 
@@ -164,6 +178,11 @@ impl Tour<'_> {
         let level = speeds.iter().sum::<f64>() / 4.0 / self.options.stroke_speed_m_s;
         ((level * LEVEL_STEPS).round() / LEVEL_STEPS).clamp(LEAST_LEVEL, 1.0)
     }
+}
+
+/// At rest at a place.
+fn rest(x_m: f64, height_m: f64) -> Moment {
+    Moment { position_m: Vector2::new(x_m, height_m), ..Moment::default() }
 }
 
 impl Way {

@@ -76,7 +76,6 @@ pub fn on_the_lights_clock(
     let flown = Flown::new(flight)?;
     let lit = plan.lit();
     let mut commands: Vec<(f64, f64)> = Vec::new();
-    let mut ends = Vec::new();
     let mut last_tick = f64::NEG_INFINITY;
     let mut late_s = flown.lag_s;
     for row in 0..lit.len() {
@@ -84,10 +83,10 @@ pub fn on_the_lights_clock(
         if lit[row] == before {
             continue;
         }
-        let edge = &plan.setpoints[row];
         let [was, is] = [before > 0.0, lit[row] > 0.0];
+        let edge = Edge::of(plan, row, is);
         if was != is {
-            late_s = flown.late_s(edge.time_s, &edge.position_m, late_s);
+            late_s = flown.late_s(edge.time_s, &edge.at_m, late_s);
         }
         let ramp_s = if lit[row] > before { clock.rise_s } else { clock.decay_s };
         let half_ramp_s = 0.5 * ramp_s * (lit[row] - before).abs();
@@ -100,16 +99,62 @@ pub fn on_the_lights_clock(
         last_tick = tick;
         let earliest_s = commands.last().map_or(0.0, |last| last.0 + LEAST_APART_S);
         commands.push((sent_s.max(earliest_s), lit[row]));
-        if was != is {
-            ends.push(StrokeEnd {
-                time_s: light_s + half_ramp_s,
-                at_m: edge.position_m,
-                on: is,
-                streak_m: flown.streak_m(light_s + half_ramp_s, edge, is),
-            });
-        }
     }
-    Ok((with_commands(plan, lit, &commands, follows), ends))
+    let aimed = with_commands(plan, lit, &commands, follows);
+    let ends = ends(&aimed, &flown, clock);
+    Ok((aimed, ends))
+}
+
+/// What the light commands of a plan leave at its strokes' ends in a flight of it.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Input`] for a flight without samples or without a design.
+pub fn stroke_ends(plan: &Plan, flight: &Flight, clock: &LampClock) -> Result<Vec<StrokeEnd>> {
+    Ok(ends(plan, &Flown::new(flight)?, clock))
+}
+
+fn ends(plan: &Plan, flown: &Flown<'_>, clock: &LampClock) -> Vec<StrokeEnd> {
+    let commanded: Vec<f64> = (0..plan.setpoints.len())
+        .map(|row| plan.lights.values().map(|levels| levels[row]).fold(0.0, f64::max))
+        .collect();
+    let wanted = plan.lit();
+    let pairs = switches(&wanted).zip(switches(&commanded));
+    pairs
+        .map(|((row, on), (sent, _))| {
+            let ramp_s = if on { clock.rise_s } else { clock.decay_s };
+            let time_s = clock.light_s(plan.setpoints[sent].time_s) + 0.5 * ramp_s;
+            let edge = Edge::of(plan, row, on);
+            let streak_m = flown.streak_m(time_s, &edge, on);
+            StrokeEnd { time_s, at_m: edge.at_m, on, streak_m }
+        })
+        .collect()
+}
+
+/// The rows at which light goes on or off.
+fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
+    (0..levels.len()).filter_map(|row| {
+        let was = row > 0 && levels[row - 1] > 0.0;
+        let is = levels[row] > 0.0;
+        (was != is).then_some((row, is))
+    })
+}
+
+/// Where and how the design passes an end of a stroke.
+struct Edge {
+    time_s: f64,
+    at_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+}
+
+impl Edge {
+    /// The beginning of a stroke is that of its first setpoint; its end that of the setpoint before
+    /// the first dark one, which may go elsewhere or be elsewhere already.
+    fn of(plan: &Plan, row: usize, on: bool) -> Self {
+        let time_s = plan.setpoints[row].time_s;
+        let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
+        Self { time_s, at_m: drawing.design_m(time_s), velocity_m_s: drawing.velocity_m_s }
+    }
 }
 
 impl LampClock {
@@ -127,6 +172,17 @@ impl LampClock {
 
     fn sent_s(&self, light_s: f64) -> f64 {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
+    }
+
+    /// When a command that is sent at a time begins to show.
+    fn light_s(&self, sent_s: f64) -> f64 {
+        let arrives_s = sent_s + self.delay_s;
+        if self.tick_s == 0.0 {
+            return arrives_s;
+        }
+        // The slack is a setpoint's grid in time.
+        let tick = ((arrives_s - self.phase_s - 1e-5) / self.tick_s).ceil();
+        self.phase_s + tick * self.tick_s
     }
 }
 
@@ -197,9 +253,9 @@ impl<'a> Flown<'a> {
     }
 
     /// How far beyond a stroke's end the drone was at a time, along the stroke.
-    fn streak_m(&self, time_s: f64, edge: &Setpoint, on: bool) -> f64 {
+    fn streak_m(&self, time_s: f64, edge: &Edge, on: bool) -> f64 {
         let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
-        let beyond_m = (self.at_m(time_s) - edge.position_m).dot(&along);
+        let beyond_m = (self.at_m(time_s) - edge.at_m).dot(&along);
         if on { -beyond_m } else { beyond_m }
     }
 }

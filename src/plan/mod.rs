@@ -17,6 +17,7 @@ use crate::geometry::polyline_length_m;
 use crate::letters::{self, Strokes};
 use pen::PenStroke;
 
+pub mod check;
 pub mod csv;
 mod even;
 mod fleet;
@@ -106,7 +107,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
     let plan = match options.style {
         Style::Team => plan_as_the_team(strokes, options)?,
-        Style::Even => even::even(&in_order(strokes, options)?, options)?,
+        Style::Even => even::even(&in_order(strokes, options)?, options, None)?,
     };
     Ok(paced(plan, options))
 }
@@ -240,5 +241,44 @@ mod tests {
         let strokes = write("NOOR", &options).unwrap();
         let error = plan(&strokes, &PlanOptions { stroke_speed_m_s: 0.01, ..Default::default() });
         assert!(matches!(error, Err(Error::Infeasible { .. })), "{error:?}");
+    }
+
+    /// 100 letters are to take 50 ms at most, a drawing of 2000 strokes or corners a second.
+    #[test]
+    #[ignore = "times are the machine's; run by hand with --nocapture"]
+    fn long_words_and_drawings_are_planned_at_once() {
+        let options = PlanOptions { stroke_speed_m_s: 1.0, ..PlanOptions::even() };
+        let timed = |what: &str, strokes: &Strokes, most_s: f64| {
+            let start = std::time::Instant::now();
+            let n = plan(strokes, &options).unwrap().setpoints.len();
+            let took_s = start.elapsed().as_secs_f64();
+            println!("{what}: {took_s:.3} s, {n} setpoints");
+            assert!(took_s < most_s, "{what}: {took_s} s");
+        };
+        let word: String = "NOCTOGRAPH".repeat(10);
+        timed("100 letters", &write(&word, &LetterOptions::default()).unwrap(), 0.05);
+        let mut drawing = write("N", &LetterOptions::default()).unwrap();
+        let place = |k: u32| {
+            let turned = f64::from(k) * 2.399_963;
+            let (sin, cos) = libm::sincos(turned);
+            let radius_m = 0.02 * f64::from(k).sqrt();
+            [radius_m * cos, 1.0 + radius_m * sin]
+        };
+        let stroke = |from_m, to_m| letters::Move { from_m, to_m, lit: true };
+        let apart = (0..2000).map(|k| {
+            let from_m = place(k);
+            stroke(from_m, [from_m[0] + 0.03, from_m[1] + 0.01])
+        });
+        drawing.glyphs[0].moves = apart.collect();
+        timed("2000 strokes", &drawing, 1.0);
+        let line = (0..2000).map(|k| {
+            let at = |k: u32| {
+                let (sin, cos) = libm::sincos(f64::from(k) * 0.02);
+                [0.3 * cos + 1e-4 * f64::from(k), 1.0 + 0.3 * sin]
+            };
+            stroke(at(k), at(k + 1))
+        });
+        drawing.glyphs[0].moves = line.collect();
+        timed("a line of 2000", &drawing, 1.0);
     }
 }

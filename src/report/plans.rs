@@ -2,7 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::figure::{Curve, GRAY, Mark, Pen};
+use super::figure::{Curve, Mark, Pen};
 use super::flights::View;
 use crate::plan::Plan;
 
@@ -14,7 +14,7 @@ const SPEEDS: [(f64, RGBColor); 4] = [
     (f64::INFINITY, RGBColor(0, 84, 160)),
 ];
 const LIT_PX: f64 = 4.5;
-const DARK: Pen = Pen { color: GRAY, width_px: 1.5 };
+const DARK: Pen = Pen { color: RGBColor(120, 120, 120), width_px: 1.5 };
 /// A dash and the gap after it, together; a dark way is drawn in its first half.
 const DASH_M: f64 = 0.03;
 /// Strokes beyond this number have no times beside them: nobody could read them.
@@ -112,7 +112,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
     let at = |row: usize| (plan.setpoints[row].position_m.x, plan.setpoints[row].position_m.z);
-    let whose = if n_plans > 1 { format!("drone {}: ", index + 1) } else { String::new() };
+    let whose = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };
     let begins = (0..lit.len()).filter(|row| lit[*row] > 0.0 && (*row == 0 || lit[row - 1] == 0.0));
     let begins: Vec<usize> = begins.collect();
     let mut marks = Vec::new();

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::LightOptions;
-use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock};
+use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock, stroke_ends};
 use crate::plan::lead::{lead, learn};
 use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
 use crate::sim::{fly, step_responses};
@@ -83,6 +83,17 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// What a plan's light commands leave at its strokes' ends in a flight of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`stroke_ends`].
+    pub fn stroke_ends(&self, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
+        stroke_ends(plan, flight, &lamp_clock(&self.light))
+    }
+}
+
 /// How a command becomes light, on average.
 fn lamp_clock(options: &LightOptions) -> LampClock {
     LampClock {
@@ -151,6 +162,19 @@ mod tests {
             assert!(contour_m <= 0.015, "{kind:?}: {contour_m} m");
             assert!(streak_m <= 0.01, "{kind:?}: {streak_m} m");
         }
+    }
+
+    #[test]
+    fn the_teams_own_lights_leave_streaks_of_a_decimetre() {
+        let team = scene(PlanOptions::default(), ControllerKind::Lqr);
+        let plan = team.first_plan(&noor()).unwrap();
+        let ends = team.stroke_ends(&plan, &team.rehearse(&plan).unwrap()).unwrap();
+        assert_eq!(ends.len(), 8, "four letters of one stroke each");
+        let first_m = ends[0].streak_m;
+        assert!((0.2..0.25).contains(&first_m), "the lit tail of the first letter: {first_m} m");
+        let others = ends[1..].iter().map(|end| end.streak_m.abs());
+        let worst_m = others.fold(0.0, f64::max);
+        assert!((0.07..0.12).contains(&worst_m), "0.2 m/s for half a second: {worst_m} m");
     }
 
     #[test]

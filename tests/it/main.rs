@@ -11,6 +11,7 @@ mod digests;
 mod golden;
 mod letters;
 mod photos;
+mod plan;
 mod road;
 mod study;
 mod team_log;

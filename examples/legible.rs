@@ -1,0 +1,166 @@
+//! Which letters read, and how small NOOR may be: every character of three fonts, planned, flown,
+//! photographed and read, in the team's way and in the even way; then NOOR smaller and smaller for
+//! each controller.
+//!
+//! ```sh
+//! cargo run --release --example legible -- characters   # a table of what reads
+//! cargo run --release --example legible -- heights      # a table and legible.png, a contact sheet
+//! ```
+//!
+//! NOOR is written in the font ae483, its letters in their own proportions.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use image::{RgbImage, imageops};
+use noctograph::expose::{self, BackendChoice, ExposeOptions};
+use noctograph::photo::Photo;
+use noctograph::plan::PlanOptions;
+use noctograph::scene::Scene;
+use noctograph::score::Verdict;
+use noctograph::sim::ControllerKind;
+use noctograph::{letters, light, photo, score, sim};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+const FONTS: [&str; 3] = ["ae483-fixed", "simplex", "fonts/Roboto-Thin.ttf"];
+const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
+/// Cap heights of NOOR, all of its box with them.
+const HEIGHTS_M: [f64; 10] = [0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06];
+/// A word reads at a height if it reads in more than half of these.
+const SEEDS: [u64; 3] = [1, 2, 3];
+
+fn main() -> Outcome<()> {
+    match std::env::args().nth(1).as_deref() {
+        Some("characters") => characters(),
+        Some("heights") => heights(),
+        _ => Err("name what to find out: characters or heights".into()),
+    }
+}
+
+/// A way of flying, with its name.
+fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
+    let (team, even) = (PlanOptions::default, PlanOptions::even);
+    [
+        ("the team's way, lqr", team(), ControllerKind::Lqr),
+        ("even, lqr led by its inverse", even(), ControllerKind::Lqr),
+        ("even, lqr-feedforward", even(), ControllerKind::LqrFeedforward),
+        ("even, lqr-integral", even(), ControllerKind::LqrIntegral),
+        ("even, geometric", even(), ControllerKind::Geometric),
+        ("even, pid led by its inverse", even(), ControllerKind::Pid),
+    ]
+}
+
+fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
+    let mut scene = Scene { plan: plan.clone(), ..Scene::default() };
+    scene.controller.kind = kind;
+    [scene.camera.width_px, scene.camera.height_px] = size_px;
+    // The board's own lights are no part of the letters.
+    scene.light.led_bitmask = 128;
+    scene.light.ring_effect = light::RingEffect::Off;
+    scene
+}
+
+fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
+    let strokes = letters::write(word, &scene.letters)?;
+    let mut trace = light::LightTrace::default();
+    let mut end_s = 0.0_f64;
+    for (drone, planned) in (0_u64..).zip(scene.plans(&strokes)?) {
+        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {})?;
+        trace.append(light::light(&flight, &scene.light, scene.seed, drone)?);
+        end_s = end_s.max(planned.plan.duration_s());
+    }
+    let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
+    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
+    let exposure = expose::expose(&trace, &camera, &options)?;
+    let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
+    let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
+    Ok((verdict, photo))
+}
+
+fn characters() -> Outcome<()> {
+    let mut text = String::from("| font | way | reads | does not (as) |\n|---|---|---|---|\n");
+    for font in FONTS {
+        for (name, plan, kind) in ways().into_iter().take(3) {
+            let mut scene = scene(&plan, kind, [240, 160]);
+            scene.seed = 1;
+            scene.letters.font = font.to_owned();
+            let (mut read, mut all, mut wrong) = (0, 0, String::new());
+            for character in CHARACTERS.chars() {
+                let verdict = match shoot(&scene, &character.to_string()) {
+                    Ok((verdict, _)) => verdict,
+                    Err(error) => {
+                        all += 1;
+                        write!(wrong, "{character} ({error}) ")?;
+                        continue;
+                    }
+                };
+                // A font without lower case draws a capital: that was tried already.
+                if verdict.word != character.to_string() {
+                    continue;
+                }
+                all += 1;
+                if verdict.legible {
+                    read += 1;
+                } else if verdict.read == verdict.word {
+                    write!(wrong, "{character} (unsure) ")?;
+                } else {
+                    write!(wrong, "{character} ({}) ", verdict.read)?;
+                }
+            }
+            writeln!(text, "| {font} | {name} | {read} of {all} | {} |", wrong.trim_end())?;
+        }
+    }
+    print_out(&text);
+    Ok(())
+}
+
+fn heights() -> Outcome<()> {
+    let mut text = String::from("| way |");
+    for height_m in HEIGHTS_M {
+        write!(text, " {:.0} cm |", 100.0 * height_m)?;
+    }
+    text += "\n|---|";
+    text += &"---|".repeat(HEIGHTS_M.len());
+    text += "\n";
+    let size_px = [240, 120];
+    let rows = ways();
+    let columns = u32::try_from(HEIGHTS_M.len())?;
+    let mut sheet = RgbImage::new(size_px[0] * columns, size_px[1] * u32::try_from(rows.len())?);
+    for (row, (name, plan, kind)) in (0_u32..).zip(rows) {
+        write!(text, "| {name} |")?;
+        for (column, height_m) in (0_u32..).zip(HEIGHTS_M) {
+            let mut scene = scene(&plan, kind, size_px);
+            scene.letters.cap_height_m = height_m;
+            scene.letters.width_m = 0.6 * height_m;
+            scene.letters.gap_m = 0.2 * height_m;
+            scene.letters.baseline_m = 0.75 - 0.5 * height_m;
+            // Corners in proportion to the letters, steps as wide as the gaps.
+            scene.plan.corner_error_m = (0.02 * height_m).min(scene.plan.corner_error_m);
+            scene.plan.step_m = 0.2 * height_m;
+            let mut reads = 0;
+            for seed in SEEDS {
+                scene.seed = seed;
+                let (verdict, photo) = shoot(&scene, "NOOR")?;
+                reads += usize::from(verdict.legible);
+                if seed == SEEDS[0] {
+                    let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
+                    let picture = picture.ok_or("three bytes a pixel")?;
+                    let place = [column * size_px[0], row * size_px[1]].map(i64::from);
+                    imageops::replace(&mut sheet, &picture, place[0], place[1]);
+                }
+            }
+            write!(text, " {reads} of {} |", SEEDS.len())?;
+        }
+        text += "\n";
+    }
+    sheet.save(Path::new("legible.png"))?;
+    print_out(&text);
+    Ok(())
+}
+
+#[expect(clippy::print_stdout, reason = "an example's result")]
+fn print_out(text: &str) {
+    println!("{text}");
+}

@@ -1,0 +1,68 @@
+//! Profiles: what a drone may do where it flies.
+
+use serde::Serialize;
+
+/// The limits of a place and a drone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Profile {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// Least and greatest x, y, z.
+    pub volume_m: [[f64; 3]; 2],
+    /// The drone stays within plus or minus this of the word's plane.
+    pub corridor_m: f64,
+    /// Greatest speed.
+    pub speed_m_s: f64,
+    /// Greatest acceleration.
+    pub acceleration_m_s2: f64,
+    /// Greatest tilt.
+    pub tilt_rad: f64,
+    /// Longest flight.
+    pub flight_time_s: f64,
+}
+
+impl Profile {
+    /// All of them.
+    #[must_use]
+    pub fn all() -> [Self; 3] {
+        [Self::indoor(), Self::careful(), Self::outdoor()]
+    }
+
+    /// A Crazyflie indoors: 1 m/s an axis and 20° are the limits of the firmware's own controller
+    /// (`platform_defaults_cf2.h`), 2 m/s² whoenig's (firmware issue 882); 4 minutes of a 7-minute
+    /// battery with decks (crazyswarm issue 148: 3 to 5); ±0.2 m is the reference team's corridor;
+    /// a Lighthouse covers 5 m by 5 m.
+    #[must_use]
+    pub fn indoor() -> Self {
+        Self {
+            name: "indoor",
+            volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+            corridor_m: 0.2,
+            speed_m_s: 1.0,
+            acceleration_m_s2: 2.0,
+            tilt_rad: 20.0_f64.to_radians(),
+            flight_time_s: 240.0,
+        }
+    }
+
+    /// The same with visitors about: 0.5 m/s (firmware issue 882).
+    #[must_use]
+    pub fn careful() -> Self {
+        Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
+    }
+
+    /// A larger drone outdoors: Skybrush's defaults for speed (2 m/s upward, taken for all axes)
+    /// and height (150 m); acceleration and tilt of half a multirotor's reserve, assumed.
+    #[must_use]
+    pub fn outdoor() -> Self {
+        Self {
+            name: "outdoor",
+            volume_m: [[-100.0, -100.0, 0.0], [100.0, 100.0, 150.0]],
+            corridor_m: 2.0,
+            speed_m_s: 2.0,
+            acceleration_m_s2: 4.0,
+            tilt_rad: 30.0_f64.to_radians(),
+            flight_time_s: 720.0,
+        }
+    }
+}

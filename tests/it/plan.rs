@@ -1,0 +1,76 @@
+//! Claims about `plan` and `check` as they are typed.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use predicates::str::contains;
+
+fn noctograph() -> Command {
+    Command::cargo_bin("noctograph").unwrap()
+}
+
+fn json(command: &mut Command, code: i32) -> serde_json::Value {
+    let output = command.arg("--json").assert().code(code).get_output().stdout.clone();
+    serde_json::from_slice(&output).unwrap()
+}
+
+#[test]
+fn the_papers_letters_are_flagged_and_may_fly() {
+    let report = json(noctograph().args(["check", "WX"]), 0);
+    assert_eq!(report["fly"], true);
+    let findings = report["findings"].as_array().unwrap();
+    let found = |check: &str| {
+        let finding = findings.iter().find(|finding| finding["check"] == check).unwrap();
+        (finding["severity"].as_str().unwrap(), finding["found"].as_str().unwrap())
+    };
+    assert_eq!(found("doubled stroke"), ("warning", "W (0.51 m)"));
+    assert_eq!(found("light never off"), ("warning", "X"));
+    assert_eq!(found("lit transit").0, "warning", "the team's lights are on the wrong clock");
+    assert_eq!(found("speed").0, "fine");
+    for finding in findings.iter().filter(|finding| finding["severity"] != "fine") {
+        assert_ne!(finding["change"], "", "{finding}");
+    }
+}
+
+#[test]
+fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
+    let report = json(noctograph().args(["check", "NOOR", "--style", "even"]), 0);
+    let findings = report["findings"].as_array().unwrap();
+    for check in ["lit dwell", "evenness", "tilt", "acceleration", "jump"] {
+        let finding = findings.iter().find(|finding| finding["check"] == check).unwrap();
+        assert_eq!(finding["severity"], "fine", "{finding}");
+    }
+    let careful = ["check", "NOOR", "--style", "even", "--profile", "careful"];
+    noctograph().args(careful).assert().code(1).stdout(contains("STOP  speed"));
+    noctograph().args(["check", "NOOR", "--profile", "brave"]).assert().code(2);
+}
+
+#[test]
+fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let shared = folder.path().join("shared");
+    let at = |name: &str| shared.join(name);
+    let args = ["plan", "NO", "--style", "even", "--drones", "2", "-o"];
+    let report = json(noctograph().args(args).arg(&shared), 0);
+    assert_eq!(report["drones"].as_array().unwrap().len(), 2);
+    assert!(report["drones"][0]["worst_streak_mm"].as_f64().unwrap() < 10.0, "{report}");
+    assert!(at("plan.svg").exists(), "a drawing of both");
+    let both = || {
+        let mut command = noctograph();
+        command.arg("check").arg(at("plan-1.csv"));
+        command
+    };
+    both().arg(at("plan-2.csv")).assert().code(0).stdout(contains("apart all the time"));
+    both().arg(at("plan-1.csv")).assert().code(1).stdout(contains("STOP  separation"));
+    let team = ["plan", "NO", "--drones", "2", "-o"];
+    noctograph().args(team).arg(folder.path().join("team")).assert().code(2);
+}
+
+#[test]
+fn a_plan_is_drawn_where_its_name_ends_in_svg() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("noor.svg");
+    noctograph().args(["plan", "NOOR", "--style", "even", "-o"]).arg(&path).assert().code(0);
+    let svg = std::fs::read_to_string(Path::new(&path)).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("NOOR, planned: "), "{}", &svg[..200]);
+}
