@@ -265,6 +265,24 @@ mod tests {
     }
 
     #[test]
+    fn flat_tips_are_not_drawn_out_and_stems_stay_upright() {
+        let face = roboto(Trace::CentreLine);
+        for character in "MN".chars() {
+            let shape = face.shape(character).unwrap();
+            let points = &shape.runs[0].points;
+            let n = points.len();
+            for (foot, tip) in [(0, 1), (n - 1, n - 2)] {
+                let lean = (points[foot][0] - points[tip][0]).abs();
+                assert!(lean < 0.01, "{character}: {points:?}");
+            }
+        }
+        for character in "AMNVW4".chars() {
+            let [_, bottom, _, top] = face.shape(character).unwrap().ink();
+            assert!(top < 1.02 && bottom > -0.02, "{character}: {bottom} to {top}");
+        }
+    }
+
+    #[test]
     fn an_outline_goes_around_the_ink() {
         let face = roboto(Trace::Outline);
         assert_eq!(strokes(&face, 'I'), (1, 1));

@@ -9,6 +9,9 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::super::outline::Ink;
 
+/// Samples nearer than about this, in cap heights, are one.
+const WELD: f64 = 1e-6;
+
 /// A graph of disc middles. Nodes that were cut off stay, without neighbours.
 #[derive(Debug, Default)]
 pub(super) struct Axis {
@@ -24,7 +27,9 @@ pub(super) type Branch = Vec<usize>;
 impl Axis {
     /// The axis of the ink within a rim; empty where there is none.
     pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Ink) -> Self {
-        let samples = rim.iter().flatten().map(|[x, y]| Point2::new(*x, *y)).collect();
+        // Contours that run along each other would have samples a rounding error apart.
+        let weld = |x: f64| (x / WELD).round() * WELD;
+        let samples = rim.iter().flatten().map(|[x, y]| Point2::new(weld(*x), weld(*y))).collect();
         let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
             return Self::default();
         };

@@ -16,13 +16,20 @@ const SETTLED: f64 = 1.06;
 const TRUST: [f64; 2] = [0.7, 2.2];
 const TRUST_SHARE: f64 = 0.4;
 
-/// Cosine of the angle by which a stroke that goes through a junction may turn there: 60°, since a
+/// Cosine of the angle by which a stroke that goes through a junction may turn there: 75°, since a
 /// bowl turns on; and at a bend of a single stroke, 25°.
-const THROUGH: f64 = 0.5;
+const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
+
+/// A limb is straight where its chord is this share of its length.
+const STRAIGHT: f64 = 0.94;
 
 /// Sine of the angle off the upright or level within which an arm counts as such: 3°.
 const UPRIGHT: f64 = 0.05;
+
+/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that is
+/// cut off flat.
+const FAR: f64 = 10.0;
 
 /// Farthest that a meeting point may lie from its junction, by the junction's radius.
 const REACH: f64 = 3.0;
@@ -171,8 +178,7 @@ impl Limb {
 }
 
 impl Limb {
-    /// Turns the limb about its other end, so that it leads to another point than it did. Straight
-    /// limbs stay straight.
+    /// Turns a straight limb about its other end, so that it leads to another point than it did.
     fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         let points: Box<dyn DoubleEndedIterator<Item = &mut [f64; 2]>> =
             Box::new(self.points.iter_mut());
@@ -184,6 +190,11 @@ impl Limb {
             gone += libm::hypot(point[0] - before[0], point[1] - before[1]);
             before = **point;
             along.push(gone);
+        }
+        let chord =
+            points.last().map_or(0.0, |last| libm::hypot(last[0] - from[0], last[1] - from[1]));
+        if chord < STRAIGHT * gone {
+            return;
         }
         for (point, along) in points.into_iter().zip(along) {
             let share = 1.0 - along / gone.max(f64::MIN_POSITIVE);
@@ -245,7 +256,10 @@ fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
     }
     let corner = |at| vec![Knot { at, corner: true }];
     if through.is_empty() {
-        let led_to = crossing(arms).filter(|p| near(*p, middle, REACH * joint.radius));
+        let led_to = crossing(arms).filter(|p| {
+            let onward = |arm: &Arm| dot(minus(*p, arm.from), arm.away) < 0.0;
+            near(*p, middle, FAR * joint.radius) && arms.iter().all(onward)
+        });
         let point = led_to.map_or(middle, |led_to| joint.meeting_point(arms, led_to));
         for arm in arms {
             limbs[arm.branch].aim(arm.tail, led_to.unwrap_or(point), point);

@@ -119,3 +119,71 @@ fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
     }
     fitted
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The lines of shapes made of rectangles (left, bottom, right, top), rounded to hundredths, in
+    /// an order of their own; each from its lower left end, a closed one from its lower left corner.
+    fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
+        let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
+        let contours: Vec<Contour> = rectangles.iter().map(contour).collect();
+        let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
+        for line in centre_lines(&contours).lines {
+            #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
+            let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
+            let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
+            line.dedup();
+            if line[0] == line[line.len() - 1] {
+                line.pop();
+                let least = (0..line.len()).min_by_key(|i| line[*i]).unwrap();
+                line.rotate_left(least);
+                if line[1] > line[line.len() - 1] {
+                    line[1..].reverse();
+                }
+                line.push(line[0]);
+            } else if line[0] > line[line.len() - 1] {
+                line.reverse();
+            }
+            lines.push(line);
+        }
+        lines.sort();
+        lines
+    }
+
+    #[test]
+    fn strokes_end_as_far_from_the_rim_as_they_lie_from_it() {
+        assert_eq!(traced(&[[0.0, 0.0, 0.2, 1.0]]), [[[10, 10], [10, 90]]]);
+        assert_eq!(traced(&[[0.0, 0.0, 1.0, 0.06]]), [[[3, 3], [97, 3]]]);
+    }
+
+    #[test]
+    fn overlapping_strokes_meet_where_their_middle_lines_do() {
+        let stem = [0.0, 0.0, 0.2, 1.0];
+        let foot = [0.0, 0.0, 0.8, 0.2];
+        assert_eq!(traced(&[stem, foot]), [[[10, 90], [10, 10], [70, 10]]], "L: a sharp corner");
+        let tee = traced(&[[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]]);
+        assert_eq!(
+            tee,
+            [[[10, 90], [90, 90]], [[50, 10], [50, 90]]],
+            "T: the bar runs straight on"
+        );
+        let cross = traced(&[[0.4, 0.0, 0.6, 1.0], [0.0, 0.4, 1.0, 0.6]]);
+        assert_eq!(cross, [[[10, 50], [90, 50]], [[50, 10], [50, 90]]], "+: two strokes, not four");
+        let sides = [stem, foot, [0.6, 0.0, 0.8, 1.0], [0.0, 0.8, 0.8, 1.0]];
+        let around = [[10, 10], [10, 90], [70, 90], [70, 10], [10, 10]];
+        assert_eq!(traced(&sides), [around], "a frame is one closed line with four corners");
+    }
+
+    #[test]
+    fn a_dot_is_a_ring_in_its_middle_and_nothing_is_nothing() {
+        let dot = traced(&[[0.4, 0.4, 0.6, 0.6]]);
+        assert_eq!(dot, [[[45, 50], [50, 45], [55, 50], [50, 55], [45, 50]]]);
+        assert!(centre_lines(&[]).lines.is_empty());
+        assert!(
+            centre_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]).lines.is_empty(),
+            "no ink"
+        );
+    }
+}

@@ -18,6 +18,10 @@ const LONGEST: f64 = 3.6;
 /// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
 const BENDS: f64 = 0.1;
 
+/// A branch's end is a tip where its radius falls below the first, by the branch's usual radius; it
+/// is cut off up to where the radius has come up to the second.
+const TIP: [f64; 2] = [0.6, 0.92];
+
 /// Longest stub between a crotch and the tip above it (A, M, N, V, W), by the radius at its root;
 /// and the cosine of the widest angle between the legs of such a crotch, 75°. Wider ones are where an
 /// arch leaves a stem (n, u), whose stub is the stem's end.
@@ -31,7 +35,27 @@ pub(super) fn prune(axis: &mut Axis) -> Vec<bool> {
     while cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
     while cut_spurs(axis, &mut bends, is_spur) {}
     while cut_spurs(axis, &mut bends, is_stub) {}
+    cut_tips(axis);
     bends
+}
+
+/// Cuts off the tips of branches that run out into a corner without a fork, as they do where a
+/// stroke's end is rounded on one side.
+fn cut_tips(axis: &mut Axis) {
+    let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
+    let tips = ends.filter_map(|end| {
+        let way = axis.way(end, axis.neighbours[end][0], &|node| axis.degree(node) != 2);
+        let mut radii: Vec<f64> = way.iter().map(|node| axis.radii[*node]).collect();
+        radii.sort_by(f64::total_cmp);
+        let usual = radii[radii.len() / 2];
+        let whole = way.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
+        let tip = way[..=whole].to_vec();
+        let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
+        (cut && whole + 1 < way.len()).then_some(tip)
+    });
+    for tip in tips.collect::<Vec<Branch>>() {
+        axis.cut(&tip);
+    }
 }
 
 /// Cuts off, all at once, the ways from a junction to a loose end that `unwanted` tells.
