@@ -192,11 +192,11 @@ impl Square {
     /// Adds its light, given in counts at the corners, to a plane.
     fn add_to(&self, [nw, ne, sw, se]: [f32; 4], plane: &mut [u32], [width, height]: [u32; 2]) {
         let [x, y] = self.corner_px;
-        if x >= width {
+        let step = 1.0 / self.side_px as f32;
+        let across = self.side_px.min(width.saturating_sub(x));
+        if across == 0 {
             return;
         }
-        let step = 1.0 / self.side_px as f32;
-        let across = self.side_px.min(width - x);
         for row in y..(y + self.side_px).min(height) {
             let down = ((row - y) as f32 + 0.5) * step;
             let (left, right) = (nw + (sw - nw) * down, ne + (se - ne) * down);
