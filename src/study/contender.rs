@@ -10,10 +10,11 @@ use crate::plan::Plan;
 use crate::scene::{Preset, Scene};
 
 /// Scenes that are known by name, as TOML: they lie in `examples/scenes/`.
-pub const KNOWN: [(&str, &str); 3] = [
+pub const KNOWN: [(&str, &str); 4] = [
     ("team", include_str!("../../examples/scenes/team.toml")),
     ("pid", include_str!("../../examples/scenes/pid.toml")),
     ("geometric", include_str!("../../examples/scenes/geometric.toml")),
+    ("tuned", include_str!("../../examples/scenes/tuned.toml")),
 ];
 
 /// A scene under comparison.
@@ -132,6 +133,7 @@ mod tests {
         let kind = |name| Contender::find(name).unwrap().scene.controller.kind;
         assert_eq!(kind("pid"), ControllerKind::Pid);
         assert_eq!(kind("geometric"), ControllerKind::Geometric);
+        assert_eq!(kind("tuned"), ControllerKind::LqrIntegral);
         assert_eq!(Contender::find("cf21").unwrap().scene, Scene::preset(Preset::Cf21));
         let error = Contender::find("nobody").unwrap_err().to_string();
         assert!(error.contains("team, pid, geometric"), "{error}");
