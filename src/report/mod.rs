@@ -11,8 +11,10 @@
 
 mod figure;
 mod flights;
+mod overlay;
 mod plans;
 pub mod specimen;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
+pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
