@@ -9,11 +9,12 @@ use super::expose::shoot;
 use super::fly::fly;
 use super::inputs::{Lamps, LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone, strokes};
 use super::outputs::OutputFolder;
+use super::score::known;
 use super::{Outcome, print, show};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::expose::Developer;
-use crate::score::score;
+use crate::score::Reader;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -55,7 +56,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let shot = shoot(&lamps, strokes.bounds_m(), &scene, developer)?;
     // A drawing has no word to read, so nothing is said of its legibility.
     let verdict = match strokes.font {
-        Some(_) => Some(score(&shot.photo, &strokes, &shot.camera, &scene.score)?),
+        Some(_) => {
+            let reader = Reader::new(&strokes, &scene.score)?;
+            let known = known(&flight, &scene.plan);
+            Some(reader.explain(&shot.photo, &(&shot.camera).into(), &known)?.0)
+        }
         None => None,
     };
 
@@ -79,6 +84,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
             "legible": verdict.as_ref().map(|verdict| verdict.legible),
             "probability": verdict.as_ref().map(|verdict| verdict.probability),
             "letters": verdict.as_ref().map(|verdict| &verdict.letters),
+            "causes": verdict.as_ref().map(|verdict| &verdict.causes),
+            "advice": verdict.as_ref().map(|verdict| &verdict.advice),
             "flight": show::flight_json(&flight),
             "backend": backend.name(),
             "adapter": adapter,

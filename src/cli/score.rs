@@ -1,17 +1,22 @@
 //! `noctograph score`: a photograph is read, and judged.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{Corners, strokes};
+use super::inputs::{Corners, read_flight, strokes};
+use super::outputs::Output;
 use super::{Outcome, print, show, tell};
 use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::flight::tracking::{Part, track};
 use crate::letters::Strokes;
 use crate::photo::Photo;
-use crate::plan::Plan;
+use crate::plan::{Plan, PlanOptions};
+use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, Reader, Reading, View, locate, read};
+use crate::score::{Homography, Known, Reader, Reading, View, locate, read};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
@@ -33,6 +38,13 @@ pub(super) struct ScoreArgs {
     /// Plan that was flown: must write the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
+    /// Flight that the photo shows: tells speed, lag and distance off the path
+    #[arg(long, value_name = "FILE")]
+    flight: Option<PathBuf>,
+    /// Picture to write, PNG or SVG: the photo with intended strokes (blue), missing ones
+    /// (orange), stray light (yellow) and each letter's probability
+    #[arg(long, value_name = "FILE")]
+    overlay: Option<PathBuf>,
     /// Probability from which the word counts as legible; the scene's where it is left out
     #[arg(long, value_name = "P")]
     min_p: Option<f64>,
@@ -42,6 +54,7 @@ pub(super) struct ScoreArgs {
 }
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
+    let output = args.overlay.as_deref().map(Output::create).transpose()?;
     let photo = Photo::read(&args.photo)?;
     let named = match (&args.scene, &photo.scene_toml) {
         (Some(path), _) => Some(Scene::read(path)?),
@@ -69,18 +82,33 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
     let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
     let from_scene =
         |scene: &Scene| -> Result<View> { Ok((&scene.camera.camera(bounds_m, 0.0)?).into()) };
+    let reading = read(&photo)?;
     let view = match &args.corners {
         Some(corners) => {
             let size_px = [photo.width_px, photo.height_px];
             View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
         }
         None if has_camera => from_scene(&scene)?,
-        None => match by_ink(&photo, &strokes)? {
+        None => match by_ink(&photo, &reading, &strokes)? {
             Some(view) => view,
             None => from_scene(&scene)?,
         },
     };
-    let verdict = Reader::new(&strokes, &scene.score)?.score(&photo, &view)?;
+    let flight = args.flight.as_deref().map(read_flight).transpose()?;
+    let known = flight.map_or(Known::default(), |flight| known(&flight, &scene.plan));
+    let reader = Reader::new(&strokes, &scene.score)?;
+    let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
+    verdict.second_opinion = Some(reading.text);
+    if let (Some(output), Some(path)) = (output, &args.overlay) {
+        let is_svg = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
+        output.keep(|out| {
+            if is_svg {
+                out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes())
+            } else {
+                overlay_photo(&photo, &marks, &verdict).write_png(out, None, &[])
+            }
+        })?;
+    }
     if args.json {
         print(&format!("{}\n", show::to_json(&verdict)))?;
     } else {
@@ -89,10 +117,19 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
     Ok(Outcome::of(&verdict))
 }
 
+/// What a flight tells about its photo.
+pub(super) fn known(flight: &Flight, plan: &PlanOptions) -> Known {
+    let tracking = track(flight, Part::of(flight)).ok();
+    Known {
+        speed_m_s: Some(plan.stroke_speed_m_s),
+        contour_m: tracking.as_ref().map(|tracking| tracking.contour.mean_m),
+        lag_s: tracking.map(|tracking| tracking.lag_s),
+    }
+}
+
 /// Where a word hangs in a photo without a camera.
-fn by_ink(photo: &Photo, strokes: &Strokes) -> Result<Option<View>> {
-    let reading: Reading = read(photo)?;
-    let view = locate(photo, &reading, strokes)?;
+fn by_ink(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+    let view = locate(photo, reading, strokes)?;
     tell(match view {
         Some(_) => "note: no camera was named, so the word is placed by its ink",
         None => {

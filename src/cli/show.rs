@@ -22,6 +22,15 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         let (best, runner_up) = (shown(letter.best), shown(letter.runner_up));
         text += &format!("{:10}{best:10}{runner_up:10}{:+.3}\n", letter.expected, letter.margin);
     }
+    if let Some(second) = verdict.second_opinion.as_ref().filter(|second| *second != word) {
+        let second = if second.is_empty() { "nothing" } else { second };
+        text += &format!("\nWithout being told, {second} is read.\n");
+    }
+    for (index, advice) in verdict.advice.iter().enumerate() {
+        let gain = advice.gain.map_or("?".to_owned(), |gain| format!("{gain:+.2}"));
+        let head = if index == 0 { "\ngain\n" } else { "" };
+        text += &format!("{head}{gain:6}{}\n", advice.text);
+    }
     text
 }
 

@@ -15,6 +15,7 @@
 
 mod figure;
 mod flights;
+mod overlay;
 pub mod photos;
 mod plans;
 mod sheet;
@@ -22,6 +23,7 @@ pub mod specimen;
 mod studies;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
+pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
 pub use sheet::{SheetRow, contact_sheet};
 pub use studies::{endurance, pareto};

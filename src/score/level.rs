@@ -15,9 +15,9 @@ const GLARE_SHARE: f64 = 0.1;
 /// pixels are fewer.
 const MIN_INK_SHARE: f64 = 0.05;
 
-/// The level that counts as fully lit, for a word whose ink should cover `ink_px`; `None` where
-/// next to nothing stands out from the sky.
-pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<f32> {
+/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level by
+/// the least that stands out; `None` where next to nothing stands out from the sky.
+pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
     let mut deviations: Vec<f32> = seen.values.iter().map(|value| value.abs()).collect();
     // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step
     // over the root of 12.
@@ -32,5 +32,8 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<f32> {
         let rank = ((share * ink_px) as usize).min(values.len() - 1);
         *values.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1
     };
-    (level_at(MIN_INK_SHARE) > lit).then(|| level_at(GLARE_SHARE).max(lit))
+    (level_at(MIN_INK_SHARE) > lit).then(|| {
+        let full = level_at(GLARE_SHARE).max(lit);
+        (full, full / lit)
+    })
 }

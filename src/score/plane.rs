@@ -44,7 +44,8 @@ impl Placed {
         [self.scale * cos, self.scale * sin]
     }
 
-    fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
+    /// Where a point of the intended word is found.
+    pub(super) fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
         let [a, b] = self.column();
         let [x, y] = [0, 1].map(|axis| point_m[axis] - self.center_m[axis]);
         let turned = [a * x - b * y, b * x + a * y];

@@ -31,31 +31,48 @@ const COLOR_MATTERS: f32 = 0.05;
 /// Reads photos of one word.
 pub struct Reader {
     options: ScoreOptions,
-    strokes: Strokes,
-    home: Placed,
+    pub(super) strokes: Strokes,
+    pub(super) home: Placed,
     finder: Finder,
-    classes: Classes,
-    banks: Vec<Bank>,
-    cells: Vec<Cell>,
+    pub(super) classes: Classes,
+    pub(super) banks: Vec<Bank>,
+    pub(super) cells: Vec<Cell>,
 }
 
 /// The place of one letter.
-struct Cell {
+pub(super) struct Cell {
     /// Index of its bank.
-    bank: usize,
-    class: usize,
-    grid: Grid,
+    pub(super) bank: usize,
+    pub(super) class: usize,
+    pub(super) grid: Grid,
     /// Pixels that its ink should cover.
     ink_px: f64,
-    surroundings: Surroundings,
+    pub(super) surroundings: Surroundings,
     /// ln p of its faultless drawing.
-    ln_faultless: f64,
+    pub(super) ln_faultless: f64,
+}
+
+/// A word as it is seen.
+pub(super) struct Sight {
+    pub(super) verdict: Verdict,
+    /// One for each letter; none where the word was not found.
+    pub(super) looks: Vec<Look>,
+    pub(super) placed: Option<Placed>,
+    /// Full light by the least light that stands out.
+    pub(super) contrast: Option<f32>,
 }
 
 /// A letter as it is seen.
-struct Look {
-    verdict: LetterVerdict,
-    loss: f64,
+pub(super) struct Look {
+    pub(super) verdict: LetterVerdict,
+    pub(super) loss: f64,
+    /// Its light on the page, 1 is fully lit; `None` where there is none.
+    pub(super) picture: Option<Raster>,
+    /// Of this, what has the color of its ink.
+    pub(super) ink: Option<Raster>,
+    pub(super) matches: Vec<Match>,
+    /// Where the letter is found beside its place: right and down, in pixels of the page.
+    pub(super) shift: [isize; 2],
 }
 
 impl std::fmt::Debug for Reader {
@@ -128,17 +145,24 @@ impl Reader {
     ///
     /// If the photo has not three bytes a pixel.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
+        Ok(self.sight(photo, view)?.verdict)
+    }
+
+    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
         check_size(photo, view)?;
         let grid = self.finder.grid();
-        let unseen =
-            |reason, cap_height_px| Ok(Verdict::unseen(&self.strokes.word, reason, cap_height_px));
+        let unseen = |reason, cap_height_px| {
+            let verdict = Verdict::unseen(&self.strokes.word, reason, cap_height_px);
+            Ok(Sight { verdict, looks: Vec::new(), placed: None, contrast: None })
+        };
         let Some(light) = Light::decode(photo, view, grid, &self.home) else {
             return unseen(Reason::NotInPhoto, None);
         };
         let pixel_px = grid.pixel_px(view, &self.home).unwrap_or(0.0);
         let cap_height_px = f64::from(PX_PER_H) * pixel_px;
         let seen = brightness(grid, &grid.resample(&light, view, &self.home));
-        let Some(full_light) = level::full_light(&seen, light.sky, self.ink_px()) else {
+        let Some((full_light, contrast)) = level::full_light(&seen, light.sky, self.ink_px())
+        else {
             return unseen(Reason::NoLight, Some(cap_height_px));
         };
         let placed = self.finder.place(&seen.exposed(full_light));
@@ -147,7 +171,7 @@ impl Reader {
             .map(|index| self.look(index, &light, view, &placed, full_light))
             .collect();
         let worst_loss = looks.iter().map(|look| look.loss).fold(0.0, f64::max);
-        let letters: Vec<LetterVerdict> = looks.into_iter().map(|look| look.verdict).collect();
+        let letters: Vec<LetterVerdict> = looks.iter().map(|look| look.verdict.clone()).collect();
 
         let Placed { shift_m, scale, rotation_rad, .. } = placed;
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
@@ -163,7 +187,7 @@ impl Reader {
             () => None,
         };
         let counts = matches!(reason, None | Some(Reason::Misread));
-        Ok(Verdict {
+        let verdict = Verdict {
             word: self.strokes.word.clone(),
             read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
             legible: reason.is_none(),
@@ -173,7 +197,11 @@ impl Reader {
             cap_height_px: Some(cap_height_px),
             letters,
             reason,
-        })
+            second_opinion: None,
+            causes: Vec::new(),
+            advice: Vec::new(),
+        };
+        Ok(Sight { verdict, looks, placed: Some(placed), contrast: Some(contrast) })
     }
 
     /// Looks at one letter.
@@ -192,11 +220,19 @@ impl Reader {
         let bright = brightness(&cell.grid, &colors).exposed(full_light);
         let picture = bright.blur(BLUR_PX);
         if bank.layout.brightest_in_cell(&picture) < FAINT {
-            return Look { verdict: LetterVerdict::unseen(expected), loss: f64::INFINITY };
+            return Look {
+                verdict: LetterVerdict::unseen(expected),
+                loss: f64::INFINITY,
+                picture: None,
+                ink: None,
+                matches: Vec::new(),
+                shift: [0, 0],
+            };
         }
         let compare =
             |picture: &Raster| cell.surroundings.compare(bank, picture, self.classes.len());
         let mut matches = compare(&picture);
+        let mut shown = bright.clone();
         let color = color::of_brightest(&colors, whole(INK_SHARE * cell.ink_px));
         let ink = Raster { values: color::held(&colors, color), ..bright }.exposed(full_light);
         let total: f32 = bright.values.iter().sum();
@@ -205,11 +241,19 @@ impl Reader {
             let by_color = compare(&ink.blur(BLUR_PX));
             // Whichever shows some letter best, not whichever shows the right one.
             if best(&by_color) > best(&matches) {
-                matches = by_color;
+                (matches, shown) = (by_color, ink.clone());
             }
         }
         let loss = loss(&matches, cell.class, cell.ln_faultless);
-        Look { verdict: self.judge(index, &matches), loss }
+        let shift = matches[cell.class].shift;
+        Look {
+            verdict: self.judge(index, &matches),
+            loss,
+            picture: Some(shown),
+            ink: Some(ink),
+            matches,
+            shift,
+        }
     }
 
     fn judge(&self, index: usize, matches: &[Match]) -> LetterVerdict {
@@ -233,6 +277,7 @@ impl Reader {
             rivals: rivals.map(|&class| Rival { letter: name(class), p: p(class) }).collect(),
             shift_m: [right, -down],
             scale: self.banks[cell.bank].templates[own.template].scale,
+            ..LetterVerdict::unseen(expected)
         }
     }
 
@@ -260,7 +305,11 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
 }
 
 /// Letters as the trail should draw them, blurred.
-fn draw<'a>(grid: &Grid, home: &Placed, glyphs: impl Iterator<Item = &'a Glyph>) -> Raster {
+pub(super) fn draw<'a>(
+    grid: &Grid,
+    home: &Placed,
+    glyphs: impl Iterator<Item = &'a Glyph>,
+) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
         page.stroke(&glyph.moves, PEN_PX, grid.page_from_plane(home));

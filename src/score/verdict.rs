@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::calibration::{CALIBRATION, Calibration};
+use super::causes::{Advice, Cause};
 
 /// Whether a photo's word is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -27,6 +28,12 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible; `None` where it is.
     pub reason: Option<Reason>,
+    /// What is read where nobody says what should be there; `None` where it was not asked for.
+    pub second_opinion: Option<String>,
+    /// What is wrong, the most costly first; empty where it was not asked for.
+    pub causes: Vec<Cause>,
+    /// What to do, the most gainful first; empty where it was not asked for.
+    pub advice: Vec<Advice>,
 }
 
 /// Where the word hangs, against where it was intended.
@@ -61,6 +68,17 @@ pub struct LetterVerdict {
     pub shift_m: [f64; 2],
     /// Width and height by the intended ones: the nearest of the scales that are tried.
     pub scale: [f64; 2],
+    /// Share of the intended strokes that has light within 0.1 cap heights, the letter put where
+    /// it was found; this and the next four are left out where they were not asked for.
+    pub recall: Option<f64>,
+    /// Share of the light's lines that is within 0.1 cap heights of an intended stroke.
+    pub precision: Option<f64>,
+    /// Length of the intended strokes without light.
+    pub missing_mm: Option<f64>,
+    /// Length of the light's lines away from the intended strokes.
+    pub stray_mm: Option<f64>,
+    /// Shares of all letters in the choice, the likeliest first, down to a thousandth.
+    pub confusion: Vec<Rival>,
 }
 
 /// Another letter that a place resembles.
@@ -103,6 +121,9 @@ impl Verdict {
             cap_height_px,
             letters,
             reason: Some(reason),
+            second_opinion: None,
+            causes: Vec::new(),
+            advice: Vec::new(),
         }
     }
 }
@@ -120,6 +141,11 @@ impl LetterVerdict {
             rivals: Vec::new(),
             shift_m: [0.0; 2],
             scale: [1.0; 2],
+            recall: None,
+            precision: None,
+            missing_mm: None,
+            stray_mm: None,
+            confusion: Vec::new(),
         }
     }
 }

@@ -106,6 +106,21 @@ impl Layout {
             .fold(0.0, f32::max)
     }
 
+    /// The cell on the page: left, top, right, bottom.
+    pub(super) fn cell_px(&self) -> [f64; 4] {
+        let [x, y] = self.middle_px();
+        let half = [0.5 * self.aspect * f64::from(PX_PER_H), 0.5 * f64::from(PX_PER_H)];
+        [x - half[0], y - half[1], x + half[0], y + half[1]]
+    }
+
+    /// Whether the window holds a point of the page.
+    pub(super) fn holds(&self, point: [f64; 2]) -> bool {
+        (0..2).all(|axis| {
+            let from = REACH_PX as f64;
+            (from..=from + self.window[axis] as f64).contains(&point[axis])
+        })
+    }
+
     /// The middle of the cell.
     pub(super) fn middle_px(&self) -> [f64; 2] {
         self.window.map(|side| REACH_PX as f64 + 0.5 * side as f64)

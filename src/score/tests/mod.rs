@@ -6,6 +6,7 @@ use studio::{Dice, Shot, camera, word};
 
 mod reading;
 mod studio;
+mod why;
 
 fn box_of_light(strokes: &Strokes) -> Vec<Move> {
     let [left, bottom, right, top] = strokes.bounds_m();
@@ -347,21 +348,30 @@ fn the_verdict_is_written_as_it_is_documented() {
         "cap_height_px",
         "letters",
         "reason",
+        "second_opinion",
+        "causes",
+        "advice",
     ];
     wanted.sort_unstable();
     assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
     assert_eq!(keys(&verdict["placement"]), ["rotation_rad", "scale", "shift_m"]);
-    let letter = [
-        "best",
+    let mut letter = [
         "expected",
+        "best",
+        "runner_up",
         "margin",
+        "similarity",
         "p",
         "rivals",
-        "runner_up",
-        "scale",
         "shift_m",
-        "similarity",
+        "scale",
+        "recall",
+        "precision",
+        "missing_mm",
+        "stray_mm",
+        "confusion",
     ];
+    letter.sort_unstable();
     assert_eq!(keys(&verdict["letters"][0]), letter);
     assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
     let reason = serde_json::to_value(Reason::NoLight).unwrap();

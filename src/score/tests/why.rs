@@ -1,0 +1,94 @@
+//! Why: faults put in are named, measured, and their mending gains what they cost.
+
+use super::studio::{Shot, word};
+use super::*;
+use crate::letters::{LetterOptions, Move, write};
+
+fn explained(shot: &Shot, strokes: &Strokes) -> Verdict {
+    let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();
+    let known = Known { speed_m_s: Some(0.2), ..Known::default() };
+    reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0
+}
+
+#[test]
+fn a_clean_word_has_nothing_to_explain() {
+    let noor = word("NOOR");
+    let verdict = explained(&Shot::of(&noor), &noor);
+    assert!(verdict.causes.is_empty() && verdict.advice.is_empty(), "{verdict:#?}");
+    for letter in &verdict.letters {
+        assert!(letter.recall > Some(0.99) && letter.precision > Some(0.99), "{letter:?}");
+        assert_eq!(letter.confusion[0].letter, letter.expected);
+    }
+}
+
+#[test]
+fn the_explained_verdict_is_the_quick_one() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor).trailing(0.08).ending_early(0.1);
+    let (quick, why) = (shot.verdict(&noor), explained(&shot, &noor));
+    assert_eq!((quick.read, quick.probability), (why.read, why.probability));
+}
+
+#[test]
+fn an_early_end_is_measured_and_its_mending_gains() {
+    let noor = word("NOOR");
+    let verdict = explained(&Shot::of(&noor).ending_early(0.25), &noor);
+    let first_o = verdict
+        .causes
+        .iter()
+        .find(|cause| cause.kind == CauseKind::MissingRun && cause.letter == Some(1));
+    let first_o = first_o.expect("the bottom of the O ends early");
+    // 25 cm less what the pen's width and the tolerance of 5 cm cover.
+    let run = first_o.missing.unwrap();
+    assert!((150.0..=260.0).contains(&(run.to_mm - run.from_mm)), "{run:?}");
+    assert!((run.to_mm - 1600.0).abs() < 60.0, "the end of the square's 1.6 m: {run:?}");
+    assert!(first_o.gain > Some(0.1), "{first_o:?}");
+    let best = &verdict.advice[0];
+    assert!(best.kind == CauseKind::MissingRun && best.gain > Some(0.1), "{:?}", verdict.advice);
+}
+
+#[test]
+fn light_between_strokes_is_a_transit_with_its_lamp_s_delay() {
+    let strokes = word("NET");
+    let mut shot = Shot::of(&strokes);
+    let e = &strokes.glyphs[1].moves;
+    shot.moves.iter_mut().filter(|step| e.contains(step)).for_each(|step| step.lit = true);
+    let verdict = explained(&shot, &strokes);
+    let transits: Vec<&Cause> = verdict
+        .causes
+        .iter()
+        .filter(|cause| cause.kind == CauseKind::LitTransit && cause.letter == Some(1))
+        .collect();
+    assert!(!transits.is_empty(), "{:#?}", verdict.causes);
+    let cause = transits[0];
+    let delay_s = cause.length_mm.unwrap() / 1000.0 / 0.2;
+    assert!((cause.lamp_delay_s.unwrap() - delay_s).abs() < 1e-9, "{cause:?}");
+}
+
+#[test]
+fn a_shifted_letter_and_a_tail_are_named() {
+    let noor = word("NOOR");
+    let mut shot = Shot::of(&noor);
+    let second_o = &noor.glyphs[2].moves;
+    for step in shot.moves.iter_mut().filter(|step| second_o.contains(step)) {
+        for point in [&mut step.from_m, &mut step.to_m] {
+            point[1] += 0.1;
+        }
+    }
+    shot.moves.insert(0, Move { from_m: [-0.6, 0.3], to_m: [-0.6, 0.5], lit: true });
+    let verdict = explained(&shot, &noor);
+    let of = |kind| verdict.causes.iter().find(|cause| cause.kind == kind).map(|c| c.letter);
+    assert_eq!(of(CauseKind::Shifted), Some(Some(2)), "{:#?}", verdict.causes);
+    assert_eq!(of(CauseKind::Streak), Some(Some(0)), "{:#?}", verdict.causes);
+}
+
+#[test]
+fn the_teams_w_is_a_flaw_of_design_and_the_repaired_one_is_not() {
+    for (font, flawed) in [("ae483", true), ("ae483-fixed", false)] {
+        let options = LetterOptions { font: font.into(), ..Default::default() };
+        let strokes = write("NEW", &options).unwrap();
+        let verdict = explained(&Shot::of(&strokes), &strokes);
+        let found = verdict.causes.iter().any(|cause| cause.kind == CauseKind::Design);
+        assert_eq!(found, flawed, "{font}: {:#?}", verdict.causes);
+    }
+}
