@@ -5,6 +5,8 @@
 //! Each is for the arguments that occur here; [`is_hard`] and the others tell those that must go to
 //! `libm` themselves.
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
 /// A high word, at which msun changes its way, as a number.
 const fn high(word: u64) -> f64 {
     f64::from_bits(word << 32)
@@ -153,9 +155,9 @@ fn atan(x: f64) -> f64 {
     // The number above each limit is turned about an arctangent in two parts.
     const TURNED: [(f64, [f64; 2]); 4] = [
         (high(0x3fdc_0000), [4.636_476_090_008_061e-1, 2.269_877_745_296_168_7e-17]),
-        (high(0x3fe6_0000), [7.853_981_633_974_483e-1, 3.061_616_997_868_383e-17]),
+        (high(0x3fe6_0000), [FRAC_PI_4, 3.061_616_997_868_383e-17]),
         (high(0x3ff3_0000), [9.827_937_232_473_29e-1, 1.390_331_103_123_099_8e-17]),
-        (high(0x4003_8000), [1.570_796_326_794_896_6, 6.123_233_995_736_766e-17]),
+        (high(0x4003_8000), [FRAC_PI_2, 6.123_233_995_736_766e-17]),
     ];
     let size = x.abs();
     let (mut above, mut below, mut about) = (size, 1.0, [0.0; 2]);

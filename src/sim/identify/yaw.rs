@@ -38,7 +38,7 @@ impl ReactionTorque {
     /// not.
     #[must_use]
     pub fn is_identifiable(&self) -> bool {
-        self.half_width_n_m <= LARGEST_DOUBT * self.k_m_n_m
+        self.half_width_n_m < LARGEST_DOUBT * self.k_m_n_m
     }
 }
 
