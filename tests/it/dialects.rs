@@ -168,7 +168,8 @@ fn farthest_m(found: &Flight, logged: &Flight) -> f64 {
     let start_s = logged.samples[0].time_s;
     assert!(found.samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s), "time rises");
     let off_m = found.samples.iter().map(|s| {
-        assert!(s.position_m.iter().chain(&s.design_m).all(|value| value.is_finite()));
+        let numbers = || s.position_m.iter().chain(&s.design_m);
+        assert!(numbers().all(|value| value.is_finite()), "every number is one");
         let at = logged.samples.partition_point(|l| l.time_s - start_s < s.time_s - 1e-4);
         let there = &logged.samples[at.min(logged.samples.len() - 1)];
         (s.position_m - there.position_m).norm()
