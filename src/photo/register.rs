@@ -28,6 +28,9 @@ const TURN_STEP_RAD: f64 = 0.07;
 /// Candidates that are followed.
 const FOLLOWED: usize = 6;
 
+/// Light that is no ink: a third of level 1, more than rounding leaves of an even picture.
+const LEAST_INK: f32 = 1e-4;
+
 /// Least correlation that is no chance.
 const LEAST_CORRELATION: f64 = 0.2;
 
@@ -211,12 +214,12 @@ impl Ink {
         let mut ink = Self { width, height, values };
         let around = ink.blurred(width.max(height) / 32).blurred(width.max(height) / 32);
         for (value, around) in ink.values.iter_mut().zip(around.values) {
-            *value = (*value - around).max(0.0);
+            *value = (*value - around - LEAST_INK).max(0.0);
         }
         ink
     }
 
-    /// Means of squares of `2 radius + 1` pixels; what is outside counts for nothing.
+    /// Means of squares of `2 radius + 1` pixels, of those that are inside.
     fn blurred(&self, radius: usize) -> Self {
         let along = |ink: &Self| {
             // Transposes while it blurs along rows.
@@ -229,7 +232,8 @@ impl Ink {
                     if x > radius {
                         sum -= get(x - radius - 1);
                     }
-                    values[x * ink.height + y] = narrow(sum / (2 * radius + 1) as f64);
+                    let inside = (x + radius).min(ink.width - 1) - x.saturating_sub(radius) + 1;
+                    values[x * ink.height + y] = narrow(sum / inside as f64);
                 }
             }
             Self { width: ink.height, height: ink.width, values }
