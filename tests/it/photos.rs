@@ -99,14 +99,14 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     write_streaks(folder.path());
     let scene = "[camera]\nf_number = 11.0\niso = 400.0\nwidth_px = 160\nheight_px = 120\n";
     std::fs::write(folder.path().join("s.toml"), scene).unwrap();
-    let run = |arguments: &[&str]| {
-        let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu"];
+    let run = |arguments: &[&str], taken: &str| {
+        let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu", "-o", taken];
         noctograph(folder.path()).args(common).args(arguments).assert().success();
-        Photo::read_png(&folder.path().join("photo.png")).unwrap().scene_toml.unwrap()
+        Photo::read_png(&folder.path().join(taken)).unwrap().scene_toml.unwrap()
     };
     // Our own photo carries EXIF, but no size: that of the scene stays.
-    run(&["--scene", "s.toml", "-o", "taken.png"]);
-    let scene = run(&["--camera-from", "taken.png", "--size", "160x120"]);
+    run(&["--scene", "s.toml"], "taken.png");
+    let scene = run(&["--camera-from", "taken.png", "--size", "160x120"], "again.png");
     for key in ["f_number = 11.0", "iso = 400.0", "shutter_close_s = 4.0", "width_px = 160"] {
         assert!(scene.contains(key), "{key} in {scene}");
     }
