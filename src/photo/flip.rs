@@ -2,7 +2,7 @@
 //! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
 //! alternating images", with the constants of that paper).
 //!
-//! Colours are filtered as the eye does at a distance ([`PIXELS_PER_DEGREE`]), compared in Hunt-
+//! Colours are filtered as the eye does at a distance (`PIXELS_PER_DEGREE`), compared in Hunt-
 //! adjusted `L*a*b*` by the distance `HyAB`, and weighed more where edges and points differ. 0: the
 //! same; 1: as far as can be, black against white or green against blue.
 

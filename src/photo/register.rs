@@ -2,7 +2,7 @@
 //!
 //! 1. Of both pictures only the light counts that stands out of its surroundings: trails, not rooms
 //!    and floors.
-//! 2. On pictures of [`COARSE_PX`] every scale, turn and shift within bounds is tried.
+//! 2. On pictures of `COARSE_PX` every scale, turn and shift within bounds is tried.
 //! 3. The best few are followed through finer pictures by the enhanced correlation coefficient
 //!    (Evangelidis and Psarakis 2008), and the one that correlates most is taken.
 //!

@@ -216,6 +216,6 @@ mod tests {
         let missing: Vec<usize> = (0..200 * 200).filter(is_missing).collect();
         assert!(!missing.is_empty() && missing.iter().all(|at| at % 200 > 76), "right of the stem");
         let svg = overlay_svg(&photo, &marks, &verdict);
-        assert!(svg.contains("id=\"missing\"") && svg.contains(">L 0."), "{}", svg.len());
+        assert!(svg.contains("id=\"missing\"") && svg.contains(">L "), "{}", svg.len());
     }
 }
