@@ -51,20 +51,17 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let folder = OutputFolder::create(&args.output)?;
 
     let developer = Developer::start(args.picture.backend.into());
-    let flight = fly(&plan, &scene)?;
+    // A drawing has no word to read, so nothing is said of its legibility.
+    let reader = || strokes.font.is_some().then(|| Reader::new(&strokes, &scene.score)).transpose();
+    let (flight, reader) = rayon::join(|| fly(&plan, &scene), reader);
+    let (flight, reader) = (flight?, reader?);
     let lamps = Lamps::of(&flight, &scene, 0)?;
     let shot = shoot(&lamps, strokes.bounds_m(), &scene, developer)?;
-    // A drawing has no word to read, so nothing is said of its legibility.
-    let verdict = match strokes.font {
-        Some(_) => {
-            let reader = Reader::new(&strokes, &scene.score)?;
-            let known = known(&flight, &scene.plan);
-            Some(reader.explain(&shot.photo, &(&shot.camera).into(), &known)?.0)
-        }
-        None => None,
-    };
+    let known = known(&flight, &scene.plan);
+    let explain = |reader: &Reader| reader.explain(&shot.photo, &(&shot.camera).into(), &known);
+    let (verdict, png) = rayon::join(|| reader.as_ref().map(explain).transpose(), || shot.png());
+    let verdict = verdict?.map(|(verdict, _)| verdict);
 
-    let png = shot.png();
     folder.write("photo.png", |out| out.write_all(&png))?;
     folder.write("flight.csv", |out| flight.write_csv(out))?;
     folder.write("plan.csv", |out| plan.write_csv(out))?;
