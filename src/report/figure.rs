@@ -115,15 +115,22 @@ impl Figure {
     }
 
     fn draw_legend<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
-        let (mut left_px, line_px, high_px) = (SIDES_PX[0], 28.0, 50.0);
+        let line_px = 28.0;
+        #[expect(clippy::cast_precision_loss, reason = "a file's name")]
+        let entry_px = |name: &str| line_px + 32.0 + name.chars().count() as f64 * 8.0;
+        let all_px: f64 = self.legend.iter().map(|(name, _)| entry_px(name)).sum();
+        // One row where it fits, else two closer ones.
+        let mut high_px = if all_px > PANEL_WIDTH_PX { 44.0 } else { 50.0 };
+        let mut left_px = SIDES_PX[0];
         for (name, pen) in &self.legend {
+            if left_px + entry_px(name) > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && high_px < 50.0 {
+                (left_px, high_px) = (SIDES_PX[0], high_px + 18.0);
+            }
             let sample = [at(left_px, high_px), at(left_px + line_px, high_px)];
             root.draw(&PathElement::new(sample, pen.style()))?;
             let from = at(left_px + line_px + 8.0, high_px);
             root.draw_text(name, &text_style(15.0, INK, HPos::Left), from)?;
-            #[expect(clippy::cast_precision_loss, reason = "a file's name")]
-            let name_px = name.chars().count() as f64 * 8.0;
-            left_px += line_px + 8.0 + name_px + 24.0;
+            left_px += entry_px(name);
         }
         Ok(())
     }
