@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::Args;
 use nalgebra::Vector3;
 
-use super::inputs::{LetterFlags, SceneFlags, StyleFlag, strokes};
+use super::inputs::{LetterFlags, PlanFlags, SceneFlags, strokes};
 use super::{Outcome, print};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -28,10 +28,7 @@ pub(super) struct CheckArgs {
     #[command(flatten)]
     letters: LetterFlags,
     #[command(flatten)]
-    style: StyleFlag,
-    /// Drones that share the word; the scene's where it is left out
-    #[arg(long, value_name = "N")]
-    drones: Option<u32>,
+    plan: PlanFlags,
     /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
     #[arg(long, value_name = "NAME", default_value = "indoor")]
     profile: String,
@@ -43,8 +40,7 @@ pub(super) struct CheckArgs {
 pub(super) fn run(args: &CheckArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.letters.apply(&mut scene)?;
-    args.style.apply(&mut scene);
-    scene.plan.drones = args.drones.unwrap_or(scene.plan.drones);
+    args.plan.apply(&mut scene);
     scene.check()?;
     let profile = profile(&args.profile)?;
     let (strokes, plans) = plans(args, &mut scene)?;

@@ -170,6 +170,24 @@ impl StyleFlag {
     }
 }
 
+/// Way of flying and number of drones, where several may share a word.
+#[derive(Debug, Args)]
+pub(super) struct PlanFlags {
+    #[command(flatten)]
+    style: StyleFlag,
+    /// Drones that share the word; the scene's where it is left out
+    #[arg(long, value_name = "N")]
+    drones: Option<u32>,
+}
+
+impl PlanFlags {
+    /// Puts what was typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) {
+        self.style.apply(scene);
+        scene.plan.drones = self.drones.unwrap_or(scene.plan.drones);
+    }
+}
+
 /// Refuses a scene of several drones where one is shown.
 pub(super) fn one_drone(scene: &Scene) -> Result<()> {
     if scene.plan.drones == 1 {

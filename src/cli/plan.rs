@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::{LetterFlags, SceneFlags, StyleFlag, read_flight, strokes};
+use super::inputs::{LetterFlags, PlanFlags, SceneFlags, read_flight, strokes};
 use super::outputs::{Output, OutputFolder};
 use super::{Outcome, print};
 use crate::error::{Error, Result};
@@ -24,10 +24,7 @@ pub(super) struct PlanArgs {
     #[command(flatten)]
     letters: LetterFlags,
     #[command(flatten)]
-    style: StyleFlag,
-    /// Drones that share the word; the scene's where it is left out
-    #[arg(long, value_name = "N")]
-    drones: Option<u32>,
+    plan: PlanFlags,
     /// Flight of the same drone whose mean error is taken off every setpoint
     #[arg(long, value_name = "FLIGHT")]
     after: Option<PathBuf>,
@@ -42,8 +39,7 @@ pub(super) struct PlanArgs {
 pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.letters.apply(&mut scene)?;
-    args.style.apply(&mut scene);
-    scene.plan.drones = args.drones.unwrap_or(scene.plan.drones);
+    args.plan.apply(&mut scene);
     if let Some(path) = &args.after {
         scene.plan.mean_error_m = mean_error(path)?;
     }

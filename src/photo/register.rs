@@ -8,14 +8,13 @@
 //!
 //! Not sought: perspective and distortion; they are in the residual.
 
+mod ink;
+
 use nalgebra::{Matrix4, Vector4};
 
-use super::{Photo, srgb};
+use super::Photo;
 use crate::error::{Error, Result};
-
-/// Longer side of the pictures that everything is tried on, and of the finest.
-const COARSE_PX: usize = 64;
-const FINE_PX: usize = 1024;
+use ink::{Ink, Levels};
 
 /// Scales tried, as shares of that at which the pictures' longer sides agree, and their steps.
 const SCALES: [f64; 2] = [0.4, 2.5];
@@ -27,9 +26,6 @@ const TURN_STEP_RAD: f64 = 0.07;
 
 /// Candidates that are followed.
 const FOLLOWED: usize = 6;
-
-/// Light that is no ink: a third of level 1, more than rounding leaves of an even picture.
-const LEAST_INK: f32 = 1e-4;
 
 /// Least correlation that is no chance.
 const LEAST_CORRELATION: f64 = 0.2;
@@ -135,146 +131,6 @@ fn nothing_alike(correlation: f64) -> Error {
             "compare photographs of the same word; cut the photograph to it, turn it upright, and \
                render it from about the same side"
                 .to_owned(),
-    }
-}
-
-/// Light that stands out of its surroundings.
-#[derive(Clone, Debug)]
-struct Ink {
-    width: usize,
-    height: usize,
-    values: Vec<f32>,
-}
-
-/// A picture's ink from [`COARSE_PX`] to [`FINE_PX`], each twice as fine as the one before.
-struct Levels {
-    levels: Vec<Ink>,
-    /// Pixels of the picture per pixel of the finest.
-    finest: f64,
-}
-
-impl Levels {
-    fn new(photo: &Photo) -> Self {
-        let (width, height) = (photo.width_px as usize, photo.height_px as usize);
-        let finest = width.max(height) as f64 / FINE_PX as f64;
-        let size = [width, height].map(|side| whole((side as f64 / finest).round()).max(1));
-        let mut ink = Ink::new(photo, size);
-        let mut levels = vec![ink.blurred(1)];
-        while ink.width.max(ink.height) > COARSE_PX {
-            ink = ink.halved();
-            levels.push(ink.blurred(1));
-        }
-        levels.reverse();
-        Self { levels, finest }
-    }
-
-    fn at(&self, level: usize) -> &Ink {
-        &self.levels[level]
-    }
-
-    fn coarsest(&self) -> &Ink {
-        &self.levels[0]
-    }
-
-    /// Pixels of the picture per pixel of a level.
-    fn factor(&self, level: usize) -> f64 {
-        self.finest * libm::exp2((self.levels.len() - 1 - level) as f64)
-    }
-}
-
-impl Ink {
-    /// A photo's luminance, in linear light, less that of its surroundings.
-    fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
-        let light = srgb::linear_from_level();
-        let full = [photo.width_px as usize, photo.height_px as usize];
-        let luminance = |p: &[u8]| {
-            let [r, g, b] = [0, 1, 2].map(|c| light[usize::from(p[c])]);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
-        // Means over the pixels that fall on each pixel; a picture that is small is repeated.
-        let range = |i: usize, n: usize, all: usize| {
-            let first = i * all / n;
-            first..((i + 1) * all / n).max(first + 1)
-        };
-        let mut values = Vec::with_capacity(width * height);
-        for y in 0..height {
-            let rows = range(y, height, full[1]);
-            for x in 0..width {
-                let columns = range(x, width, full[0]);
-                let n = (rows.len() * columns.len()) as f32;
-                let sum: f32 = rows
-                    .clone()
-                    .map(|y| 3 * y * full[0])
-                    .map(|row| &photo.rgb8[row + 3 * columns.start..row + 3 * columns.end])
-                    .flat_map(|row| row.chunks_exact(3).map(luminance))
-                    .sum();
-                values.push(sum / n);
-            }
-        }
-        let mut ink = Self { width, height, values };
-        let around = ink.blurred(width.max(height) / 32).blurred(width.max(height) / 32);
-        for (value, around) in ink.values.iter_mut().zip(around.values) {
-            *value = (*value - around - LEAST_INK).max(0.0);
-        }
-        ink
-    }
-
-    /// Means of squares of `2 radius + 1` pixels, of those that are inside.
-    fn blurred(&self, radius: usize) -> Self {
-        let along = |ink: &Self| {
-            // Transposes while it blurs along rows.
-            let mut values = vec![0.0; ink.values.len()];
-            for (y, row) in ink.values.chunks_exact(ink.width).enumerate() {
-                let mut sum: f64 = row.iter().take(radius).map(|v| f64::from(*v)).sum();
-                for x in 0..ink.width {
-                    let get = |x: usize| row.get(x).map_or(0.0, |v| f64::from(*v));
-                    sum += get(x + radius);
-                    if x > radius {
-                        sum -= get(x - radius - 1);
-                    }
-                    let inside = (x + radius).min(ink.width - 1) - x.saturating_sub(radius) + 1;
-                    values[x * ink.height + y] = narrow(sum / inside as f64);
-                }
-            }
-            Self { width: ink.height, height: ink.width, values }
-        };
-        along(&along(self))
-    }
-
-    /// Means of 2 × 2 pixels; an odd last row or column is left out.
-    fn halved(&self) -> Self {
-        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let at = |x: usize, y: usize| {
-            self.values[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
-        };
-        let quad = |x: usize, y: usize| {
-            0.25 * (at(2 * x, 2 * y)
-                + at(2 * x + 1, 2 * y)
-                + at(2 * x, 2 * y + 1)
-                + at(2 * x + 1, 2 * y + 1))
-        };
-        let values = (0..height).flat_map(|y| (0..width).map(move |x| quad(x, y))).collect();
-        Self { width, height, values }
-    }
-
-    /// Value and slopes at a place, bilinear; `None` outside.
-    fn at(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
-        let (x, y) = (x - 0.5, y - 0.5);
-        if !(x >= 0.0 && y >= 0.0) {
-            return None;
-        }
-        let (i, j) = (whole(x), whole(y));
-        if i + 1 >= self.width || j + 1 >= self.height {
-            return None;
-        }
-        let (u, v) = (x - i as f64, y - j as f64);
-        let first = j * self.width + i;
-        let get = |index: usize| f64::from(self.values[index]);
-        let (nw, ne) = (get(first), get(first + 1));
-        let (sw, se) = (get(first + self.width), get(first + self.width + 1));
-        let (north, south) = (nw + u * (ne - nw), sw + u * (se - sw));
-        let slope_x = (1.0 - v) * (ne - nw) + v * (se - sw);
-        Some([north + v * (south - north), slope_x, south - north])
     }
 }
 
@@ -520,7 +376,7 @@ mod tests {
             let room = floor * f64::from(y) / f64::from(height_px);
             let light = libm::exp(-0.5 * off * off) + room;
             #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "0 to 255")]
-            let level = (255.0 * srgb::encoded_from_linear(light.min(1.0))) as u8;
+            let level = (255.0 * crate::photo::srgb::encoded_from_linear(light.min(1.0))) as u8;
             [level; 3]
         };
         let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));

@@ -1,7 +1,7 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
 use super::plane::{Grid, Placed};
-use super::raster::overlaps;
+use super::raster::{narrow, overlaps, whole};
 use super::view::View;
 use crate::photo::Photo;
 use crate::photo::srgb::linear_from_level;
@@ -256,15 +256,4 @@ fn light_of_level() -> [u32; 256] {
         let light = (65535.0 * linear).round() as u32;
         light
     })
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
-#[expect(clippy::cast_sign_loss, reason = "callers keep it from falling below 0")]
-fn whole(pixels: f64) -> usize {
-    pixels as usize
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }

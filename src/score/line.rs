@@ -7,7 +7,7 @@
 
 use super::color;
 use super::light::{Light, luminance, median};
-use super::raster::Raster;
+use super::raster::{Raster, whole};
 use crate::photo::Photo;
 
 /// Longest side that a photo is searched at. Letters of half its height have hundreds of pixels.
@@ -230,10 +230,4 @@ fn stroke_width(mask: &[bool], width: usize) -> f64 {
     // Steps of a slanting edge are longer than the edge, by 4 / π on average.
     let edge = core::f64::consts::FRAC_PI_4 * (across + down) as f64;
     (2.0 * area as f64 / edge.max(1.0)).max(1.0)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-#[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
-fn whole(pixels: f64) -> usize {
-    pixels as usize
 }

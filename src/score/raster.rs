@@ -110,14 +110,16 @@ pub(super) fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Ite
     })
 }
 
+/// Whole pixels of a length or an area in pixels.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
 #[expect(clippy::cast_sign_loss, reason = "callers keep it from falling below 0")]
-fn whole(pixels: f64) -> usize {
+pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }
 
+/// Light as rasters hold it.
 #[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
-fn narrow(value: f64) -> f32 {
+pub(super) fn narrow(value: f64) -> f32 {
     value as f32
 }
 

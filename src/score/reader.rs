@@ -10,7 +10,7 @@ use super::level;
 use super::light::{Light, Rgb, luminance};
 use super::matching::{Match, Surroundings};
 use super::plane::{Grid, Placed};
-use super::raster::Raster;
+use super::raster::{Raster, whole};
 use super::verdict::{LetterVerdict, Placement, Reason, Rival, Verdict};
 use super::view::View;
 use super::{
@@ -315,10 +315,4 @@ pub(super) fn draw<'a>(
         page.stroke(&glyph.moves, PEN_PX, grid.page_from_plane(home));
     }
     page.dry().blur(BLUR_PX)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels of a page")]
-#[expect(clippy::cast_sign_loss, reason = "areas are positive")]
-fn whole(pixels: f64) -> usize {
-    pixels as usize
 }

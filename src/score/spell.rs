@@ -9,7 +9,7 @@ use super::bank::{Bank, Classes};
 use super::calibration::ln_share;
 use super::line::{InkColor, InkRule, Line};
 use super::matching::{Match, Surroundings};
-use super::raster::Raster;
+use super::raster::{Raster, narrow};
 use super::{BLUR_PX, PX_PER_H, References};
 use crate::error::Result;
 use crate::letters::{Font, Trace};
@@ -239,9 +239,4 @@ fn top(matches: &[Match], allowed: impl Fn(usize) -> bool) -> (usize, f32) {
         }
     }
     best
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }

@@ -4,7 +4,7 @@
 //! no light is within a tenth of a cap height, and a line is stray where no intended stroke is.
 
 use super::PX_PER_H;
-use super::raster::Raster;
+use super::raster::{Raster, whole};
 
 /// Light that counts as a line, of full light.
 const LIT: f32 = 0.4;
@@ -243,12 +243,6 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
             return ink;
         }
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "pixels of a page")]
-#[expect(clippy::cast_sign_loss, reason = "callers keep it from falling below 0")]
-fn whole(pixels: f64) -> usize {
-    pixels as usize
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ use crate::score::{Reader, ScoreOptions, Verdict, View};
 use crate::sim::{SimOptions, fly_unlike};
 
 /// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
-/// the trail, more cost time. Against 1920 × 1080 NOOR is read 0.01 less surely, and HI, whose
+/// the trail, more cost time. Against 1920 × 1080 NOOR is read up to 0.03 off, and HI, whose
 /// capitals have 540 pixels there, 0.09 more: a fine picture of two letters shows the board's faint
 /// trails crisper. Contenders are compared on equal films.
 const CAP_HEIGHT_PX: f64 = 48.0;
