@@ -85,9 +85,9 @@ mod tests {
 
     #[test]
     fn a_label_is_written_and_leads_to_what_it_names() {
-        let photo = Photo { width_px: 200, height_px: 100, rgb8: vec![0; 60_000], scene_toml: None };
-        let label =
-            Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
+        let photo =
+            Photo { width_px: 200, height_px: 100, rgb8: vec![0; 60_000], scene_toml: None };
+        let label = Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
         let drawn = labelled(&photo, &[label]);
         let inked = |xs: std::ops::Range<usize>, ys: std::ops::Range<usize>| {
             let at = |(x, y): (usize, usize)| drawn.rgb8[3 * (200 * y + x)] > 100;
