@@ -267,6 +267,18 @@ mod tests {
     }
 
     #[test]
+    fn a_broken_cell_is_named_by_line_and_column() {
+        for cell in ["NaN", "inf", "", "1,2", "x"] {
+            let csv = format!("time_s,x_m\n0,1\n0.1,{cell}\n");
+            let error = Table::parse(csv.as_bytes(), "plan.csv").unwrap_err().to_string();
+            assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
+        }
+        let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
+        let error = table.time_s().unwrap_err().to_string();
+        assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
+    }
+
+    #[test]
     fn a_table_of_too_many_numbers_is_refused_with_the_memory_it_would_need() {
         let text = format!("time_s,x_m\n{}", "1.5,2.25\n".repeat(1 << 20));
         let most = 2 << 10;
@@ -278,17 +290,5 @@ mod tests {
         assert!(error.contains("about 16 MiB of memory"), "{error}");
         let small = &text[..9000];
         assert!(Table::parse_all(small.as_bytes(), "flight.csv", bytes, most).is_ok(), "fewer");
-    }
-
-    #[test]
-    fn a_broken_cell_is_named_by_line_and_column() {
-        for cell in ["NaN", "inf", "", "1,2", "x"] {
-            let csv = format!("time_s,x_m\n0,1\n0.1,{cell}\n");
-            let error = Table::parse(csv.as_bytes(), "plan.csv").unwrap_err().to_string();
-            assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
-        }
-        let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
-        let error = table.time_s().unwrap_err().to_string();
-        assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
     }
 }
