@@ -8,7 +8,7 @@
 //!
 //! Processor time here, before and after lamps of one colour shared a sheet and curves were drawn in
 //! registers, side by side on a busy machine: splat merged 1.9 and 1.5 ms, unmerged 12.8 and 5.7 ms;
-//! NOOR with its 17 lamps 13 and 10 ms. Of the merged one, a millisecond is to clear the picture; in
+//! NOOR with its 42 lamps 13 and 10 ms. Of the merged one, a millisecond is to clear the picture; in
 //! a process that has not touched that memory before, page faults make it 8 ms, before and after.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
