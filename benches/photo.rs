@@ -1,5 +1,9 @@
 //! How long a film of 1920 × 1080 takes to develop: with every effect off, with each alone, with
 //! all, and to encode. `cargo bench --bench photo`.
+//!
+//! Goal: noise in the dark in 40 ms of processor time. Here, before and after Walker's tables and wide
+//! registers, side by side on a busy machine: the sensor alone 95 and 25 ms in the dark, 26 and 9 ms in
+//! a lit room.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 
 use std::hint::black_box;

@@ -2,54 +2,38 @@
 //!
 //! Every core takes a band of rows; sums of integers are the same in any order. The inner loop
 //! works on [`LANES`] pixels at once, in the widest registers that this processor has (pulp picks
-//! them when the program runs); integers are the same in all of them.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "sides of a picture fit u32, and products of 64 bits are shifted to fit"
-)]
+//! them when the program runs); integers are the same in all of them. It goes down the columns of a
+//! box, with the curves along in registers.
+
+#![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
 use std::ops::Range;
-use std::sync::LazyLock;
 
-use super::record::{DITHER, Record, SHARE_BITS, SPOTS};
-use super::tables::{BELL, BELL_BITS, SIGMA_BITS, bell};
+use super::curves::{Curves, LANES, LOW_BITS};
+use super::record::{DITHER, Record};
+use super::sheet::Sheet;
+use super::{Latent, Tint};
 
 /// Pixels in the records' boxes that are worth a thread of their own: a quarter of a millisecond or
 /// so.
-const THREAD_PIXELS: u64 = 1 << 18;
+const THREAD_PIXELS: u64 = 1 << 19;
 
-/// Bits of a pixel's weight, 2^22 for 1; what rounds to 0 is more than 5.64 σ away.
-pub(super) const WEIGHT_BITS: u32 = 22;
-
-/// Bits of a curve across times its share.
-const ACROSS_BITS: u32 = BELL_BITS_RAISED + SHARE_BITS - 32;
-
-/// Bits of the curve across before it is multiplied: more than it has, less than overflow.
-const BELL_BITS_RAISED: u32 = 31;
-
-/// From curve times curve to weight.
-const SUM_SHIFT: u32 = BELL_BITS + ACROSS_BITS - WEIGHT_BITS;
-
-/// No pixel farther than this from every spot has weight: a gaussian is below three quarters of
-/// half a unit there.
-const FARTHEST_SIGMA: f64 = 5.7;
-
-/// Pixels that are added at once: two registers of 256 bits for four products of 64.
-const LANES: usize = 8;
-
-/// Adds up the records' light on at most so many cores: three planes of counts.
-pub(super) fn splat(cores: u64, records: &[Record], size_px: [u32; 2]) -> Vec<u32> {
-    let width = size_px[0] as usize;
-    let plane = width * size_px[1] as usize;
-    let mut counts = vec![0_u32; 3 * plane];
-    let bands = bands(records, size_px[1], cores);
+/// Adds up the light on at most so many cores: three planes of counts.
+pub(super) fn splat(cores: u64, latent: &Latent) -> Vec<u32> {
+    let [width, height] = latent.size_px.map(|px| px as usize);
+    let mut counts = vec![0_u32; 3 * width * height];
+    let bands = bands(&latent.tints, latent.size_px, cores);
     std::thread::scope(|scope| {
-        let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(plane).collect();
+        let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
+        let dark = bands.first().map_or(0, |band| band.start as usize) * width;
+        rest.iter_mut().for_each(|plane| _ = plane.split_off_mut(..dark));
         let last = bands.len().saturating_sub(1);
         for (i, rows) in bands.into_iter().enumerate() {
             let pixels = rows.len() * width;
             let planes = rest.iter_mut().filter_map(|plane| plane.split_off_mut(..pixels));
-            let band = Band { records, width, rows, planes: planes.collect() };
+            let planes = planes.collect();
+            let sheet = Sheet::new(rows, width, width + LANES);
+            let band = Band { latent, sheet, planes };
             if i == last {
                 pulp::Arch::new().dispatch(band);
             } else {
@@ -60,13 +44,15 @@ pub(super) fn splat(cores: u64, records: &[Record], size_px: [u32; 2]) -> Vec<u3
     counts
 }
 
-/// Rows of the picture in bands of equal work, one for each thread that is worth it.
-fn bands(records: &[Record], height: u32, cores: u64) -> Vec<Range<u32>> {
+/// The lit rows of the picture in bands of equal work, one for each thread that is worth it.
+fn bands(tints: &[Tint], size_px: [u32; 2], cores: u64) -> Vec<Range<u32>> {
+    let [width, height] = size_px;
     // Differences from row to row, then summed: pixels of boxes on each row.
     let mut pixels = vec![0_i64; height as usize + 1];
-    for record in records {
-        pixels[record.y as usize] += i64::from(record.width);
-        pixels[(record.y + record.height) as usize] -= i64::from(record.width);
+    for record in tints.iter().flat_map(|tint| &tint.records) {
+        let [columns, rows] = record.inside(width, &(0..height));
+        pixels[rows.start as usize] += columns.len() as i64;
+        pixels[rows.end as usize] -= columns.len() as i64;
     }
     let mut on_row = 0;
     let mut until = 0;
@@ -75,16 +61,19 @@ fn bands(records: &[Record], height: u32, cores: u64) -> Vec<Range<u32>> {
         until += on_row;
         *row = until;
     }
-    let threads = (until.cast_unsigned() / THREAD_PIXELS).clamp(1, cores);
-    let share = until.cast_unsigned().div_ceil(threads).max(1).cast_signed();
+    let all = until;
+    let threads = (all.cast_unsigned() / THREAD_PIXELS).clamp(1, cores);
+    let share = all.cast_unsigned().div_ceil(threads).max(1).cast_signed();
 
-    let mut bands = Vec::new();
-    let mut start = 0;
-    for (row, until) in (0..height).zip(&pixels) {
-        let last = row + 1 == height;
-        if last || *until >= share * (bands.len() as i64 + 1) {
-            bands.push(start..row + 1);
-            start = row + 1;
+    let rows =
+        |until: i64| pixels[..height as usize].partition_point(|&pixels| pixels < until) as u32;
+    let [first, end] = [rows(1), (rows(all) + 1).min(height)];
+    let ends = (1..threads).map(|band| rows(share * band.cast_signed()) + 1).chain([end]);
+    let mut bands: Vec<Range<u32>> = Vec::new();
+    for end in ends {
+        let start = bands.last().map_or(first, |band| band.end);
+        if start < end {
+            bands.push(start..end);
         }
     }
     bands
@@ -92,9 +81,8 @@ fn bands(records: &[Record], height: u32, cores: u64) -> Vec<Range<u32>> {
 
 /// Some rows of the picture, and all records.
 struct Band<'a> {
-    records: &'a [Record],
-    width: usize,
-    rows: Range<u32>,
+    latent: &'a Latent,
+    sheet: Sheet,
     /// Those rows.
     planes: Vec<&'a mut [u32]>,
 }
@@ -103,181 +91,74 @@ impl pulp::NullaryFnOnce for Band<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(mut self) {
-        let nodes = &**BELL;
-        let mut curves: [Vec<u32>; SPOTS] = Default::default();
-        for record in self.records {
-            let rows = record.y.max(self.rows.start)..(record.y + record.height).min(self.rows.end);
-            if rows.is_empty() {
-                continue;
-            }
-            for (curve, u) in curves.iter_mut().zip(record.u).take(record.spots as usize) {
-                curve.clear();
-                let along =
-                    (0..record.width.cast_signed()).map(|i| bell(nodes, u + i * record.step));
-                curve.extend(along);
-                // Beyond the box there is no light, whatever the lanes do there.
-                curve.resize(record.width as usize + LANES, 0);
-            }
-            match record.spots {
-                1 => self.add::<1>(record, rows, &curves),
-                2 => self.add::<2>(record, rows, &curves),
-                3 => self.add::<3>(record, rows, &curves),
-                _ => self.add::<4>(record, rows, &curves),
-            }
-        }
-    }
-}
-
-impl Band<'_> {
-    /// Adds the light of a record of `N` spots to some rows.
-    #[inline(always)]
-    fn add<const N: usize>(
-        &mut self,
-        record: &Record,
-        rows: Range<u32>,
-        curves: &[Vec<u32>; SPOTS],
-    ) {
-        let nodes = &**BELL;
-        let curves: [&[u32]; N] = std::array::from_fn(|k| &curves[k][..]);
-        let chords = Chords::new::<N>(record);
-        let white = record.amplitude[1..] == [record.amplitude[0]; 2];
-        for row in rows {
-            let j = (row - record.y).cast_signed();
-            let v: [i32; N] = std::array::from_fn(|k| record.v[k] + j * record.step);
-            let across = std::array::from_fn(|k| {
-                let bell = bell(nodes, v[k]) << (BELL_BITS_RAISED - BELL_BITS);
-                u64::from(mul_hi(bell, record.share[k]))
-            });
-            let [from, to] = chords.on_row(v);
-            if from >= to {
-                continue;
-            }
-            let chunks = (to - from).div_ceil(LANES);
-            let along = curves.map(|curve| &curve[from..from + chunks * LANES]);
-            let dither = DITHER[0].wrapping_mul(from as u32);
-            let dither = dither.wrapping_add(DITHER[1].wrapping_mul(j.cast_unsigned()));
-            let light = Row { along, across, dither: dither.wrapping_add(record.dither), record };
-            let first = (row - self.rows.start) as usize * self.width + record.x as usize;
-            let place = first + from..first + from + chunks * LANES;
-            let end = place.end;
-            if let [red, green, blue] = &mut self.planes[..] {
-                if end <= red.len() {
-                    let [red, green, blue] =
-                        [red, green, blue].map(|plane| &mut plane[place.clone()]);
-                    light.add(white, [red, green, blue]);
-                } else {
-                    // The last lanes stand behind the last row.
-                    let planes = [red, green, blue].map(|plane| &mut plane[place.start..]);
-                    light.add_at_the_end(white, planes, chunks * LANES);
+    fn call(self) {
+        let Self { latent, mut sheet, mut planes } = self;
+        let counts_per_lx_s = latent.counts_per_lx_s();
+        let mut curves = Curves::default();
+        for tint in &latent.tints {
+            for record in &tint.records {
+                let [columns, rows] = record.inside(latent.size_px[0], &sheet.rows);
+                if rows.is_empty() {
+                    continue;
+                }
+                sheet.light(&columns, &rows);
+                curves.draw(record, counts_per_lx_s);
+                let part = [columns, rows];
+                match record.spots {
+                    1 => add::<1>(record, &curves, part, &mut sheet),
+                    2 => add::<2>(record, &curves, part, &mut sheet),
+                    3 => add::<3>(record, &curves, part, &mut sheet),
+                    _ => add::<4>(record, &curves, part, &mut sheet),
                 }
             }
+            sheet.count(tint.shares, &mut planes);
         }
     }
 }
 
-/// A record's light on a row, ready to be added.
-struct Row<'a, const N: usize> {
-    /// Curves of the spots along the row, whole lanes of them.
-    along: [&'a [u32]; N],
-    /// Curves across, times the spots' shares.
-    across: [u64; N],
-    dither: u32,
-    record: &'a Record,
-}
-
-impl<const N: usize> Row<'_, N> {
-    #[inline(always)]
-    fn add(&self, white: bool, planes: [&mut [u32]; 3]) {
-        let Record { amplitude, shift, .. } = *self.record;
-        let along = self.along.map(|curve| curve.as_chunks::<LANES>().0);
-        let [red, green, blue] = planes.map(|plane| plane.as_chunks_mut::<LANES>().0);
-        let chunks = red.iter_mut().zip(green).zip(blue).enumerate();
-        let mut dither = self.dither;
-        for (c, ((red, green), blue)) in chunks {
-            let weights = weights(along.map(|curve| &curve[c]), self.across, dither, shift);
-            dither = dither.wrapping_add(DITHER[0].wrapping_mul(LANES as u32));
-            if white {
-                let counts = counts(&weights, amplitude[0], shift);
-                [red, green, blue].into_iter().for_each(|pixels| add(pixels, &counts));
-            } else {
-                for (pixels, amplitude) in [red, green, blue].into_iter().zip(amplitude) {
-                    if amplitude != 0 {
-                        add(pixels, &counts(&weights, amplitude, shift));
-                    }
-                }
-            }
-        }
-    }
-
-    /// The same where the planes end before the lanes do.
-    #[cold]
-    fn add_at_the_end(&self, white: bool, planes: [&mut [u32]; 3], lanes: usize) {
-        let mut longer = [const { Vec::new() }; 3];
-        for (longer, plane) in longer.iter_mut().zip(&planes) {
-            longer.extend_from_slice(plane);
-            longer.resize(lanes, 0);
-        }
-        self.add(white, longer.each_mut().map(|longer| &mut longer[..]));
-        for (plane, longer) in planes.into_iter().zip(&longer) {
-            plane.copy_from_slice(&longer[..plane.len()]);
-        }
-    }
-}
-
-/// Which pixels of a row can have weight.
-struct Chords {
-    /// Nearest and farthest spot along the row, and a pixel, in units of a coordinate.
-    spots: [f32; 2],
-    px: f32,
-    width: usize,
-}
-
-/// Half the chord of the circle of [`FARTHEST_SIGMA`], at every sixteenth of σ from its middle.
-static HALF_CHORDS: LazyLock<[f32; 128]> = LazyLock::new(|| {
-    std::array::from_fn(|k| {
-        let v = k as f64 / 16.0;
-        let half = (FARTHEST_SIGMA * FARTHEST_SIGMA - v * v).max(0.0).sqrt();
-        (half * f64::from(1 << SIGMA_BITS)) as f32
-    })
-});
-
-impl Chords {
-    #[inline(always)]
-    fn new<const N: usize>(record: &Record) -> Self {
-        let spots = record.u.iter().take(N).map(|&u| -u as f32);
-        Self {
-            spots: [spots.clone().fold(f32::MAX, f32::min), spots.fold(f32::MIN, f32::max)],
-            px: 1.0 / record.step as f32,
-            width: record.width as usize,
-        }
-    }
-
-    /// From and to, on a row with the spots that far above or below; a little too much at worst.
-    #[inline(always)]
-    fn on_row<const N: usize>(&self, v: [i32; N]) -> [usize; 2] {
-        let nearest = v.iter().map(|v| v.unsigned_abs()).fold(u32::MAX, u32::min);
-        let half = HALF_CHORDS[(nearest >> (SIGMA_BITS - 4)) as usize & 127];
-        if half == 0.0 {
-            return [0, 0];
-        }
-        // Casts of negative numbers give 0.
-        let from = ((self.spots[0] - half) * self.px - 0.01).ceil() as usize;
-        let to = ((self.spots[1] + half) * self.px + 1.01) as usize;
-        [from, to.min(self.width)]
-    }
-}
-
-/// Product over 2^32, rounded to nearest.
+/// Adds the light of a record of `N` spots to some columns and rows.
 #[inline(always)]
-fn mul_hi(a: u32, b: u32) -> u32 {
-    ((u64::from(a) * u64::from(b) + (1 << 31)) >> 32) as u32
-}
-
-/// Weights of some pixels and where the rounding of their counts begins.
-struct Weights {
-    weight: [u64; LANES],
-    up: [u64; LANES],
+fn add<const N: usize>(
+    record: &Record,
+    curves: &Curves,
+    [columns, rows]: [Range<u32>; 2],
+    sheet: &mut Sheet,
+) {
+    let first = |range: &Range<u32>, of_box: i32| (range.start.cast_signed() - of_box) as usize;
+    let [i, j] = [first(&columns, record.x), first(&rows, record.y)];
+    let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
+    let dither = record.dither_at(columns.start, rows.start);
+    let shift = curves.shift;
+    let top = (rows.start - sheet.rows.start) as usize * sheet.stride;
+    let pixels = &mut sheet.counts[top..top + rows.len() * sheet.stride];
+    for c in (0..columns.len()).step_by(LANES) {
+        let along: [&[u32; LANES]; N] = std::array::from_fn(|k| {
+            curves.along(k, i + c).first_chunk().expect("curves are as long as whole lanes")
+        });
+        let x = columns.start as usize + c;
+        let dither = dither.wrapping_add(DITHER[0].wrapping_mul(c as u32));
+        let mut dither: [u32; LANES] =
+            std::array::from_fn(|lane| dither.wrapping_add(LANE_DITHER[lane]));
+        for (j, row) in pixels.chunks_exact_mut(sheet.stride).enumerate() {
+            let counts: &mut [u32; LANES] =
+                row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
+            let across: [[u32; 2]; N] = std::array::from_fn(|k| across[k].map(|part| part[j]));
+            let mut sums = [0_u32; LANES];
+            for lane in 0..LANES {
+                let (mut sum, mut rest) = (0_u32, 0_u32);
+                for k in 0..N {
+                    sum = sum.wrapping_add(along[k][lane].wrapping_mul(across[k][0]));
+                    rest = rest.wrapping_add(along[k][lane].wrapping_mul(across[k][1]));
+                }
+                let up = dither[lane] >> (32 - shift);
+                sums[lane] = sum.wrapping_add(rest >> LOW_BITS).wrapping_add(up) >> shift;
+            }
+            for lane in 0..LANES {
+                counts[lane] = counts[lane].wrapping_add(sums[lane]);
+                dither[lane] = dither[lane].wrapping_add(DITHER[1]);
+            }
+        }
+    }
 }
 
 /// Steps of the dither from lane to lane.
@@ -291,42 +172,6 @@ const LANE_DITHER: [u32; LANES] = {
     steps
 };
 
-#[inline(always)]
-fn weights<const N: usize>(
-    along: [&[u32; LANES]; N],
-    across: [u64; N],
-    dither: u32,
-    shift: u32,
-) -> Weights {
-    let mut weights = Weights { weight: [0; LANES], up: [0; LANES] };
-    for lane in 0..LANES {
-        let mut sum = 1_u64 << (SUM_SHIFT - 1);
-        for k in 0..N {
-            sum += u64::from(along[k][lane]) * across[k];
-        }
-        weights.weight[lane] = u64::from((sum >> SUM_SHIFT) as u32);
-        let dither = dither.wrapping_add(LANE_DITHER[lane]);
-        weights.up[lane] = u64::from(dither >> (32 - WEIGHT_BITS)) << shift;
-    }
-    weights
-}
-
-/// Amplitude times weight, rounded by the dither.
-#[inline(always)]
-fn counts(weights: &Weights, amplitude: u32, shift: u32) -> [u32; LANES] {
-    std::array::from_fn(|lane| {
-        let counted = weights.weight[lane] * u64::from(amplitude) + weights.up[lane];
-        (counted >> (WEIGHT_BITS + shift)) as u32
-    })
-}
-
-#[inline(always)]
-fn add(pixels: &mut [u32; LANES], counts: &[u32; LANES]) {
-    for lane in 0..LANES {
-        pixels[lane] += counts[lane];
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::twins::scenes;
@@ -334,15 +179,17 @@ mod tests {
 
     #[test]
     fn any_number_of_cores_leaves_the_same_bits() {
-        for (name, size_px, records) in scenes() {
+        for (name, mut latent) in scenes() {
             // Enough of them for several threads.
-            let many: Vec<Record> = records.iter().cycle().take(12_000).copied().collect();
-            let on_one = splat(1, &many, size_px);
+            for tint in &mut latent.tints {
+                tint.records = tint.records.iter().cycle().take(12_000).copied().collect();
+            }
+            let on_one = splat(1, &latent);
             for cores in [2, 3, 16] {
-                let bands = bands(&many, size_px[1], cores);
-                let several = bands.len() > 1 || many.is_empty();
-                assert!(several && bands.len() as u64 <= cores + 1, "{name}: {bands:?}");
-                assert!(splat(cores, &many, size_px) == on_one, "{name} on {cores} cores");
+                let bands = bands(&latent.tints, latent.size_px, cores);
+                let several = bands.len() > 1 || latent.tints.is_empty();
+                assert!(several && bands.len() as u64 <= cores, "{name}: {bands:?}");
+                assert!(splat(cores, &latent) == on_one, "{name} on {cores} cores");
             }
         }
     }

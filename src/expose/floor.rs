@@ -12,6 +12,8 @@
 //!
 //! Not modelled: shine of a polished floor, walls, the drone's own shadow.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use super::project::NEAREST_M;
@@ -30,6 +32,9 @@ const OPENING: f64 = 0.3;
 
 /// Edge of the squares at first, and at last.
 const SQUARE_PX: [u32; 2] = [32, 1];
+
+/// Squares that are worth a thread of their own: a few milliseconds.
+const THREAD_SQUARES: usize = 512;
 
 /// How far a square's middle may lie from the mean of its corners: as a share of itself (a level of
 /// 8 bits), and in shares of saturation (a fifth of what a camera's tone shows as black).
@@ -116,20 +121,47 @@ impl Glow {
         let branches = trees.iter().flat_map(|tree| &tree.branches);
         let feet: Vec<Foot> =
             branches.filter_map(|branch| foot(&branch.source, camera, floor_z_m)).collect();
-        let mut glow = Self { squares: Vec::new(), peak_lx_s: 0.0 };
         let side = SQUARE_PX[0];
         let columns: Vec<u32> = (0..=camera.width_px.div_ceil(side)).map(|i| i * side).collect();
-        let mut above: Vec<[f64; 3]> = columns.iter().map(|&x| seen(x, 0)).collect();
-        for y in (0..camera.height_px).step_by(side as usize) {
-            let below: Vec<[f64; 3]> = columns.iter().map(|&x| seen(x, y + side)).collect();
-            for (i, &x) in columns[..columns.len() - 1].iter().enumerate() {
-                let light_lx_s = [above[i], above[i + 1], below[i], below[i + 1]];
-                let square = Square { corner_px: [x, y], side_px: side, light_lx_s };
-                glow.cut(square, &feet, &seen, even);
+        let on_rows = |rows: Range<u32>| {
+            let mut glow = Self { squares: Vec::new(), peak_lx_s: 0.0 };
+            let mut above: Vec<[f64; 3]> =
+                columns.iter().map(|&x| seen(x, rows.start * side)).collect();
+            for y in rows.map(|row| row * side) {
+                let below: Vec<[f64; 3]> = columns.iter().map(|&x| seen(x, y + side)).collect();
+                for (i, &x) in columns[..columns.len() - 1].iter().enumerate() {
+                    let light_lx_s = [above[i], above[i + 1], below[i], below[i + 1]];
+                    let square = Square { corner_px: [x, y], side_px: side, light_lx_s };
+                    glow.cut(square, &feet, &seen, even);
+                }
+                above = below;
             }
-            above = below;
+            glow
+        };
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let rows = camera.height_px.div_ceil(side);
+        let worth = columns.len() * rows as usize / THREAD_SQUARES;
+        let band = rows.div_ceil(u32::try_from(worth.clamp(1, cores)).unwrap_or(1));
+        if band >= rows {
+            return on_rows(0..rows).lit();
         }
-        (!glow.squares.is_empty()).then_some(glow)
+        let bands = (0..rows).step_by(band as usize).map(|row| row..rows.min(row + band));
+        let mut glow = Self { squares: Vec::new(), peak_lx_s: 0.0 };
+        std::thread::scope(|scope| {
+            let on_rows = &on_rows;
+            let works: Vec<_> = bands.map(|band| scope.spawn(move || on_rows(band))).collect();
+            for work in works {
+                let part = work.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                glow.peak_lx_s = glow.peak_lx_s.max(part.peak_lx_s);
+                glow.squares.extend(part.squares);
+            }
+        });
+        glow.lit()
+    }
+
+    /// Itself, unless it is dark.
+    fn lit(self) -> Option<Self> {
+        (!self.squares.is_empty()).then_some(self)
     }
 
     /// Keeps a square, or its quarters.
@@ -176,20 +208,41 @@ impl Glow {
         let pixels = width as usize * height as usize;
         std::thread::scope(|scope| {
             for (channel, plane) in film.counts.chunks_exact_mut(pixels).enumerate() {
-                scope.spawn(move || {
-                    for square in &self.squares {
-                        let counts =
-                            square.light_lx_s.map(|light| narrow(light[channel] * per_lx_s));
-                        square.add_to(counts, plane, [width, height]);
-                    }
-                });
+                let size_px = [width, height];
+                let squares = &self.squares;
+                let paint = Paint { squares, channel, per_lx_s, plane, size_px };
+                scope.spawn(move || pulp::Arch::new().dispatch(paint));
             }
         });
     }
 }
 
+/// A plane of the film while the glow is added to it, in the widest registers of this processor; no
+/// product is fused with a sum, so all leave the same bits.
+struct Paint<'a> {
+    squares: &'a [Square],
+    channel: usize,
+    per_lx_s: f64,
+    plane: &'a mut [u32],
+    size_px: [u32; 2],
+}
+
+impl pulp::NullaryFnOnce for Paint<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for square in self.squares {
+            let light = square.light_lx_s;
+            let counts = light.map(|light| narrow(light[self.channel] * self.per_lx_s));
+            square.add_to(counts, self.plane, self.size_px);
+        }
+    }
+}
+
 impl Square {
     /// Adds its light, given in counts at the corners, to a plane.
+    #[inline(always)]
     fn add_to(&self, [nw, ne, sw, se]: [f32; 4], plane: &mut [u32], [width, height]: [u32; 2]) {
         let [x, y] = self.corner_px;
         let step = 1.0 / self.side_px as f32;
@@ -383,12 +436,14 @@ fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> [f64; 3] {
 }
 
 /// Light of a photo as counts; it has its own noise beyond 24 bits.
+#[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "f32 has digits enough")]
 fn narrow(value: f64) -> f32 {
     value as f32
 }
 
 /// A count below 2^31.
+#[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn whole(light: f32) -> u32 {
     (light as i32).cast_unsigned()

@@ -1,39 +1,69 @@
 //! The splat on a graphics device, headless: Vulkan, Metal or DirectX 12 through wgpu.
 //!
-//! One workgroup a record. Pictures that do not fit the device's largest storage binding (128 MiB
-//! on lavapipe, a little more than 4K) are exposed in bands of rows.
+//! The curves are drawn here, on the CPU, and sent along with the records while the device adds up
+//! those before. A workgroup is a tile of the picture and goes through all records that touch it, so
+//! no two threads add to one pixel: on lavapipe, an atomic sum costs more than all the rest. One
+//! sheet a colour, of lit tiles only.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-use super::record::Record;
-use super::tables::BELL;
+use super::curves::Curves;
+use super::record::{Record, SPOTS};
+use super::sheet;
+use super::{Latent, Tint};
 use crate::error::{Error, Result};
 
 /// The shader.
 pub(super) const SHADER: &str = include_str!("../../shaders/splat.wgsl");
 
-/// Records in one dispatch, at most: as many as fit the smallest storage binding (128 MiB).
-const CHUNK: usize = 1 << 20;
+/// Edge of a tile.
+pub(super) const TILE_PX: u32 = 64;
 
-/// Bytes that are read back at once: the film is then in memory twice, not three times.
-const READ_BYTES: u64 = 1 << 22;
+/// Bytes of a tile's counts.
+const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Workgroups along x: no device has fewer than 65535.
-const GROUPS_X: u32 = 1 << 15;
+/// Most tiles of a sheet: no device takes fewer workgroups.
+const TILES: u64 = 65_535;
 
-/// Bytes of one pixel of the film.
-const PIXEL_BYTES: u64 = 3 * size_of::<u32>() as u64;
+/// Numbers along and across in one dispatch, or a few more: 4 MB.
+const CHUNK: usize = 1 << 18;
 
-/// What the shader knows of its film: `Params` in `splat.wgsl`.
+/// Turns of all loops of one workgroup, at most: llvmpipe leaves every loop after 65,535 together.
+const TURNS: u32 = 60_000;
+
+/// Bytes that are read back at once.
+const READ_BYTES: u64 = 256 * TILE_BYTES;
+
+/// The part of a record that lies on a tile, as the shader reads it: `Record` in `splat.wgsl`.
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Params {
-    width: u32,
-    first_row: u32,
-    rows: u32,
-    records: u32,
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Part {
+    pub(super) place: u32,
+    pub(super) columns: u32,
+    pub(super) rows: u32,
+    pub(super) along: u32,
+    pub(super) across: u32,
+    pub(super) shift: u32,
+    pub(super) dither: u32,
+    pub(super) unused: u32,
+}
+
+/// Parts of records and their curves, on the way to the device.
+#[derive(Debug, Default)]
+struct Chunk {
+    /// With the place of their tile in the sheet.
+    parts: Vec<(usize, Part)>,
+    curves: Vec<[u32; SPOTS]>,
+}
+
+/// Tiles of the picture that have light, in order.
+#[derive(Debug)]
+struct Tiles {
+    across: usize,
+    lit: Vec<bool>,
 }
 
 /// An open graphics device.
@@ -91,8 +121,10 @@ impl Gpu {
     /// which takes longer than most films.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
-        let nothing = Record { width: 1, height: 1, shift: 1, ..bytemuck::Zeroable::zeroed() };
-        gpu.splat(&[nothing], [1, 1])?;
+        let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
+        let sheet = gpu.sheet(1);
+        gpu.dispatch(&mut Chunk { parts: vec![(0, part)], curves: vec![[0; SPOTS]] }, &sheet);
+        gpu.read(&sheet, 1, |_| ())?;
         Ok(gpu)
     }
 
@@ -102,71 +134,73 @@ impl Gpu {
         self.pipeline = pipeline(&self.device, shader);
     }
 
-    /// Adds up the records' light: three planes of counts.
-    pub(super) fn splat(&self, records: &[Record], size_px: [u32; 2]) -> Result<Vec<u32>> {
-        let [width, height] = size_px;
-        let fitting = self.max_film_bytes / (PIXEL_BYTES * u64::from(width));
-        let max_rows = u32::try_from(fitting).unwrap_or(u32::MAX).min(height);
-        if max_rows == 0 {
-            return Err(self.fail(format!("a row of {width} px is too long for it")));
+    /// Adds up the light: three planes of counts.
+    pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
+        let [width, height] = latent.size_px.map(|px| px as usize);
+        let most = (self.max_film_bytes / TILE_BYTES).min(TILES) as usize;
+        if most == 0 {
+            return Err(self.fail("a tile is too large for it".to_owned()));
         }
-
-        let plane = width as usize * height as usize;
-        let mut counts = Vec::new();
-        for first_row in (0..height).step_by(max_rows as usize) {
-            let rows = max_rows.min(height - first_row);
-            let band = self.splat_band(records, [width, first_row, rows])?;
-            if rows == height {
-                return Ok(band);
-            }
-            counts.resize(3 * plane, 0);
-            let first = first_row as usize * width as usize;
-            let length = rows as usize * width as usize;
-            for (to, from) in counts.chunks_exact_mut(plane).zip(band.chunks_exact(length)) {
-                to[first..first + length].copy_from_slice(from);
+        let mut counts = vec![0; 3 * width * height];
+        let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
+        for tint in &latent.tints {
+            let tiles = Tiles::lit_by(tint, latent.size_px);
+            let lit: Vec<usize> = (0..tiles.lit.len()).filter(|&tile| tiles.lit[tile]).collect();
+            for lit in lit.chunks(most) {
+                let sheet = self.add(tint, latent, lit)?;
+                let mut lit = lit.iter();
+                self.read(&sheet, lit.len(), |light| {
+                    let size = TILE_PX as usize;
+                    for (light, tile) in light.chunks_exact(size * size).zip(&mut lit) {
+                        let [x, y] = [tile % tiles.across * size, tile / tiles.across * size];
+                        let inside = [size.min(width - x), size.min(height - y)];
+                        let to = [width, y * width + x];
+                        sheet::count(light, [size, 0], tint.shares, &mut planes, to, inside);
+                    }
+                })?;
             }
         }
         Ok(counts)
     }
 
-    /// The film of some rows of the picture.
-    fn splat_band(
-        &self,
-        records: &[Record],
-        [width, first_row, rows]: [u32; 3],
-    ) -> Result<Vec<u32>> {
-        let film_bytes = PIXEL_BYTES * u64::from(width) * u64::from(rows);
-        let buffer = |label, size, usage| {
-            self.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let film =
-            buffer("film", film_bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let out = buffer("film out", film_bytes.min(READ_BYTES), read);
-        let filled = |label, contents: &[u8], usage| {
+    /// The light of one colour on some tiles of the picture.
+    fn add(&self, tint: &Tint, latent: &Latent, lit: &[usize]) -> Result<wgpu::Buffer> {
+        let sheet = self.sheet(lit.len());
+        pulp::Arch::new().dispatch(Draw {
+            tint,
+            latent,
+            lit,
+            send: |chunk: &mut Chunk| self.dispatch(chunk, &sheet),
+        });
+        Ok(sheet)
+    }
+
+    /// A dark sheet on the device.
+    fn sheet(&self, tiles: usize) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("sheet"),
+            size: TILE_BYTES * tiles as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Lets the device add a chunk to a sheet.
+    fn dispatch(&self, chunk: &mut Chunk, sheet: &wgpu::Buffer) {
+        let filled = |label, contents: &[u8]| {
             self.device.create_buffer_init(&BufferInitDescriptor {
                 label: Some(label),
                 contents,
-                usage,
+                usage: wgpu::BufferUsages::STORAGE,
             })
         };
-        let storage = wgpu::BufferUsages::STORAGE;
-        let bell = filled("bell", bytemuck::cast_slice(&BELL[..]), storage);
-
-        let touches = |r: &&Record| r.y < first_row + rows && first_row < r.y + r.height;
-        let touching: Vec<Record> = records.iter().filter(touches).copied().collect();
+        let (rounds, parts) = chunk.by_tile();
+        let parts = filled("records", bytemuck::cast_slice(&parts));
+        let curves = filled("curves", bytemuck::cast_slice(&chunk.curves));
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        for chunk in touching.chunks(CHUNK) {
-            let n = u32::try_from(chunk.len()).unwrap_or(u32::MAX);
-            let params = Params { width, first_row, rows, records: n };
-            let params = filled("params", bytemuck::bytes_of(&params), wgpu::BufferUsages::UNIFORM);
-            let records = filled("records", bytemuck::cast_slice(chunk), storage);
-            let entries = [&params, &records, &bell, &film];
+        for lists in &rounds {
+            let on_device = filled("lists", bytemuck::cast_slice(lists));
+            let entries = [&on_device, &parts, &curves, sheet];
             let entries = std::array::from_fn::<_, 4, _>(|i| wgpu::BindGroupEntry {
                 binding: [0, 1, 2, 3][i],
                 resource: entries[i].as_entire_binding(),
@@ -179,24 +213,34 @@ impl Gpu {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &bindings, &[]);
-            pass.dispatch_workgroups(n.min(GROUPS_X), n.div_ceil(GROUPS_X), 1);
+            pass.dispatch_workgroups(u32::try_from(lists.len()).unwrap_or(u32::MAX), 1, 1);
         }
         self.queue.submit([encoder.finish()]);
-        let mut counts = Vec::with_capacity(3 * width as usize * rows as usize);
-        let mut start = 0;
-        while start < film_bytes {
-            let bytes = READ_BYTES.min(film_bytes - start);
-            let mut encoder = self.device.create_command_encoder(&Default::default());
-            encoder.copy_buffer_to_buffer(&film, start, &out, 0, bytes);
-            self.queue.submit([encoder.finish()]);
-            self.read(&out, bytes, &mut counts)?;
-            start += bytes;
-        }
-        Ok(counts)
     }
 
-    /// Waits for the device, and takes what it wrote.
-    fn read(&self, out: &wgpu::Buffer, bytes: u64, counts: &mut Vec<u32>) -> Result<()> {
+    /// Waits for the device, and hands on so many tiles of a sheet, in order.
+    fn read(&self, sheet: &wgpu::Buffer, tiles: usize, mut take: impl FnMut(&[u32])) -> Result<()> {
+        let bytes = TILE_BYTES * tiles as u64;
+        let out = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("sheet out"),
+            size: READ_BYTES.min(bytes),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut start = 0;
+        while start < bytes {
+            let part = READ_BYTES.min(bytes - start);
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(sheet, start, &out, 0, part);
+            self.queue.submit([encoder.finish()]);
+            self.map(&out, part, &mut take)?;
+            start += part;
+        }
+        Ok(())
+    }
+
+    /// Waits for the device, and hands on what is in a buffer.
+    fn map(&self, out: &wgpu::Buffer, bytes: u64, mut take: impl FnMut(&[u32])) -> Result<()> {
         let (sender, receiver) = std::sync::mpsc::channel();
         out.map_async(wgpu::MapMode::Read, ..bytes, move |mapped| {
             // The receiver is gone only after an error that is reported already.
@@ -212,9 +256,7 @@ impl Gpu {
             .map_err(|e| self.fail(e.to_string()))?
             .map_err(|e| self.fail(e.to_string()))?;
         let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e.to_string()))?;
-        let start = counts.len();
-        counts.resize(start + mapped.len() / size_of::<u32>(), 0);
-        bytemuck::cast_slice_mut(&mut counts[start..]).copy_from_slice(&mapped);
+        take(bytemuck::cast_slice(&mapped));
         drop(mapped);
         out.unmap();
         Ok(())
@@ -222,6 +264,151 @@ impl Gpu {
 
     fn fail(&self, what: String) -> Error {
         gpu_error(format!("{}: {what}", self.adapter), "use --backend cpu")
+    }
+}
+
+impl Tiles {
+    /// Those that a colour's records touch.
+    fn lit_by(tint: &Tint, [width, height]: [u32; 2]) -> Self {
+        let across = width.div_ceil(TILE_PX) as usize;
+        let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
+        for record in &tint.records {
+            let [columns, rows] = record.inside(width, &(0..height)).map(tiles);
+            for row in rows {
+                lit[row * across + columns.start..row * across + columns.end].fill(true);
+            }
+        }
+        Self { across, lit }
+    }
+}
+
+/// The tiles along one axis that some pixels lie on.
+#[inline(always)]
+fn tiles(pixels: Range<u32>) -> Range<usize> {
+    (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
+}
+
+/// Draws a colour's curves and sends them with its records' parts on some tiles, chunk by chunk.
+struct Draw<'a, F> {
+    tint: &'a Tint,
+    latent: &'a Latent,
+    lit: &'a [usize],
+    send: F,
+}
+
+impl<F: FnMut(&mut Chunk)> pulp::NullaryFnOnce for Draw<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(mut self) {
+        let [width, height] = self.latent.size_px;
+        let across = width.div_ceil(TILE_PX) as usize;
+        let mut places = vec![None; across * height.div_ceil(TILE_PX) as usize];
+        self.lit.iter().enumerate().for_each(|(place, &tile)| places[tile] = Some(place));
+
+        let (mut drawn, mut chunk) = (Curves::default(), Chunk::default());
+        for record in &self.tint.records {
+            let inside = record.inside(width, &(0..height));
+            drawn.draw(record, self.latent.counts_per_lx_s());
+            let curves = chunk.push_curves(record, &drawn);
+            let [columns, rows] = inside.clone().map(tiles);
+            for row in rows {
+                for column in columns.clone() {
+                    if let Some(place) = places[row * across + column] {
+                        let part = part(record, drawn.shift, curves, &inside, [column, row], place);
+                        chunk.parts.push((place, part));
+                    }
+                }
+            }
+            if chunk.curves.len() > CHUNK {
+                (self.send)(&mut chunk);
+                chunk.parts.clear();
+                chunk.curves.clear();
+            }
+        }
+        if !chunk.parts.is_empty() {
+            (self.send)(&mut chunk);
+        }
+    }
+}
+
+/// The part of a record on a tile, which has a place in the sheet.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "a sheet has fewer than 2^32 pixels")]
+fn part(
+    record: &Record,
+    shift: u32,
+    [along, across]: [u32; 2],
+    inside: &[Range<u32>; 2],
+    tile: [usize; 2],
+    place: usize,
+) -> Part {
+    let corner = tile.map(|tile| tile as u32 * TILE_PX);
+    let on_tile = |axis: usize| {
+        let Range { start, end } = inside[axis];
+        start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
+    };
+    let [columns, rows] = [on_tile(0), on_tile(1)];
+    let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
+    Part {
+        place: (place as u32 * TILE_PX + j) * TILE_PX + i,
+        columns: columns.end - columns.start,
+        rows: rows.end - rows.start,
+        along: along.wrapping_add(columns.start).wrapping_sub(record.x.cast_unsigned()),
+        across: across.wrapping_add(rows.start).wrapping_sub(record.y.cast_unsigned()),
+        shift,
+        dither: record.dither_at(columns.start, rows.start),
+        unused: 0,
+    }
+}
+
+impl Chunk {
+    /// Adds a record's curves along and across, and says where they begin.
+    #[inline(always)]
+    fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
+        let (width, height) = (record.width as usize, record.height as usize);
+        let first = self.curves.len();
+        self.curves.resize(first + width + height, [0; SPOTS]);
+        let (along, across) = self.curves[first..].split_at_mut(width);
+        for k in 0..record.spots as usize {
+            for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
+                to[k] = *from;
+            }
+            let [high, low] = drawn.across(k, 0..height);
+            for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
+                to[k] = high << 16 | low;
+            }
+        }
+        [first, first + width].map(|first| u32::try_from(first).unwrap_or(u32::MAX))
+    }
+
+    /// First and end of each tile's parts, in rounds that end before the device does, and the parts
+    /// in that order.
+    fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
+        self.parts.sort_by_key(|&(place, _)| place);
+        let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
+        for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
+            let (mut start, mut turns, mut round) = (end, 0, 0);
+            for (_, part) in tile {
+                if turns + part.turns() > TURNS {
+                    rounds.resize(rounds.len().max(round + 1), Vec::new());
+                    rounds[round].push([start, end]);
+                    (start, turns, round) = (end, 0, round + 1);
+                }
+                turns += part.turns();
+                end += 1;
+            }
+            rounds.resize(rounds.len().max(round + 1), Vec::new());
+            rounds[round].push([start, end]);
+        }
+        (rounds, self.parts.iter().map(|&(_, part)| part).collect())
+    }
+}
+
+impl Part {
+    /// Turns of the shader's loops, at most.
+    fn turns(&self) -> u32 {
+        2 + (self.columns / 16 + 1) * (self.rows + 2)
     }
 }
 

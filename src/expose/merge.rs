@@ -18,8 +18,8 @@ pub(super) struct Segment {
     pub(super) ends_px: [DVec2; 2],
     /// Standard deviation of the spot.
     pub(super) sigma_px: f64,
-    /// Light in each color channel, in lx s px².
-    pub(super) light: [f64; 3],
+    /// Light of the brightest channel, summed over the pixels.
+    pub(super) light_lx_s: f64,
     /// Brightness changes from `1 - ramp` times its mean to `1 + ramp` times; -1 to 1.
     pub(super) ramp: f64,
     /// When the lamp is at the first end.
@@ -35,7 +35,7 @@ impl Segment {
         let mean = 1.0 + self.ramp * (from + to - 1.0);
         Self {
             ends_px: [start.lerp(end, from), start.lerp(end, to)],
-            light: self.light.map(|e| e * (to - from) * mean),
+            light_lx_s: self.light_lx_s * (to - from) * mean,
             ramp: if mean > 0.0 { self.ramp * (to - from) / mean } else { 0.0 },
             ..*self
         }
@@ -47,13 +47,14 @@ impl Segment {
 /// changes; at 1, a ramp's error would be ten times that of the place.
 const UNEVENNESS: f64 = 0.2;
 
-/// Joins the intervals of one lamp; `tolerance_px` 0 joins nothing.
+/// Joins the intervals of one lamp, whose brightest channel has a share of its light;
+/// `tolerance_px` 0 joins nothing.
 ///
 /// Every skipped sample lies within `tolerance_px` of where the segment is at that time, and its
 /// brightness and spot width within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
-    rgb: [f64; 3],
+    share: f64,
     tolerance_px: f64,
     segments: &mut Vec<Segment>,
 ) {
@@ -63,11 +64,11 @@ pub(super) fn merge(
             if tolerance_px > 0.0 && run.takes(&next, tolerance_px) {
                 continue;
             }
-            segments.push(run.segment(rgb));
+            segments.push(run.segment(share));
         }
         open = Some(Run::new(next));
     }
-    segments.extend(open.map(|run| run.segment(rgb)));
+    segments.extend(open.map(|run| run.segment(share)));
 }
 
 /// Intervals that are one segment so far.
@@ -157,12 +158,12 @@ impl Run {
         true
     }
 
-    fn segment(&self, rgb: [f64; 3]) -> Segment {
+    fn segment(&self, share: f64) -> Segment {
         let [first, last] = self.brightness;
         Segment {
             ends_px: self.ends_px,
             sigma_px: self.light_sigma / self.light,
-            light: rgb.map(|share| share * self.light),
+            light_lx_s: share * self.light,
             ramp: (last - first) / (last + first),
             start_s: self.start_s,
             duration_s: self.end_s - self.start_s,
@@ -191,7 +192,7 @@ mod tests {
 
     fn merged(intervals: &[Interval], tolerance_px: f64) -> Vec<Segment> {
         let mut segments = Vec::new();
-        merge(intervals.iter().copied(), [1.0; 3], tolerance_px, &mut segments);
+        merge(intervals.iter().copied(), 1.0, tolerance_px, &mut segments);
         segments
     }
 
@@ -210,7 +211,7 @@ mod tests {
                 // The pause ends where it begins: take the last interval that fits the light.
                 let mut light = 0.0;
                 let mut last = first;
-                while light < segment.light[0] - 1e-9 {
+                while light < segment.light_lx_s - 1e-9 {
                     light += intervals[last].light();
                     last += 1;
                 }
@@ -252,12 +253,12 @@ mod tests {
         }
         let segments = merged(&intervals, 0.005);
         assert_eq!(segments.len(), 1, "3 to 0.5 lx px2 in 2.5 s");
-        assert!((segments[0].light[0] - 4.375).abs() < 1e-9, "{:?}", segments[0]);
+        assert!((segments[0].light_lx_s - 4.375).abs() < 1e-9, "{:?}", segments[0]);
         assert!((segments[0].ramp + 2.5 / 3.5).abs() < 1e-12, "{:?}", segments[0]);
 
         let halves = [[0.0, 0.5], [0.5, 1.0]].map(|part| segments[0].part(part));
-        assert!((halves[0].light[0] - 1.25 * 2.375).abs() < 1e-9, "{halves:?}");
-        assert!((halves[1].light[0] - 1.25 * 1.125).abs() < 1e-9, "{halves:?}");
+        assert!((halves[0].light_lx_s - 1.25 * 2.375).abs() < 1e-9, "{halves:?}");
+        assert!((halves[1].light_lx_s - 1.25 * 1.125).abs() < 1e-9, "{halves:?}");
         assert!((halves[1].ramp + 1.25 / 2.25).abs() < 1e-9, "{halves:?}");
     }
 }

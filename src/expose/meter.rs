@@ -117,7 +117,7 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
         let luminance = [0.2126, 0.7152, 0.0722];
         let share: f64 = lamp.emitter.rgb.iter().zip(luminance).map(|(c, y)| c * y).sum();
         let intervals = project::intervals(lamp, camera);
-        merge::merge(intervals, [share; 3], MERGE_PX, &mut segments);
+        merge::merge(intervals, share, MERGE_PX, &mut segments);
         let inside = |s: &Segment| {
             let middle = s.ends_px[0].midpoint(s.ends_px[1]);
             let size = glam::DVec2::new(camera.width_px.into(), camera.height_px.into());
@@ -227,7 +227,7 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
 
 /// What a segment leaves at a place, in lx s.
 fn left_by(segment: &Segment, at: glam::DVec2) -> f64 {
-    let Segment { ends_px: [start, end], sigma_px: sigma, light, .. } = *segment;
+    let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = start.distance(end);
     let along = if length > 0.0 { (end - start) / length } else { glam::DVec2::X };
@@ -239,7 +239,7 @@ fn left_by(segment: &Segment, at: glam::DVec2) -> f64 {
     } else {
         libm::exp(-0.5 * u * u) / (sigma * root_tau)
     };
-    light[0] * smear * across
+    light_lx_s * smear * across
 }
 
 #[cfg(test)]

@@ -5,15 +5,16 @@
 //! 1. Every stretch of a lamp's way between two samples is projected, in f64: where its spot runs,
 //!    how much light it leaves, how wide the spot is (lens blur ⊕ diffraction ⊕ lamp's disc ⊕
 //!    pixel, as one gaussian). Stretches that run straight and even are merged.
-//! 2. Each becomes an integer record: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a gaussian spot
-//!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
-//!    (quadrature, to 6e-6 of the peak). Each record adds amplitude times weight to the counts, in
-//!    integers only, on the CPU or on a graphics device: both leave the same bits.
+//! 2. Each becomes a record: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a gaussian spot that
+//!    moves evenly along a line while it fades, as a sum of up to four spots at rest (quadrature,
+//!    to 6e-6 of the peak), each a curve along x times a curve along y. What every pixel gets of
+//!    them is added up in integers only, on the CPU or on a graphics device: both leave the same
+//!    bits.
+//! 3. Lamps of one colour are added up in one plane, which is then counted into the film's three.
+//! 4. Light that falls on the floor and is seen there joins, when the counts are complete.
 //!
-//! 3. Light that falls on the floor and is seen there joins, when the counts are complete.
-//!
-//! Accuracy: light is kept to 1e-6 of itself (spots at least 0.9 px wide), pixels to 1e-5 of the
-//! brightest unmerged and to 1e-3 merged at 0.005 px. No pixel can overflow: the scale of the
+//! Accuracy: light is kept to 1e-6 of itself, pixels to 2e-5 of the brightest unmerged and to 1e-3
+//! merged at 0.005 px. No pixel can overflow: the scale of the
 //! counts is chosen from a bound on the brightest.
 //!
 //! A lamp of I cd that moves at v m/s, d m away, leaves `I τ π f / (4 N² d v)` lx s m across its
@@ -25,6 +26,7 @@
 //! light, glare and noise come after, in `photo`.
 
 mod cpu;
+mod curves;
 mod floor;
 mod gpu;
 mod merge;
@@ -32,7 +34,7 @@ pub mod meter;
 mod project;
 mod record;
 mod scale;
-mod tables;
+mod sheet;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -49,7 +51,8 @@ use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
 use floor::Glow;
 use gpu::Gpu;
-use record::{Record, Stamp};
+use record::Record;
+use sheet::ALL;
 
 /// Most samples in a trace, and most segments in a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;
@@ -127,8 +130,16 @@ pub struct Exposure {
 pub struct Latent {
     size_px: [u32; 2],
     scale_log2: i32,
-    records: Vec<Record>,
+    tints: Vec<Tint>,
     glow: Option<Glow>,
+}
+
+/// All that lamps of one colour leave on the picture.
+#[derive(Clone, Debug, PartialEq)]
+struct Tint {
+    /// Red, green and blue of the brightest of them, which is [`ALL`].
+    shares: [u32; 3],
+    records: Vec<Record>,
 }
 
 /// What adds up the light. Both leave the same bits.
@@ -238,11 +249,11 @@ pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> R
 pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
-    let stamps = stamps(trace, camera, options.merge_tolerance_px)?;
+    let tints = tints(trace, camera, options.merge_tolerance_px)?;
 
     let glow = Glow::new(trace, camera, options);
     let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
-    let finest = scale::finest_scale_log2(&stamps, glow_lx_s, size_px);
+    let finest = scale::finest_scale_log2(&tints, glow_lx_s, size_px);
     let scale_log2 = options.scale_log2.unwrap_or(finest);
     if scale_log2 < finest {
         return Err(Error::Infeasible {
@@ -250,8 +261,7 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
             hint: format!("set the film's scale_log2 to {finest} or more"),
         });
     }
-    let records = stamps.iter().map(|stamp| stamp.record(scale_log2)).collect();
-    Ok(Latent { size_px, scale_log2, records, glow })
+    Ok(Latent { size_px, scale_log2, tints, glow })
 }
 
 impl Latent {
@@ -273,13 +283,17 @@ impl Latent {
     /// Adds up the light on so many cores of this processor, at most.
     #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
-        self.film(cpu::splat(cores.get() as u64, &self.records, self.size_px))
+        self.film(cpu::splat(cores.get() as u64, self))
     }
 
     /// Segments that will be drawn.
     #[must_use]
     pub fn n_segments(&self) -> usize {
-        self.records.len()
+        self.tints.iter().map(|tint| tint.records.len()).sum()
+    }
+
+    fn counts_per_lx_s(&self) -> f64 {
+        libm::ldexp(1.0, -self.scale_log2)
     }
 
     fn film(&self, counts: Vec<u32>) -> Film {
@@ -318,7 +332,7 @@ impl Developer {
         let Some(device) = self.device.take() else { return Ok(latent.on_cpu()) };
         let on_gpu = || -> Result<_> {
             let gpu = device.join().unwrap_or_else(|_| Err(gpu::gave_up()))?;
-            let counts = gpu.splat(&latent.records, latent.size_px)?;
+            let counts = gpu.splat(latent)?;
             Ok(Exposure { film: latent.film(counts), backend: Backend::Wgpu, adapter: gpu.adapter })
         };
         match self.choice {
@@ -364,21 +378,36 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     trace.lamps.iter().try_for_each(project::check)
 }
 
-/// What the lamps leave on the picture, as stamps.
-fn stamps(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Stamp>> {
-    let mut stamps = Vec::new();
+/// What the lamps leave on the picture.
+fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
+    let mut tints: Vec<Tint> = Vec::new();
+    let (mut segments, mut n) = (Vec::new(), 0);
     for lamp in &trace.lamps {
-        let mut segments = Vec::new();
+        let rgb = lamp.emitter.rgb;
+        let most = rgb[0].max(rgb[1]).max(rgb[2]);
+        if most == 0.0 {
+            continue;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^31")]
+        let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
+        let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
+            tints.push(Tint { shares, records: Vec::new() });
+            tints.len() - 1
+        });
+        let records = &mut tints[known].records;
+        let before = records.len();
+        segments.clear();
         let intervals = project::intervals(lamp, camera);
-        merge::merge(intervals, lamp.emitter.rgb, merge_tolerance_px, &mut segments);
+        merge::merge(intervals, most, merge_tolerance_px, &mut segments);
         for segment in &segments {
-            record::stamps(segment, [camera.width_px, camera.height_px], |s| stamps.push(s));
-            if stamps.len() > MAX_SAMPLES {
-                return Err(too_many("picture", "segments", stamps.len()));
+            record::records(segment, [camera.width_px, camera.height_px], |r| records.push(r));
+            if n + records.len() - before > MAX_SAMPLES {
+                return Err(too_many("picture", "segments", n + records.len() - before));
             }
         }
+        n += records.len() - before;
     }
-    Ok(stamps)
+    Ok(tints)
 }
 
 fn too_many(place: &str, what: &str, found: usize) -> Error {

@@ -1,24 +1,25 @@
-//! Segments become integer records: what both backends read, and all that they read.
+//! Segments become records: what both backends draw, and all that they draw.
 //!
-//! Widths change here and nowhere else: f64 before, integers after. A segment is the integral of
-//! a gaussian spot along its way; Gauss-Legendre quadrature makes that a sum of up to
-//! [`SPOTS`] spots, each the product of one curve along x and one along y, which is all that the
-//! backends have to add up. A ramp of the brightness along the way is in the spots' shares, so a
-//! fade costs nothing. Coordinates run in σ of the record's own spot, so that one table fits all.
-//! What rounding does to the spot's area is put right in the amplitude, so that light is kept to
-//! the lattice error of a sampled gaussian.
+//! A segment is the integral of a gaussian spot along its way; Gauss-Legendre quadrature makes that
+//! a sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which is
+//! all that the backends have to add up. A ramp of the brightness along the way is in the spots'
+//! shares, so a fade costs nothing.
 
-use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
+
 use glam::DVec2;
 
 use super::merge::Segment;
-use super::tables::{REACH_SIGMA, SIGMA_BITS, fixed};
 
 /// Spots in a record, at most.
 pub(super) const SPOTS: usize = 4;
 
-/// Share 1 of a spot in its record.
-pub(super) const SHARE_BITS: u32 = 31;
+/// Where a spot ends: 5 σ. Beyond lies 3.7e-6 of its light, which is given to the rest, and no pixel
+/// gets more than 3.7e-6 of its peak.
+const REACH_SIGMA: f64 = 5.0;
+
+/// How much brighter than the gaussian's own a spot's peak may be, once its sum is put right.
+const PEAK_MARGIN: f64 = 1.0 + 1.0 / 1024.0;
 
 /// Longest way, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of the
 /// quadrature, with the gaussian's derivative of order 2n at its middle). Longer ways are split.
@@ -51,73 +52,61 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
 /// 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
-/// One segment for the splat: 96 bytes, the layout of `Record` in `splat.wgsl`.
-///
-/// Spot k lies `(u[k] + i step, v[k] + j step)` from pixel `(i, j)` of the box, in σ with
-/// [`SIGMA_BITS`] fraction bits.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+/// One segment for the splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
-    /// Along x and y, with the sign of pixel minus spot.
-    pub(super) u: [i32; SPOTS],
-    pub(super) v: [i32; SPOTS],
-    /// Parts of the amplitude, of [`SHARE_BITS`] bits; the first `spots` of them count.
-    pub(super) share: [u32; SPOTS],
-    /// First pixel of the box.
-    pub(super) x: u32,
-    pub(super) y: u32,
+    /// Places of the spots from the middle of the box's first pixel; the first `spots` of them count.
+    pub(super) x_px: [f32; SPOTS],
+    pub(super) y_px: [f32; SPOTS],
+    /// Parts of the light, 1 together.
+    pub(super) share: [f32; SPOTS],
+    /// Luminous exposure in the brightest channel, summed over the pixels.
+    pub(super) light_lx_s: f64,
+    /// Pixels in a σ, inverse.
+    pub(super) per_px: f32,
+    /// First pixel of the box, which may lie outside the picture.
+    pub(super) x: i32,
+    pub(super) y: i32,
     /// Pixels in the box.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Edge of a pixel in σ.
-    pub(super) step: i32,
     /// From 1 to [`SPOTS`].
     pub(super) spots: u32,
-    /// Counts at weight 1, times `2^shift`: red, green, blue.
-    pub(super) amplitude: [u32; 3],
-    /// From 1 to 31.
-    pub(super) shift: u32,
     /// Where the rounding of the counts starts: see [`DITHER`].
     pub(super) dither: u32,
-    /// Fills the record to a whole number of `vec4`.
-    pub(super) unused: u32,
 }
 
-/// A record before the film's scale is known.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stamp {
-    record: Record,
-    /// At weight 1, in lx s.
-    amplitude_lx_s: [f64; 3],
-}
-
-impl Stamp {
-    /// The box in the picture: first pixel and pixels along x and y.
-    pub(super) fn area(&self) -> [u32; 4] {
-        let Record { x, y, width, height, .. } = self.record;
-        [x, y, width, height]
+impl Record {
+    /// Luminous exposure that no pixel of it exceeds, in lx s.
+    #[inline(always)]
+    pub(super) fn peak_lx_s(&self) -> f64 {
+        let per_px = f64::from(self.per_px);
+        self.light_lx_s * per_px * per_px * (PEAK_MARGIN / std::f64::consts::TAU)
     }
 
-    /// Luminous exposure at weight 1: no pixel gets more.
-    pub(super) fn amplitude_lx_s(&self) -> [f64; 3] {
-        self.amplitude_lx_s
+    /// Columns and rows of the picture's part with these rows, where the box lies there.
+    #[inline(always)]
+    pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
+        let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();
+        let first = |first: i32| first.max(0).cast_unsigned();
+        [
+            first(self.x)..end(self.x, self.width).min(width),
+            first(self.y).max(rows.start)..end(self.y, self.height).min(rows.end),
+        ]
     }
 
-    /// The record for a film whose count is `2^scale_log2` lx s.
-    pub(super) fn record(&self, scale_log2: i32) -> Record {
-        let counts = self.amplitude_lx_s.map(|lx_s| libm::ldexp(lx_s, -scale_log2));
-        let (_, exponent) = libm::frexp(counts[0].max(counts[1]).max(counts[2]));
-        let shift = (32 - exponent).clamp(1, 31);
-        Record {
-            amplitude: counts.map(|c| mantissa(libm::ldexp(c, shift))),
-            shift: shift.cast_unsigned(),
-            ..self.record
-        }
+    /// Where the rounding starts at a pixel of the picture inside the box.
+    #[inline(always)]
+    pub(super) fn dither_at(&self, x: u32, y: u32) -> u32 {
+        let [i, j] =
+            [x.wrapping_sub(self.x.cast_unsigned()), y.wrapping_sub(self.y.cast_unsigned())];
+        let [along, across] = [DITHER[0].wrapping_mul(i), DITHER[1].wrapping_mul(j)];
+        self.dither.wrapping_add(along).wrapping_add(across)
     }
 }
 
-/// Cuts a segment to what reaches a picture, splits it if it is long, and hands on its stamps.
-pub(super) fn stamps(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Stamp)) {
+/// Cuts a segment to what reaches a picture, splits it if it is long, and hands on its records.
+pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
     let [start, end] = segment.ends_px;
     let length_sigma = start.distance(end) / segment.sigma_px;
@@ -126,9 +115,13 @@ pub(super) fn stamps(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(
     let mut k = 0.0;
     while k < n {
         let part = |k: f64| from + (to - from) * k / n;
-        let piece = segment.part([part(k), part(k + 1.0)]);
-        if let Some(stamp) = stamp(&piece, dither, size_px) {
-            each(stamp);
+        let piece = if n == 1.0 && to - from == 1.0 {
+            *segment
+        } else {
+            segment.part([part(k), part(k + 1.0)])
+        };
+        if let Some(record) = record(&piece, dither, size_px) {
+            each(record);
         }
         dither = dither.wrapping_add(DITHER[0]);
         k += 1.0;
@@ -163,57 +156,41 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     (from < to).then_some([from, to])
 }
 
-/// The stamp of a short segment; `None` where its box misses the picture.
-fn stamp(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Stamp> {
+/// The record of a short segment; `None` where its box misses the picture.
+fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
     let reach = DVec2::splat(REACH_SIGMA * sigma);
     // Pixel centres are at +0.5.
-    let first = (start.min(end) - reach - 0.5).ceil().max(DVec2::ZERO);
-    let last =
-        (start.max(end) + reach - 0.5).floor().min(DVec2::from(size_px.map(f64::from)) - 1.0);
-    if first.cmpgt(last).any() {
+    let first = (start.min(end) - reach - 0.5).ceil();
+    let last = (start.max(end) + reach - 0.5).floor();
+    let size = DVec2::from(size_px.map(f64::from));
+    if last.cmplt(DVec2::ZERO).any() || first.cmpge(size).any() {
         return None;
     }
 
     let length_sigma = start.distance(end) / sigma;
     let enough = |longest: &f64| length_sigma <= *longest;
     let rule = RULES[LONGEST_SIGMA.iter().position(enough).unwrap_or(SPOTS - 1)];
-    let (mut u, mut v, mut share) = ([0; SPOTS], [0; SPOTS], [0; SPOTS]);
-    // The last spot has what the others leave, so that the shares are 1 together.
-    let mut left = 1_u32 << SHARE_BITS;
+    let mut record = Record {
+        x_px: [0.0; SPOTS],
+        y_px: [0.0; SPOTS],
+        share: [0.0; SPOTS],
+        light_lx_s: segment.light_lx_s,
+        per_px: narrow(1.0 / sigma),
+        x: pixel(first.x),
+        y: pixel(first.y),
+        width: pixel(last.x - first.x).cast_unsigned() + 1,
+        height: pixel(last.y - first.y).cast_unsigned() + 1,
+        spots: u32::try_from(rule.len()).expect("four at most"),
+        dither,
+    };
     for (k, (place, weight)) in rule.iter().enumerate() {
-        let spot = start.midpoint(end) + (end - start) * (0.5 * place);
-        let to_first = (first + 0.5 - spot) / sigma;
-        (u[k], v[k]) = (coordinate(to_first.x), coordinate(to_first.y));
-        let all = k + 1 == rule.len();
-        share[k] =
-            if all { left } else { fixed(weight * (1.0 + segment.ramp * place), SHARE_BITS) };
-        left -= share[k];
+        let spot = start.midpoint(end) + (end - start) * (0.5 * place) - first - 0.5;
+        (record.x_px[k], record.y_px[k]) = (narrow(spot.x), narrow(spot.y));
+        record.share[k] = narrow(weight * (1.0 + segment.ramp * place));
     }
-
-    let step = coordinate(1.0 / sigma);
-    // The sum of a gaussian over the lattice is its integral, 2π, over the square of the step.
-    let step_sigma = f64::from(step) / f64::from(1 << SIGMA_BITS);
-    let weight_per_px = step_sigma * step_sigma / std::f64::consts::TAU;
-    Some(Stamp {
-        record: Record {
-            u,
-            v,
-            share,
-            x: pixel(first.x),
-            y: pixel(first.y),
-            width: pixel(last.x - first.x) + 1,
-            height: pixel(last.y - first.y) + 1,
-            step,
-            spots: u32::try_from(rule.len()).expect("four at most"),
-            amplitude: [0; 3],
-            shift: 1,
-            dither,
-            unused: 0,
-        },
-        amplitude_lx_s: segment.light.map(|e| e * weight_per_px),
-    })
+    Some(record)
 }
 
 /// First threshold of a segment: its time, well mixed (Steele et al. 2014, splitmix64). Nothing but
@@ -225,20 +202,14 @@ fn dither(start_s: f64) -> u32 {
     ((z ^ (z >> 31)) >> 32) as u32
 }
 
-/// A coordinate in σ as an integer.
-#[expect(clippy::cast_possible_truncation, reason = "below 8 σ by the box's reach")]
-fn coordinate(sigmas: f64) -> i32 {
-    (sigmas * f64::from(1 << SIGMA_BITS)).round() as i32
+/// A place in a box, a share, or a width.
+#[expect(clippy::cast_possible_truncation, reason = "an f32 tells 4e-8 of a pixel at the spot")]
+fn narrow(value: f64) -> f32 {
+    value as f32
 }
 
 /// A whole number of pixels as an integer.
-#[expect(clippy::cast_possible_truncation, reason = "between 0 and the picture's side")]
-fn pixel(whole: f64) -> u32 {
-    whole as u32
-}
-
-/// An amplitude of less than 2^32 as an integer.
-#[expect(clippy::cast_possible_truncation, reason = "rounding up to 2^32 saturates")]
-fn mantissa(value: f64) -> u32 {
-    value.round() as u32
+#[expect(clippy::cast_possible_truncation, reason = "no farther than a box from the picture")]
+fn pixel(whole: f64) -> i32 {
+    whole as i32
 }

@@ -1,11 +1,12 @@
 //! The scale of a film: so fine as it can be while no pixel can overflow.
 //!
-//! Every tile of 16 × 16 pixels sums the peaks of the stamps whose box touches it; no pixel of the
+//! Every tile of 16 × 16 pixels sums the peaks of the records whose box touches it; no pixel of the
 //! tile can get more. One count is the smallest power of two, in lx s, at which the brightest tile
 //! stays below 2^31 counts. A quarter of a `u32` is for the floor's glow, and a quarter for the
-//! rounding of up to 2^30 stamps.
+//! rounding of up to 2^30 records.
 
-use super::record::Stamp;
+use super::Tint;
+use super::sheet::ALL;
 
 /// Edge of a tile.
 const TILE_PX: u32 = 16;
@@ -13,8 +14,8 @@ const TILE_PX: u32 = 16;
 /// Sum of peaks on a tile stays below this power of two, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Amplitude of a stamp stays below this power of two, in counts: its mantissa has 32 bits.
-const AMPLITUDE_BITS: i32 = 30;
+/// Peak of a record stays below this power of two, in counts: its curves have so many bits.
+const PEAK_BITS: i32 = 30;
 
 /// The floor's glow stays below this power of two, in counts.
 const GLOW_BITS: i32 = 30;
@@ -23,21 +24,25 @@ const GLOW_BITS: i32 = 30;
 const MIN_SCALE_LOG2: i32 = -128;
 
 /// Smallest `scale_log2` at which no pixel can overflow; the floor leaves up to `glow_lx_s`.
-pub(super) fn finest_scale_log2(stamps: &[Stamp], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
-    let columns = size_px[0].div_ceil(TILE_PX) as usize;
-    let rows = size_px[1].div_ceil(TILE_PX) as usize;
+pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
+    let [width, height] = size_px;
+    let columns = width.div_ceil(TILE_PX) as usize;
+    let rows = height.div_ceil(TILE_PX) as usize;
     let mut tiles = vec![[0.0_f64; 3]; columns * rows];
-    let mut brightest_stamp = 0.0_f64;
-    for stamp in stamps {
-        let peak = stamp.amplitude_lx_s();
-        brightest_stamp = peak.into_iter().fold(brightest_stamp, f64::max);
-        let [x, y, width, height] = stamp.area();
-        let tile = |px: u32| (px / TILE_PX) as usize;
-        for row in tile(y)..=tile(y + height - 1) {
-            let first = row * columns;
-            for sum in &mut tiles[first + tile(x)..=first + tile(x + width - 1)] {
-                for (sum, peak) in sum.iter_mut().zip(peak) {
-                    *sum += peak;
+    let mut brightest_record = 0.0_f64;
+    for tint in tints {
+        let shares = tint.shares.map(|share| f64::from(share) / f64::from(ALL));
+        for record in &tint.records {
+            let peak_lx_s = record.peak_lx_s();
+            brightest_record = brightest_record.max(peak_lx_s);
+            let [across, down] = record.inside(width, &(0..height));
+            let tile = |px: u32| (px / TILE_PX) as usize;
+            for row in tile(down.start)..=tile(down.end - 1) {
+                let first = row * columns;
+                for sum in &mut tiles[first + tile(across.start)..=first + tile(across.end - 1)] {
+                    for (sum, share) in sum.iter_mut().zip(shares) {
+                        *sum += share * peak_lx_s;
+                    }
                 }
             }
         }
@@ -46,7 +51,7 @@ pub(super) fn finest_scale_log2(stamps: &[Stamp], glow_lx_s: f64, size_px: [u32;
     // x < 2^exponent
     let exponent = |x: f64| if x > 0.0 { libm::frexp(x).1 } else { MIN_SCALE_LOG2 };
     (exponent(brightest_tile) - TILE_BITS)
-        .max(exponent(brightest_stamp) - AMPLITUDE_BITS)
+        .max(exponent(brightest_record) - PEAK_BITS)
         .max(exponent(glow_lx_s) - GLOW_BITS)
         .max(MIN_SCALE_LOG2)
 }

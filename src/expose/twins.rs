@@ -2,10 +2,9 @@
 
 use wgpu::naga;
 
-use super::cpu::WEIGHT_BITS;
-use super::gpu::{Gpu, SHADER};
-use super::record::{DITHER, Record};
-use super::tables::{BELL_BITS, NODE_BITS};
+use super::curves::LOW_BITS;
+use super::gpu::{Gpu, Part, SHADER, TILE_PX};
+use super::record::DITHER;
 use super::tests::{camera, figure, lamp};
 use super::*;
 
@@ -22,15 +21,18 @@ fn device() -> Option<Gpu> {
     }
 }
 
-/// Records of a trace, at the finest scale.
-fn records(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Vec<Record> {
-    let stamps = stamps(&LightTrace { lamps }, camera, tolerance_px).expect("stamps");
-    let scale = scale::finest_scale_log2(&stamps, 0.0, [camera.width_px, camera.height_px]);
-    stamps.iter().map(|stamp| stamp.record(scale)).collect()
+/// A trace on its way to the film, at the finest scale.
+fn latent(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
+    let options = ExposeOptions {
+        merge_tolerance_px: tolerance_px,
+        floor_albedo: 0.0,
+        ..ExposeOptions::default()
+    };
+    project(&LightTrace { lamps }, camera, &options).expect("light")
 }
 
-/// Scenes by name: pictures, and what is on them.
-pub(super) fn scenes() -> Vec<(&'static str, [u32; 2], Vec<Record>)> {
+/// Scenes by name.
+pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
     // Splitmix64, a throw of 0 to 1: random hops, hovers and streaks across every border.
     let mut state = 7_u64;
     let mut throw = || {
@@ -55,49 +57,52 @@ pub(super) fn scenes() -> Vec<(&'static str, [u32; 2], Vec<Record>)> {
     let soft = Camera { blur_m: 900e-6, ..camera(640, 400) };
     let tall = camera(97, 1500);
     vec![
-        ("random hops", [640, 400], records(vec![hops.clone()], &vga, 0.005)),
-        ("random hops, soft lens", [640, 400], records(vec![hops.clone()], &soft, 0.0)),
-        ("figures", [640, 400], records(vec![red, figure(1500)], &vga, 0.005)),
-        ("hover, corner, slow", [640, 400], records(vec![hover, corner, slow], &vga, 0.0)),
-        ("tall picture", [97, 1500], records(vec![hops], &tall, 0.005)),
-        ("nothing", [33, 17], Vec::new()),
+        ("random hops", latent(vec![hops.clone()], &vga, 0.005)),
+        ("random hops, soft lens", latent(vec![hops.clone()], &soft, 0.0)),
+        ("figures", latent(vec![red, figure(1500)], &vga, 0.005)),
+        ("hover, corner, slow", latent(vec![hover, corner, slow], &vga, 0.0)),
+        ("tall picture", latent(vec![hops], &tall, 0.005)),
+        ("nothing", latent(Vec::new(), &camera(33, 17), 0.005)),
     ]
 }
 
 #[test]
 fn both_backends_leave_the_same_bits() {
     let Some(gpu) = device() else { return };
-    for (name, size_px, records) in scenes() {
-        let on_gpu = gpu.splat(&records, size_px).expect("splat");
-        let on_cpu = cpu::splat(2, &records, size_px);
+    for (name, latent) in scenes() {
+        let on_gpu = gpu.splat(&latent).expect("splat");
+        let on_cpu = cpu::splat(2, &latent);
         let lit = on_cpu.iter().filter(|&&count| count > 0).count();
-        assert!(records.is_empty() || lit > 100, "{name}: {lit} counts are lit");
+        assert!(latent.tints.is_empty() || lit > 100, "{name}: {lit} counts are lit");
         let differ = on_cpu.iter().zip(&on_gpu).filter(|(a, b)| a != b).count();
         assert!(differ == 0 && on_cpu.len() == on_gpu.len(), "{name}: {differ} counts differ");
     }
 }
 
 #[test]
-fn bands_of_rows_leave_the_same_bits_as_the_whole() {
+fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
     let Some(mut gpu) = device() else { return };
-    gpu.max_film_bytes = 12 * 640 * 37;
-    for (name, size_px, records) in scenes() {
-        let on_gpu = gpu.splat(&records, size_px).expect("splat");
-        assert!(on_gpu == cpu::splat(2, &records, size_px), "{name}: bands differ");
+    let tile_bytes = 4 * u64::from(TILE_PX) * u64::from(TILE_PX);
+    gpu.max_film_bytes = 7 * tile_bytes;
+    for (name, latent) in scenes() {
+        let on_gpu = gpu.splat(&latent).expect("splat");
+        assert!(on_gpu == cpu::splat(2, &latent), "{name}: sheets differ");
     }
-    gpu.max_film_bytes = 12 * 32;
-    let refused = gpu.splat(&[], [33, 17]).expect_err("not even a row fits");
+    gpu.max_film_bytes = tile_bytes - 1;
+    let refused = gpu.splat(&scenes()[5].1).expect_err("not even a tile fits");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
 }
 
 #[test]
 fn more_records_than_one_dispatch_holds_are_all_exposed() {
     let Some(gpu) = device() else { return };
-    let spot = Record { width: 3, height: 2, ..scenes()[3].2[0] };
-    let spot = Record { amplitude: [0, 1 << 20, 0], shift: 1, ..spot };
-    let many = vec![spot; (1 << 20) + (1 << 15) + 5];
-    let on_gpu = gpu.splat(&many, [640, 400]).expect("splat");
-    assert!(on_gpu == cpu::splat(2, &many, [640, 400]), "counts differ");
+    let (_, mut hover) = scenes().remove(3);
+    let tint = &mut hover.tints[0];
+    let dim = Record { light_lx_s: 1e-4 * tint.records[0].light_lx_s, ..tint.records[0] };
+    tint.records = vec![dim; 40_000];
+    let on_cpu = cpu::splat(2, &hover);
+    assert!(on_cpu.iter().any(|&count| count > 1 << 20), "there is light");
+    assert!(gpu.splat(&hover).expect("splat") == on_cpu, "counts differ");
 }
 
 #[test]
@@ -105,25 +110,31 @@ fn every_mutation_of_the_shader_is_noticed() {
     let Some(mut gpu) = device() else { return };
     let mutations = [
         ("DITHER_X: u32 = 0xC13FA9A9u", "DITHER_X: u32 = 0xC13FA9A8u"),
-        ("i32(i) * record.step", "i32(i) * record.step + 1"),
-        ("low < b.low", "low > b.low"),
-        ("Wide(0u, 1u << 31u)", "Wide(0u, 0u)"),
-        ("Wide(2u, 0u)", "Wide(0u, 0u)"),
-        ("(1u << (NODE_BITS - 1u))) >> NODE_BITS", "0u) >> NODE_BITS"),
-        ("record.blue, up", "record.green, up"),
-        ("k < record.spots", "k + 1u < record.spots"),
-        ("up << shift", "0u"),
-        ("film[place], counts", "film[place], counts & 0xfffffffeu"),
-        ("pixel < pixels", "pixel + 1u < pixels"),
+        ("index = list.x", "index = list.x + 1u"),
+        ("index < list.y", "index + 1u < list.y"),
+        ("% THREADS; i < record.columns", "% THREADS; i + 1u < record.columns"),
+        (
+            "if next < record.columns {\n                    let",
+            "if next + 1u < record.columns {\n                    let",
+        ),
+        ("dither + THREADS * DITHER_X", "dither"),
+        ("j < record.rows", "j + 1u < record.rows"),
+        ("place += TILE_PX", "place += TILE_PX + 1u"),
+        ("dither += DITHER_Y", "dither -= DITHER_Y"),
+        ("across & vec4u(0xffffu)", "across & vec4u(0xfffeu)"),
+        ("low.x + low.y + low.z + low.w", "low.x + low.y + low.z"),
+        ("+ high.w", ""),
+        ("+ (rest >> LOW_BITS)", ""),
+        ("(dither >> (32u - shift))", "0u"),
     ];
     let scenes = scenes();
     for (from, to) in mutations {
         let mutant = SHADER.replace(from, to);
         assert_ne!(mutant, SHADER, "`{from}` is in the shader");
         gpu.load(&mutant);
-        let noticed = scenes.iter().any(|(_, size_px, records)| {
-            gpu.splat(records, *size_px).expect("splat") != cpu::splat(2, records, *size_px)
-        });
+        let noticed = scenes
+            .iter()
+            .any(|(_, latent)| gpu.splat(latent).expect("splat") != cpu::splat(2, latent));
         assert!(noticed, "`{to}` for `{from}` went unnoticed");
     }
 }
@@ -131,12 +142,12 @@ fn every_mutation_of_the_shader_is_noticed() {
 #[test]
 fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
     let Some(mut gpu) = device() else { return };
-    let broken = SHADER.replace("let plane =", "let plane +");
+    let broken = SHADER.replace("let list =", "let list +");
     gpu.load(&broken);
-    let refused = gpu.splat(&[], [33, 17]).expect_err("broken shader");
+    let refused = gpu.splat(&scenes()[0].1).expect_err("broken shader");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
     gpu.load(SHADER);
-    assert!(gpu.splat(&[], [33, 17]).is_ok(), "the device is still well");
+    assert!(gpu.splat(&scenes()[0].1).is_ok(), "the device is still well");
 }
 
 #[test]
@@ -191,9 +202,8 @@ fn constants_of_the_shader_equal_those_of_the_cpu() {
             ref other => panic!("{wanted} is {other:?}"),
         }
     };
-    assert_eq!(found("NODE_BITS"), i64::from(NODE_BITS));
-    assert_eq!(found("BELL_BITS"), i64::from(BELL_BITS));
-    assert_eq!(found("WEIGHT_BITS"), i64::from(WEIGHT_BITS));
+    assert_eq!(found("LOW_BITS"), i64::from(LOW_BITS));
+    assert_eq!(found("TILE_PX"), i64::from(TILE_PX));
     assert_eq!([found("DITHER_X"), found("DITHER_Y")], DITHER.map(i64::from));
 }
 
@@ -203,15 +213,12 @@ fn a_record_lies_in_memory_as_the_shader_reads_it() {
     let named = |(_, ty): &(_, &naga::Type)| ty.name.as_deref() == Some("Record");
     let (handle, ty) = module.types.iter().find(named).expect("Record");
     let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("no struct") };
-    assert_eq!(*span as usize, size_of::<Record>(), "size");
-    assert_eq!(layouter[handle].size as usize, size_of::<Record>(), "stride");
+    assert_eq!(*span as usize, size_of::<Part>(), "size");
+    assert_eq!(layouter[handle].size as usize, size_of::<Part>(), "stride");
     macro_rules! offsets {
-        ($($field:ident),*) => { [$((stringify!($field), std::mem::offset_of!(Record, $field))),*] };
+        ($($field:ident),*) => { [$((stringify!($field), std::mem::offset_of!(Part, $field))),*] };
     }
-    let amplitude = std::mem::offset_of!(Record, amplitude);
-    let mut wanted = Vec::from(offsets!(u, v, share, x, y, width, height, step, spots));
-    wanted.extend([("red", amplitude), ("green", amplitude + 4), ("blue", amplitude + 8)]);
-    wanted.extend(offsets!(shift, dither, unused));
+    let wanted = offsets!(place, columns, rows, along, across, shift, dither, unused);
     let found: Vec<_> =
         members.iter().map(|m| (m.name.as_deref().expect("name"), m.offset as usize)).collect();
     assert_eq!(found, wanted, "names and offsets");

@@ -15,6 +15,9 @@ const MAX_ROWS: usize = 4_000_000;
 /// Most columns that a table may have.
 const MAX_COLUMNS: usize = 1024;
 
+/// Most numbers that a table may have: 512 MiB of memory, and as much again while it grows.
+const MAX_NUMBERS: usize = 64 << 20;
+
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
@@ -49,7 +52,8 @@ impl Table {
     /// a cell is no finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        Self::parse(file, &path.display().to_string())
+        let bytes = file.metadata().ok().map(|about| about.len());
+        Self::parse_all(file, &path.display().to_string(), bytes, MAX_NUMBERS)
     }
 
     /// Reads CSV text; `file` is its name in messages.
@@ -58,6 +62,17 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(text: impl Read, file: &str) -> Result<Self> {
+        Self::parse_all(text, file, None, MAX_NUMBERS)
+    }
+
+    /// The same of a text whose length in bytes is known, where it is: a refusal then says what all
+    /// of it would need.
+    fn parse_all(
+        text: impl Read,
+        file: &str,
+        bytes: Option<u64>,
+        max_numbers: usize,
+    ) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
         let broken = |source: &csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
@@ -66,18 +81,30 @@ impl Table {
         };
         let header: Vec<String> =
             reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
-        let too_large = |what: String, most: usize| {
-            let hint = "thin the log out, or cut it into parts";
-            Error::input(file, what, format!("at most {most}"), hint)
+        let too_large = |what: String, most: String| {
+            Error::input(file, what, most, "thin the log out, or cut it into parts")
         };
         if header.len() > MAX_COLUMNS {
-            return Err(too_large(format!("{} columns", header.len()), MAX_COLUMNS));
+            let most = format!("at most {MAX_COLUMNS}");
+            return Err(too_large(format!("{} columns", header.len()), most));
         }
+        let max_rows = MAX_ROWS.min(max_numbers / header.len().max(1));
         let mut columns = vec![Vec::new(); header.len()];
         let mut record = csv::StringRecord::new();
         while reader.read_record(&mut record).map_err(|e| broken(&e))? {
-            if columns.first().is_some_and(|column| column.len() == MAX_ROWS) {
-                return Err(too_large(format!("more than {MAX_ROWS} rows"), MAX_ROWS));
+            if columns.first().is_some_and(|column| column.len() == max_rows) {
+                let so_far = record.position().map_or(1, csv::Position::byte).max(1);
+                let mib = |numbers: f64| numbers * size_of::<f64>() as f64 / 1_048_576.0;
+                let all = bytes.map_or(String::new(), |bytes| {
+                    let numbers = (max_rows * header.len()) as f64 * bytes as f64 / so_far as f64;
+                    format!(", which would need about {:.0} MiB of memory", mib(numbers))
+                });
+                let what = format!("more than {max_rows} rows of {} columns{all}", header.len());
+                let most = format!(
+                    "at most {MAX_ROWS} rows and {max_numbers} numbers, {:.0} MiB",
+                    mib(max_numbers as f64)
+                );
+                return Err(too_large(what, most));
             }
             for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
                 let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
@@ -249,5 +276,19 @@ mod tests {
         let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
         let error = table.time_s().unwrap_err().to_string();
         assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
+    }
+
+    #[test]
+    fn a_table_of_too_many_numbers_is_refused_with_the_memory_it_would_need() {
+        let text = format!("time_s,x_m\n{}", "1.5,2.25\n".repeat(1 << 20));
+        let most = 2 << 10;
+        let bytes = Some(text.len() as u64);
+        let refused = Table::parse_all(text.as_bytes(), "flight.csv", bytes, most);
+        let error = refused.unwrap_err().to_string();
+        assert!(error.contains("more than 1024 rows of 2 columns"), "{error}");
+        // 2^21 numbers of 8 bytes.
+        assert!(error.contains("about 16 MiB of memory"), "{error}");
+        let small = &text[..9000];
+        assert!(Table::parse_all(small.as_bytes(), "flight.csv", bytes, most).is_ok(), "fewer");
     }
 }

@@ -15,8 +15,6 @@ pub(super) const POISSON_BELOW: f32 = 25.0;
 pub(super) enum Source {
     /// All noise of a bright pixel; the photons of a dark one.
     Shot,
-    /// The photons of a dark pixel beyond those of a round mean.
-    Rest,
     /// What is left of a dark pixel's noise: reading, PRNU.
     Read,
     /// Which photosites of a row are hot, and how hot.
@@ -48,6 +46,7 @@ impl Stream {
     }
 
     /// Random bits of all columns of a row.
+    #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
             *bits = self.bits(x);
@@ -167,68 +166,90 @@ pub(super) fn poisson(mean: f64, bits: u32) -> u32 {
     number
 }
 
-/// Poisson numbers of means below [`POISSON_BELOW`], quickly: that of the mean rounded down to a
-/// quarter by a table, plus that of the rest. Poisson numbers add up to a Poisson number.
+/// Poisson numbers of means below [`POISSON_BELOW`], quickly: by tables of the means `(k / 32)²`. A
+/// mean between two of them takes one or the other by chance, so that it is exact, and the variance
+/// is so to a thousandth of itself.
 #[derive(Debug)]
 pub(super) struct Poisson {
-    /// For each quarter: 2^32 times the share of numbers up to and with each.
-    until: Vec<[u32; NUMBERS]>,
-    /// For each quarter: the number that the smallest uniform with each 8 upper bits gives.
-    start: Vec<[u8; 256]>,
+    /// As many as eight bits tell apart; the last means are those of [`POISSON_BELOW`].
+    levels: Box<[[u32; NUMBERS]; LEVELS]>,
 }
+
+const LEVELS: usize = 256;
+const LAST_LEVEL: u32 = 255;
 
 /// Numbers above have a share below 2^-32, with a mean of 25.
 const NUMBERS: usize = 64;
+const LAST_NUMBER: u32 = 63;
+
+/// Bits that choose a column of a table, and those that choose within it.
+const COLUMN_BITS: u32 = NUMBERS.ilog2();
+const WITHIN_BITS: u32 = 32 - COLUMN_BITS;
+
+/// Lowest bits of a uniform, which decide next to nothing within a column, choose the level.
+const LEVEL_BITS: u32 = 12;
+
+/// Mean of level k is k² over this.
+const PER_SQUARE: f32 = 1024.0;
 
 pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
 
 impl Poisson {
     fn new() -> Self {
-        let until: Vec<[u32; NUMBERS]> = (0..100)
-            .map(|quarter| {
-                let mean = f64::from(quarter) / 4.0;
-                let (mut share, mut sum) = (libm::exp(-mean), 0.0);
-                std::array::from_fn(|number| {
-                    sum += share;
-                    share *= mean / (number + 1) as f64;
-                    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-                    #[expect(clippy::cast_sign_loss, reason = "a share")]
-                    let until = (sum * 4_294_967_296.0) as u32;
-                    if number + 1 == NUMBERS { u32::MAX } else { until }
-                })
-            })
-            .collect();
-        let start = |until: &[u32; NUMBERS]| {
-            std::array::from_fn(|upper| {
-                let number = until.partition_point(|until| ((*until >> 24) as usize) < upper);
-                u8::try_from(number).expect("there are 64 numbers")
-            })
-        };
-        Self { start: until.iter().map(start).collect(), until }
+        let last = (f64::from(POISSON_BELOW * PER_SQUARE)).sqrt().ceil();
+        let mut levels = Box::new([[0; NUMBERS]; LEVELS]);
+        for (k, level) in levels.iter_mut().enumerate() {
+            let root = last.min(k as f64);
+            *level = table(root * root / f64::from(PER_SQUARE));
+        }
+        Self { levels }
     }
 
-    /// The number of a mean and two uniforms.
+    /// The number of a mean and a uniform. Nothing here branches: what comes by chance, no processor
+    /// foresees.
     #[inline(always)]
-    pub(super) fn of(&self, mean: f32, bits: u32, more_bits: u32) -> f32 {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 100")]
-        let quarter = ((mean * 4.0) as usize).min(99);
-        let until = &self.until[quarter];
-        let mut number = self.start[quarter][(bits >> 24) as usize];
-        while until[usize::from(number)] < bits {
-            number += 1;
-        }
-        // The rest is below 1/4: e^-x as a series that errs by less than 1e-8.
-        let x = f64::from(mean) - quarter as f64 / 4.0;
-        let none = 1.0
-            - x * (1.0
-                - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
-        let uniform = (f64::from(more_bits) + 0.5) * (1.0 / 4_294_967_296.0);
-        let (mut share, mut sum, mut rest) = (none, none, 0.0_f32);
-        while uniform > sum && rest < 12.0 {
-            rest += 1.0;
-            share *= x / f64::from(rest);
-            sum += share;
-        }
-        f32::from(number) + rest
+    pub(super) fn of(&self, mean: f32, bits: u32) -> f32 {
+        let square = mean * PER_SQUARE;
+        // Added to 1.5 · 2^23, a number leaves its whole part in the last bits.
+        let k = (square.sqrt() - 0.5 + 12_582_912.0).to_bits() & LAST_LEVEL;
+        // From k² on, the next level is 2 k + 1 away.
+        let low = (bits & ((1 << LEVEL_BITS) - 1)).cast_signed() as f32 + 0.5;
+        let beyond = (square - (k * k).cast_signed() as f32) * (1_i32 << LEVEL_BITS) as f32;
+        let next = u32::from(low * (2 * k + 1).cast_signed() as f32 <= beyond);
+        let column = bits >> WITHIN_BITS;
+        let cell = self.levels[(k + next) as usize % LEVELS][column as usize];
+        let within = bits & ((1 << WITHIN_BITS) - 1);
+        let own = (within.cast_signed() - (cell >> COLUMN_BITS).cast_signed()) >> 31;
+        let other = cell & LAST_NUMBER;
+        (other ^ (other ^ column) & own.cast_unsigned()).cast_signed() as f32
     }
+}
+
+/// Walker's table of a Poisson distribution (Walker 1977; Vose 1991): a number is its column's where
+/// the bits within lie below the cell's upper ones, else it is the cell's lower ones.
+fn table(mean: f64) -> [u32; NUMBERS] {
+    // In columns: 1 is an equal share.
+    let mut share = NUMBERS as f64 * libm::exp(-mean);
+    let mut shares: [f64; NUMBERS] = std::array::from_fn(|number| {
+        let this = share;
+        share *= mean / (number + 1) as f64;
+        this
+    });
+    let (mut less, mut more): (Vec<usize>, Vec<usize>) =
+        (0..NUMBERS).partition(|&number| shares[number] < 1.0);
+    let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
+    while let (Some(&from), Some(to)) = (more.last(), less.pop()) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 1")]
+        let own = (shares[to] * f64::from(1 << WITHIN_BITS)) as u32;
+        cells[to] = own << COLUMN_BITS | u32::try_from(from).expect("a column");
+        shares[from] -= 1.0 - shares[to];
+        if shares[from] < 1.0 {
+            less.extend(more.pop());
+        }
+    }
+    // What is left has all of its column but for rounding.
+    for number in less.into_iter().chain(more) {
+        cells[number] |= u32::try_from(number).expect("a column");
+    }
+    cells
 }

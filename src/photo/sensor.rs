@@ -51,6 +51,7 @@ struct Noisy {
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     bits: Vec<u32>,
+    reading: Vec<u32>,
     hot: Vec<(usize, usize, f32)>,
 }
 
@@ -84,21 +85,40 @@ impl Sensor {
     }
 
     /// Reads row `y`: light in shares of white becomes what the camera makes of it, 1 where it
-    /// saturates (and a little off 0 to 1 where the matrix leads there).
+    /// saturates (and a little off 0 to 1 where the matrix leads there). The widest registers of this
+    /// processor do it; no product is fused with a sum, so all leave the same bits.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        if let Some([leak, _]) = &self.leak {
+        pulp::Arch::new().dispatch(Reading { sensor: self, y, rows, scratch });
+    }
+}
+
+/// A row while it is read.
+struct Reading<'a> {
+    sensor: &'a Sensor,
+    y: usize,
+    rows: &'a mut [Vec<f32>; 3],
+    scratch: &'a mut Scratch,
+}
+
+impl pulp::NullaryFnOnce for Reading<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { sensor, y, rows, scratch } = self;
+        if let Some([leak, _]) = &sensor.leak {
             mix(leak, rows);
         }
-        match &self.noise {
+        match &sensor.noise {
             Some(noise) => noise.read(y, rows, scratch),
             None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
         }
-        for (row, &gain) in rows.iter_mut().zip(&self.white_balance) {
+        for (row, &gain) in rows.iter_mut().zip(&sensor.white_balance) {
             if gain != 1.0 {
                 row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
             }
         }
-        if let Some([_, undo]) = &self.leak {
+        if let Some([_, undo]) = &sensor.leak {
             mix(undo, rows);
         }
     }
@@ -135,29 +155,30 @@ fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
 }
 
 impl Noisy {
+    #[inline(always)]
     fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        let Scratch { bits, hot } = scratch;
-        bits.resize(rows[0].len(), 0);
-        self.hot_photosites(y, rows[0].len(), hot);
+        let Scratch { bits, reading, hot } = scratch;
+        let width = rows[0].len();
+        bits.resize(width, 0);
+        reading.resize(width, 0);
+        self.hot_photosites(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
-            let mut fewest = f32::INFINITY;
+            let mut few = 0;
             for light in row.iter_mut() {
                 *light = *light * at_white + dark;
-                fewest = fewest.min(*light);
+                few |= u32::from(*light < POISSON_BELOW);
             }
             for &(_, x, electrons) in hot.iter().filter(|(hot, ..)| *hot == channel) {
                 row[x] += electrons;
             }
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
-            if fewest < POISSON_BELOW {
-                let [read, rest] = [Source::Read, Source::Rest]
-                    .map(|source| Stream::new(self.seed, y, channel, source));
-                for ((x, mean), &bits) in (0..).zip(row.iter_mut()).zip(&*bits) {
+            if few > 0 {
+                Stream::new(self.seed, y, channel, Source::Read).fill(reading);
+                for (mean, (&bits, &reading)) in row.iter_mut().zip(bits.iter().zip(&*reading)) {
                     *mean = if *mean < POISSON_BELOW {
                         let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-                        self.poisson.of(*mean, bits, rest.bits(x))
-                            + spread.sqrt() * self.normal.of(read.bits(x))
+                        self.poisson.of(*mean, bits) + spread.sqrt() * self.normal.of(reading)
                     } else {
                         self.bright(*mean, bits)
                     };

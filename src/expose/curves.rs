@@ -1,0 +1,265 @@
+//! The curves of a record as integers: all that the backends multiply.
+//!
+//! A spot is a gaussian, `exp(-(u² + v²) / 2)` with u and v in σ: the product of one curve along
+//! each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the record's spots; light,
+//! share and scale are in the curve across. The curve is divided by the sum of what is drawn of it,
+//! so a spot keeps its light whatever its place between the pixels and whatever rounding did.
+//!
+//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same
+//! bits on every machine.
+
+use std::ops::Range;
+
+use super::record::Record;
+
+/// Pixels that are reckoned at once: a register of 256 bits.
+pub(super) const LANES: usize = 8;
+
+/// The curve along goes from this at its middle to 0: steps of 1.5e-5, so it errs by 7.6e-6.
+const ALONG: f32 = 65_535.0;
+
+/// Bits of the lower part of a curve across. Four products of such a part with a curve along stay
+/// below 2^32, and so do those of the upper.
+pub(super) const LOW_BITS: u32 = 14;
+
+/// A pixel's sum, in counts times `2^shift`, is so long that its upper parts stay below 2^31.
+const SUM_BITS: i32 = 30;
+
+/// Numbers in a step of the long loops: as many as fill the registers of any processor, and too many
+/// for the compiler to write them out one by one.
+const STEP: usize = 32;
+
+/// 2 to this is nothing.
+const NOTHING: f32 = -125.0;
+
+/// Curves of a record, drawn.
+#[derive(Debug, Default)]
+pub(super) struct Curves {
+    /// Along a row of the box, then zeros to the end of the lanes and once more; spot after spot.
+    along: Vec<u32>,
+    /// Down a column, the bits above [`LOW_BITS`] and those below, then zeros to the end of the
+    /// lanes; spot after spot.
+    high: Vec<u32>,
+    low: Vec<u32>,
+    /// From spot to spot, along and across.
+    strides: [usize; 2],
+    /// Sums are in counts times `2^shift`; from 1 to 30.
+    pub(super) shift: u32,
+    bells: Vec<f32>,
+}
+
+impl Curves {
+    /// Draws a record's, for a film of so many counts per lx s.
+    #[inline(always)]
+    pub(super) fn draw(&mut self, record: &Record, counts_per_lx_s: f64) {
+        let (width, height) = (record.width as usize, record.height as usize);
+        let strides = [width.next_multiple_of(LANES) + LANES, height.next_multiple_of(LANES)];
+        let spots = record.spots as usize;
+        let [n_along, n_across] = strides.map(|stride| spots * stride);
+        self.strides = strides;
+        let n_steps = n_across.next_multiple_of(STEP);
+        self.bells.resize((n_along + n_steps).next_multiple_of(STEP), NOTHING);
+        self.along.resize(n_along.next_multiple_of(STEP), 0);
+        self.high.resize(n_steps, 0);
+        self.low.resize(n_steps, 0);
+
+        let (along, across) = self.bells.split_at_mut(n_along);
+        for k in 0..spots {
+            let along = &mut along[k * strides[0]..][..strides[0]];
+            powers(along, record.x_px[k], record.per_px, width);
+            let across = &mut across[k * strides[1]..][..strides[1]];
+            powers(across, record.y_px[k], record.per_px, height);
+        }
+        self.bells[n_along + n_across..].fill(NOTHING);
+        for bells in self.bells.as_chunks_mut::<STEP>().0 {
+            bells.iter_mut().for_each(|bell| *bell = exp2(*bell));
+        }
+        let bells = self.bells.as_chunks::<STEP>().0;
+        for (along, bells) in self.along.as_chunks_mut::<STEP>().0.iter_mut().zip(bells) {
+            for (along, bell) in along.iter_mut().zip(bells) {
+                *along = whole(bell * ALONG);
+            }
+        }
+
+        let exponent = exponent(record.peak_lx_s() * counts_per_lx_s);
+        self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
+        let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
+        let light = record.light_lx_s * counts_per_lx_s * in_sums;
+        for k in 0..spots {
+            let across = k * strides[1]..(k + 1) * strides[1];
+            let bells = self.bells[n_along..][across].as_chunks_mut::<LANES>().0;
+            let along = sum(self.along[k * strides[0]..][..strides[0]].as_chunks().0, |&x| x);
+            let sum = sum(bells, |bell| whole(bell * SUMMED));
+            let share = f64::from(record.share[k]) * f64::from(SUMMED);
+            let factor = narrow(light * share / (f64::from(along) * f64::from(sum)));
+            bells.as_flattened_mut().iter_mut().for_each(|bell| *bell *= factor);
+        }
+        let values = self.bells[n_along..].as_chunks::<STEP>().0;
+        let high = self.high.as_chunks_mut::<STEP>().0.iter_mut();
+        let low = self.low.as_chunks_mut::<STEP>().0;
+        for (values, (high, low)) in values.iter().zip(high.zip(low)) {
+            for (value, (high, low)) in values.iter().zip(high.iter_mut().zip(low)) {
+                let above = (value * PER_HIGH - 0.5) + MAGIC;
+                *high = above.to_bits().wrapping_sub(MAGIC.to_bits());
+                *low = whole(value - (above - MAGIC) * HIGH);
+            }
+        }
+    }
+
+    /// The curve of a spot along the row, from a pixel of the box on: whole lanes.
+    #[inline(always)]
+    pub(super) fn along(&self, spot: usize, from: usize) -> &[u32] {
+        &self.along[spot * self.strides[0]..][from..self.strides[0]]
+    }
+
+    /// Both parts of the curve of a spot across, for some rows of the box.
+    #[inline(always)]
+    pub(super) fn across(&self, spot: usize, rows: Range<usize>) -> [&[u32]; 2] {
+        [&self.high, &self.low].map(|part| &part[spot * self.strides[1]..][rows.clone()])
+    }
+}
+
+/// The powers of 2 that are a bell, pixel by pixel.
+#[inline(always)]
+fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
+    for (c, powers) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let first_px = (c * LANES) as f32 - middle_px;
+        for lane in 0..LANES {
+            let x = (LANE[lane] + first_px) * per_px;
+            powers[lane] = x * x * (-0.5 * std::f32::consts::LOG2_E);
+        }
+    }
+    out[pixels..].fill(NOTHING);
+}
+
+const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// 2 to a number from -125 to 0, within 1e-7 of itself: to a whole number and to what is left, by
+/// Taylor's series.
+#[inline(always)]
+fn exp2(power: f32) -> f32 {
+    let whole = power + MAGIC;
+    let x = (power - (whole - MAGIC)) * std::f32::consts::LN_2;
+    let x2 = x * x;
+    let low = (1.0 + x) + x2 * (1.0 / 2.0 + x * (1.0 / 6.0));
+    let high = (1.0 / 24.0 + x * (1.0 / 120.0)) + x2 * (1.0 / 720.0 + x * (1.0 / 5040.0));
+    // The exponent of a float lies in its bits from the 24th on.
+    let series = low + x2 * x2 * high;
+    f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
+}
+
+/// The sum over some numbers.
+#[inline(always)]
+fn sum<T>(of: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
+    let mut sum = [0; LANES];
+    for values in of {
+        for lane in 0..LANES {
+            sum[lane] += whole(&values[lane]);
+        }
+    }
+    sum.iter().sum()
+}
+
+/// What the sum of a curve across is reckoned in: fine enough for 1e-7 of it, and with the widest
+/// spot below 2^32.
+const SUMMED: f32 = (1_u32 << 22) as f32;
+
+/// One of the upper parts, and its inverse.
+const HIGH: f32 = (1_u32 << LOW_BITS) as f32;
+const PER_HIGH: f32 = 1.0 / HIGH;
+
+/// Added to a number of less than 2^22, this leaves it rounded, in the sum's last bits.
+const MAGIC: f32 = 12_582_912.0;
+
+/// A number from -1/2 to 2^22, rounded.
+#[inline(always)]
+fn whole(x: f32) -> u32 {
+    (x + MAGIC).to_bits().wrapping_sub(MAGIC.to_bits())
+}
+
+/// The exponent of 2 that is just above a positive number.
+#[inline(always)]
+fn exponent(x: f64) -> i32 {
+    (x.to_bits() >> 52) as i32 - 1022
+}
+
+/// A factor of a curve.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "f32 tells 6e-8 of it")]
+fn narrow(x: f64) -> f32 {
+    x as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::SPOTS;
+    use super::*;
+
+    #[test]
+    fn the_curve_is_within_3e_7_of_the_gaussian() {
+        let mut worst = 0.0_f64;
+        for i in 0..1000_u16 {
+            let (middle, per_px) = (9.0 + f32::from(i) * 1e-3, 0.1 + f32::from(i) * 1e-3);
+            let mut found = [0.0; 24];
+            powers(&mut found, middle, per_px, 19);
+            let found = found.map(exp2);
+            for (x, &found) in (0..19_u16).zip(&found) {
+                let u = f64::from(f32::from(x) - middle) * f64::from(per_px);
+                worst = worst.max((f64::from(found) - libm::exp(-0.5 * u * u)).abs());
+            }
+            assert!(found[19..].iter().all(|bell| whole(bell * SUMMED) == 0), "nothing beyond");
+        }
+        assert!(worst < 3e-7, "it errs by {worst}");
+    }
+
+    /// A spot of some light and place, 100 counts per lx s.
+    fn drawn(light_lx_s: f64, sigma_px: f64, at_px: [f64; 2]) -> (Curves, Record) {
+        let ends_px = [glam::DVec2::from(at_px); 2];
+        let segment = super::super::merge::Segment {
+            ends_px,
+            sigma_px,
+            light_lx_s,
+            ramp: 0.0,
+            start_s: 0.0,
+            duration_s: 1.0,
+        };
+        let mut records = Vec::new();
+        super::super::record::records(&segment, [4000, 4000], |record| records.push(record));
+        let mut curves = Curves::default();
+        curves.draw(&records[0], 100.0);
+        (curves, records[0])
+    }
+
+    #[test]
+    fn a_spot_keeps_its_light_to_3e_7_whatever_its_place_and_width() {
+        for (sigma_px, at_px) in
+            [(0.9, [30.0, 30.5]), (0.9, [30.21, 31.83]), (1.7, [60.4, 50.1]), (250.0, [2e3, 2e3])]
+        {
+            for light_lx_s in [0.1, 10.0, 1e4].map(|peak| peak * sigma_px * sigma_px) {
+                let (curves, record) = drawn(light_lx_s, sigma_px, at_px);
+                let along: u64 = curves.along(0, 0).iter().map(|&a| u64::from(a)).sum();
+                let [high, low] = curves.across(0, 0..record.height as usize);
+                let part = |part: &[u32]| part.iter().map(|&a| u64::from(a)).sum::<u64>();
+                let across = (part(high) << LOW_BITS) + part(low);
+                let found = (along * across) as f64 / f64::from(1 << LOW_BITS);
+                let found = found / f64::from(1 << curves.shift);
+                let error = found / (100.0 * light_lx_s) - 1.0;
+                assert!(error.abs() < 3e-7, "{light_lx_s} at {at_px:?}: off by {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_sum_overflows_at_the_brightest() {
+        // The peak just below 2^30 counts, beyond which `scale` lets no record.
+        let (mut curves, record) = drawn(1.0, 0.9, [30.5, 30.5]);
+        curves.draw(&record, 0.999 * f64::from(1 << 30) / record.peak_lx_s());
+        assert_eq!(curves.shift, 1, "the coarsest");
+        let most = |part: &[u32]| part.iter().copied().max().expect("pixels");
+        let [high, low] = curves.across(0, 0..record.height as usize);
+        let [along, high] = [most(curves.along(0, 0)), most(high)];
+        assert!(u64::from(along) * u64::from(high) < 1 << 31, "{along} times {high}");
+        assert!(SPOTS as u64 * u64::from(along) * (1 << LOW_BITS) < 1 << 32, "lower parts");
+        assert!(most(low) <= 1 << LOW_BITS, "{low:?}");
+    }
+}

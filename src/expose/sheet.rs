@@ -1,0 +1,103 @@
+//! A sheet: the light of one colour on some rows of the picture, on its way to the film.
+//!
+//! All records of a colour leave their light in one plane; what is lit of it is then counted into the
+//! film's three. So a lamp's colour costs nothing for every segment, and what is dark costs nothing
+//! at all.
+
+use std::ops::Range;
+
+/// Width and height of the least that is counted.
+const TILE_PX: [usize; 2] = [64, 16];
+
+/// A channel of a sheet that has all of its light.
+pub(super) const ALL: u32 = 1 << ALL_BITS;
+const ALL_BITS: u32 = 31;
+
+/// Light of one colour, in counts of its brightest channel.
+#[derive(Debug)]
+pub(super) struct Sheet {
+    /// Rows of the picture.
+    pub(super) rows: Range<u32>,
+    /// From row to row, in pixels: at least the picture's width.
+    pub(super) stride: usize,
+    /// Row by row; what lies beyond the width means nothing.
+    pub(super) counts: Vec<u32>,
+    width: usize,
+    /// Which tiles have light, row by row.
+    lit: Vec<bool>,
+}
+
+impl Sheet {
+    /// A dark sheet.
+    pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
+        let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
+        let counts = vec![0; stride * rows.len()];
+        Self { rows, stride, counts, width, lit: vec![false; tiles] }
+    }
+
+    /// Notes that columns and rows of the picture have light.
+    #[inline(always)]
+    pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
+        let tiles = |range: Range<u32>, first: u32, size: usize| {
+            let tile = |px: u32| (px - first) as usize / size;
+            tile(range.start)..tile(range.end - 1) + 1
+        };
+        let columns = tiles(columns.clone(), 0, TILE_PX[0]);
+        for row in tiles(rows.clone(), self.rows.start, TILE_PX[1]) {
+            let first = row * self.width.div_ceil(TILE_PX[0]);
+            self.lit[first + columns.start..first + columns.end].fill(true);
+        }
+    }
+
+    /// Counts its light, of which each channel has a share of [`ALL`], into these rows of the film's
+    /// planes, and is dark again.
+    #[inline(always)]
+    pub(super) fn count(&mut self, shares: [u32; 3], planes: &mut [&mut [u32]]) {
+        let tiles_across = self.width.div_ceil(TILE_PX[0]);
+        for (tile, lit) in self.lit.iter_mut().enumerate() {
+            if !std::mem::take(lit) {
+                continue;
+            }
+            let [x, y] = [tile % tiles_across * TILE_PX[0], tile / tiles_across * TILE_PX[1]];
+            let size = [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
+            let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
+            count(light, [self.stride, x], shares, planes, [self.width, y * self.width + x], size);
+            light.chunks_exact_mut(self.stride).for_each(|row| row[x..x + size[0]].fill(0));
+        }
+    }
+}
+
+/// Counts some columns and rows of light, which begin in the first row, into planes. Of both it
+/// takes how far it is from row to row, and the first pixel.
+#[inline(always)]
+pub(super) fn count(
+    light: &[u32],
+    [light_stride, x]: [usize; 2],
+    shares: [u32; 3],
+    planes: &mut [&mut [u32]],
+    [stride, first]: [usize; 2],
+    [columns, rows]: [usize; 2],
+) {
+    for (row, light) in light.chunks_exact(light_stride).take(rows).enumerate() {
+        for (plane, share) in planes.iter_mut().zip(shares) {
+            add(&mut plane[first + row * stride..][..columns], &light[x..x + columns], share);
+        }
+    }
+}
+
+/// Adds a share of some light, rounded.
+#[inline(always)]
+fn add(counts: &mut [u32], light: &[u32], share: u32) {
+    match share {
+        0 => {}
+        ALL => counts.iter_mut().zip(light).for_each(|(count, light)| *count += light),
+        _ => {
+            for (count, &light) in counts.iter_mut().zip(light) {
+                let part = u64::from(light) * u64::from(share) + u64::from(ALL / 2);
+                #[expect(clippy::cast_possible_truncation, reason = "no more than the light")]
+                let part = (part >> ALL_BITS) as u32;
+                *count += part;
+            }
+        }
+    }
+}
