@@ -109,7 +109,7 @@ fn layers<'a>(marks: &'a Marks, photo: &Photo) -> [Layer<'a>; 4] {
 
 /// What stands above each cell, where, and how large: the letter, its share, and its first rival.
 fn labels(marks: &Marks, verdict: &Verdict) -> Vec<(String, [f64; 2], f64)> {
-    let seen = verdict.letters.iter().filter(|letter| letter.best.is_some());
+    let seen = verdict.letters.iter().filter(|letter| letter.recall.is_some());
     let label = |(corners, letter): (&Vec<[f64; 2]>, &LetterVerdict)| {
         let ([left, top], [right, _]) = (*corners.first()?, *corners.get(1)?);
         let size_px = (0.13 * (right - left)).max(8.0);

@@ -331,13 +331,14 @@ impl Reader {
         }
         let font = Font::open(REPAIRED[1], letters::Trace::CentreLine).expect("a font of ours");
         let aspects = self.banks.iter().map(|bank| bank.layout.aspect);
-        let draw = |aspect| Bank::draw(aspect, &self.classes, &font, References::Both);
+        let fonts = [font];
+        let draw = |aspect| Bank::draw(aspect, &self.classes, &fonts, References::Both, &[]);
         let banks: Vec<Bank> = aspects.map(draw).collect();
         for (index, glyph) in self.strokes.glyphs.iter().enumerate() {
             let cell = &self.cells[index];
             let bank = &banks[cell.bank];
             let (neighbours, faultless) = self.faultless(index, glyph);
-            let surroundings = super::matching::Surroundings::new(bank, &neighbours);
+            let surroundings = super::matching::Surroundings::new(bank, &neighbours, None);
             let matches = surroundings.compare(bank, &faultless, self.classes.len());
             if libm::exp(ln_share(&matches, cell.class)) < STRANGE {
                 found.push((cause(CauseKind::Design, Some(index)), None));
@@ -347,7 +348,8 @@ impl Reader {
 
     fn confusion(&self, index: usize, look: &Look) -> Vec<Rival> {
         let expected = self.strokes.glyphs[index].character;
-        let mut row: Vec<Rival> = (0..look.matches.len())
+        let n_classes = self.classes.len().min(look.matches.len());
+        let mut row: Vec<Rival> = (0..n_classes)
             .map(|class| Rival {
                 letter: self.classes.name(class, Some(expected)),
                 p: libm::exp(ln_share(&look.matches, class)),
@@ -454,8 +456,8 @@ impl Reader {
         let grid = &self.cells[index].grid;
         let beside = [index.checked_sub(1), Some(index + 1)].into_iter().flatten();
         let beside = beside.filter_map(|at| self.strokes.glyphs.get(at));
-        let neighbours = super::reader::draw(grid, &self.home, beside);
-        let own = super::reader::draw(grid, &self.home, [glyph].into_iter());
+        let neighbours = super::reader::draw(grid, &self.home, beside, PEN_PX);
+        let own = super::reader::draw(grid, &self.home, [glyph].into_iter(), PEN_PX);
         let faultless = own.plus(&neighbours);
         (neighbours, faultless)
     }

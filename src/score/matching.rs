@@ -5,7 +5,7 @@
 //! hypotheses are tried at quarter resolution, the best of each character again at half and at
 //! full resolution.
 
-use super::bank::{Bank, shift_cost};
+use super::bank::{Bank, Shows, shift_cost};
 use super::raster::{Raster, dots, moments};
 use super::window::Level;
 
@@ -28,6 +28,10 @@ pub(super) struct Match {
 
 /// What is known of a cell before a photo is seen.
 pub(super) struct Surroundings {
+    /// The class that should stand there, where that is known.
+    own: Option<usize>,
+    /// The references that may stand there.
+    templates: Vec<usize>,
     /// The neighbours in the window at each resolution, 0 beside it.
     neighbours: [Vec<f32>; 3],
     /// Sum and sum of squares of the neighbours.
@@ -46,8 +50,9 @@ struct Seen {
 }
 
 impl Surroundings {
-    /// A cell whose neighbours were drawn and blurred on the bank's page.
-    pub(super) fn new(bank: &Bank, neighbours: &Raster) -> Self {
+    /// A cell whose neighbours were drawn and blurred on the bank's page, and the class that should
+    /// stand there, where that is known: it may have lost a stroke.
+    pub(super) fn new(bank: &Bank, neighbours: &Raster, own: Option<usize>) -> Self {
         let pages = neighbours.clone().pyramid();
         let neighbours: [Vec<f32>; 3] =
             std::array::from_fn(|at| bank.levels[at].masked(&pages[at]));
@@ -61,14 +66,25 @@ impl Surroundings {
             let [_, overlap, sum, squares] = moments(rows, &[], &neighbours[2], &level.mask);
             inverse_norm(level, sums[2], sum, squares, overlap)
         };
-        let templates = bank.templates.iter();
+        let may_stand = |index: &usize| match bank.templates[*index].shows {
+            Shows::Whole(_) => true,
+            Shows::Part(class) => own == Some(class),
+            Shows::Blot => own.is_some(),
+        };
+        let templates: Vec<usize> = (0..bank.templates.len()).filter(may_stand).collect();
         let inverse_norms = templates
-            .flat_map(|template| bank.shifts.iter().map(|&shift| norm(&template.pages[2], shift)))
+            .iter()
+            .flat_map(|index| {
+                let page = &bank.templates[*index].pages[2];
+                bank.shifts.iter().map(move |&shift| norm(page, shift))
+            })
             .collect();
-        Self { neighbours, sums, inverse_norms }
+        Self { own, templates, neighbours, sums, inverse_norms }
     }
 
-    /// Compares a picture of the cell with the bank: the best hypothesis for each class.
+    /// Compares a picture of the cell with the bank: the best hypothesis for each class and,
+    /// where it is known what should stand there, last the best for what is no character: the
+    /// expected one less a stroke, or a blot.
     pub(super) fn compare(&self, bank: &Bank, picture: &Raster, n_classes: usize) -> Vec<Match> {
         let pages = picture.clone().pyramid();
         let seen = [0, 1, 2].map(|at| self.seen(bank, &pages[at], at));
@@ -93,8 +109,10 @@ impl Surroundings {
     /// The best references of each class at quarter resolution, the best first.
     fn candidates(&self, bank: &Bank, seen: &Seen, n_classes: usize) -> Vec<[Match; N_CANDIDATES]> {
         let none = Match { similarity: f32::NEG_INFINITY, template: 0, shift: [0, 0] };
-        let mut candidates = vec![[none; N_CANDIDATES]; n_classes];
-        for (index, norms) in self.inverse_norms.chunks_exact(bank.shifts.len()).enumerate() {
+        let mut candidates =
+            vec![[none; N_CANDIDATES]; n_classes + usize::from(self.own.is_some())];
+        let norms = self.inverse_norms.chunks_exact(bank.shifts.len());
+        for (&index, norms) in self.templates.iter().zip(norms) {
             let template = &bank.templates[index];
             let mut best = none;
             for (&shift, inverse_norm) in bank.shifts.iter().zip(norms) {
@@ -107,7 +125,10 @@ impl Surroundings {
                     best = Match { similarity, template: index, shift };
                 }
             }
-            let candidates = &mut candidates[template.class];
+            let candidates = match template.shows {
+                Shows::Whole(class) => &mut candidates[class],
+                Shows::Part(_) | Shows::Blot => &mut candidates[n_classes],
+            };
             if best.similarity > candidates[N_CANDIDATES - 1].similarity {
                 candidates[N_CANDIDATES - 1] = best;
                 candidates.sort_by(|a, b| b.similarity.total_cmp(&a.similarity));

@@ -6,9 +6,9 @@
 //! The photo's linear light is resampled into the plane of the word and the word is looked for
 //! around its place. Then each letter's cell, blurred as the eye does, is compared with every
 //! letter and digit standing in that place between the intended neighbours, in the flown font and
-//! in a typeface, over small shifts and scales. How much better the true letter fits than its
-//! rivals, against the same for a faultless drawing, gives the probability that the word is read;
-//! its worst letter decides.
+//! in a typeface, over small shifts and scales; and with what is no letter, the true one less a
+//! stroke and a blot. How much better the true letter fits than its rivals, against the same for a
+//! faultless drawing, gives the probability that the word is read; its worst letter decides.
 //!
 //! Sources: Loomis 1990 (low-pass, template match, choice); the settings were fitted on 460
 //! synthetic photos, see the constants. Not modelled: context (no dictionary). Score knows no plan,
@@ -43,6 +43,7 @@ mod line;
 mod locate;
 mod matching;
 mod overlay;
+mod partial;
 mod plane;
 mod raster;
 mod reader;

@@ -26,6 +26,16 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
+    /// Fills a rectangle given by its columns and rows.
+    pub(super) fn fill(&mut self, columns: [f64; 2], rows: [f64; 2]) {
+        let width = self.width;
+        for (y, high) in overlaps(rows[0], rows[1], self.height) {
+            for (x, wide) in overlaps(columns[0], columns[1], width) {
+                self.values[y * width + x] = high * wide;
+            }
+        }
+    }
+
     /// Light in a rectangle given by its columns and rows; outside is dark.
     pub(super) fn sum(&self, columns: [f64; 2], rows: [f64; 2]) -> f32 {
         let mut sum = 0.0;

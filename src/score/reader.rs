@@ -28,6 +28,10 @@ const INK_SHARE: f64 = 0.5;
 /// Change of a letter's picture, of its light, from which its ink's color is worth a second look.
 const COLOR_MATTERS: f32 = 0.05;
 
+/// Pens that a faultless photo may be drawn with: 0.05, 0.07 and 0.10 H. How wide a trail glows,
+/// the references do not know, and it is no fault.
+const PHOTO_PENS_PX: [f32; 3] = [0.05 * 32.0, PEN_PX, 0.10 * 32.0];
+
 /// Reads photos of one word.
 pub struct Reader {
     options: ScoreOptions,
@@ -116,22 +120,27 @@ impl Reader {
         let known = self.banks.iter().position(|bank| (bank.layout.aspect - aspect).abs() < 1e-6);
         let index_of_bank = known.unwrap_or(self.banks.len());
         if known.is_none() {
-            let font = self.strokes.font.as_ref().expect("a drawing is not read");
+            let fonts = self.strokes.font.as_slice();
             let references = self.options.references;
-            self.banks.push(Bank::draw(aspect, &self.classes, font, references));
+            let may_lose: Vec<char> = self.strokes.glyphs.iter().map(|g| g.character).collect();
+            self.banks.push(Bank::draw(aspect, &self.classes, fonts, references, &may_lose));
         }
         let bank = &self.banks[index_of_bank];
         let grid = bank.layout.grid(&glyph.cell);
         let beside = [index.checked_sub(1), Some(index + 1)].into_iter().flatten();
         let beside = beside.filter_map(|at| self.strokes.glyphs.get(at));
-        let neighbours = draw(&grid, &self.home, beside);
-        let faultless = draw(&grid, &self.home, [glyph].into_iter()).plus(&neighbours);
-        let surroundings = Surroundings::new(bank, &neighbours);
-        let matches = surroundings.compare(bank, &faultless, self.classes.len());
+        let neighbours = draw(&grid, &self.home, beside.clone(), PEN_PX);
         let class = self.classes.class_of(glyph.character);
+        let surroundings = Surroundings::new(bank, &neighbours, Some(class));
+        let n_classes = self.classes.len();
+        let ln_faultless = PHOTO_PENS_PX.map(|pen_px| {
+            let letters = beside.clone().chain([glyph]);
+            let faultless = draw(&grid, &self.home, letters, pen_px);
+            ln_share(&surroundings.compare(bank, &faultless, n_classes), class)
+        });
+        let ln_faultless = ln_faultless.into_iter().fold(f64::INFINITY, f64::min);
         let length_h = lit_length_m([glyph]) / glyph.cell.cap_height_m;
         let ink_px = length_h * f64::from(PX_PER_H) * f64::from(PEN_PX);
-        let ln_faultless = ln_share(&matches, class);
         Cell { bank: index_of_bank, class, grid, ink_px, surroundings, ln_faultless }
     }
 
@@ -259,8 +268,10 @@ impl Reader {
     fn judge(&self, index: usize, matches: &[Match]) -> LetterVerdict {
         let (cell, glyph) = (&self.cells[index], &self.strokes.glyphs[index]);
         let expected = glyph.character;
-        let mut order: Vec<usize> = (0..matches.len()).collect();
+        let n_classes = self.classes.len();
+        let mut order: Vec<usize> = (0..n_classes).collect();
         order.sort_by(|a, b| matches[*b].similarity.total_cmp(&matches[*a].similarity));
+        let is_whole = matches[order[0]].similarity >= matches[n_classes].similarity;
         let name = |class: usize| self.classes.name(class, Some(expected));
         let p = |class: usize| libm::exp(ln_share(matches, class));
         let similarity = |class: usize| f64::from(matches[class].similarity);
@@ -269,11 +280,12 @@ impl Reader {
         let [right, down] = own.shift.map(|px| px as f64 * cell.grid.pitch_m);
         LetterVerdict {
             expected,
-            best: Some(name(order[0])),
+            best: is_whole.then(|| name(order[0])),
             runner_up: Some(name(order[1])),
             margin: similarity(order[0]) - similarity(order[1]),
             similarity: similarity(cell.class),
             p: p(cell.class),
+            no_letter: p(n_classes),
             rivals: rivals.map(|&class| Rival { letter: name(class), p: p(class) }).collect(),
             shift_m: [right, -down],
             scale: self.banks[cell.bank].templates[own.template].scale,
@@ -309,10 +321,11 @@ pub(super) fn draw<'a>(
     grid: &Grid,
     home: &Placed,
     glyphs: impl Iterator<Item = &'a Glyph>,
+    pen_px: f32,
 ) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
-        page.stroke(&glyph.moves, PEN_PX, grid.page_from_plane(home));
+        page.stroke(&glyph.moves, pen_px, grid.page_from_plane(home));
     }
     page.dry().blur(BLUR_PX)
 }

@@ -84,12 +84,17 @@ struct Parsed {
 /// None but what a broken font would cause.
 pub fn read(photo: &Photo) -> Result<Reading> {
     let classes = Classes::of("".chars());
-    let mut bank =
-        Bank::draw(ASPECT, &classes, &Font::open(FONT, Trace::CentreLine)?, References::Both);
+    let mut bank = Bank::draw(
+        ASPECT,
+        &classes,
+        &[Font::open(FONT, Trace::CentreLine)?],
+        References::Both,
+        &[],
+    );
     // The ink's box says where a letter is.
     bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
     let blank = Raster::dark(bank.layout.width, bank.layout.height);
-    let surroundings = Surroundings::new(&bank, &blank);
+    let surroundings = Surroundings::new(&bank, &blank, None);
     let mut best: Option<(f64, Reading)> = None;
     let rules = [0.95, 0.6]
         .map(|full_rank| [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank }));

@@ -11,7 +11,8 @@ use super::causes::{Advice, Cause};
 pub struct Verdict {
     /// The word that should be there.
     pub word: String,
-    /// What is there, letter by letter: the best match, `?` where a letter has no light.
+    /// What is there, letter by letter: the best match, `?` where there is no light or no
+    /// letter, such as one that lacks a stroke.
     pub read: String,
     /// Whether it reads: every letter is the best match of its cell, and the probability reaches
     /// [`super::ScoreOptions::legible_probability`].
@@ -52,7 +53,8 @@ pub struct Placement {
 pub struct LetterVerdict {
     /// The letter that should be there.
     pub expected: char,
-    /// The letter that fits best; `None` where there is no light.
+    /// The letter that fits best; `None` where there is no light, or where the expected letter less
+    /// a stroke, or a blot, fits better than any.
     pub best: Option<char>,
     /// The letter that fits second best.
     pub runner_up: Option<char>,
@@ -62,6 +64,8 @@ pub struct LetterVerdict {
     pub similarity: f64,
     /// Share of the expected letter in the choice among all, 0 to 1.
     pub p: f64,
+    /// Share of what is no letter: the expected one less a stroke, or a blot, 0 to 1.
+    pub no_letter: f64,
     /// The three likeliest other letters, the likeliest first: it looks like them.
     pub rivals: Vec<Rival>,
     /// Where the letter stands against its place in the word, to the right and up.
@@ -138,6 +142,7 @@ impl LetterVerdict {
             margin: 0.0,
             similarity: 0.0,
             p: 0.0,
+            no_letter: 0.0,
             rivals: Vec::new(),
             shift_m: [0.0; 2],
             scale: [1.0; 2],

@@ -8,6 +8,11 @@ mod reading;
 mod studio;
 mod why;
 
+/// A word in the repaired letters, which have digits.
+fn fixed(text: &str) -> Strokes {
+    write(text, &LetterOptions { font: "ae483-fixed".into(), ..Default::default() }).unwrap()
+}
+
 fn box_of_light(strokes: &Strokes) -> Vec<Move> {
     let [left, bottom, right, top] = strokes.bounds_m();
     let rows = (0..=100).map(|row| bottom + (top - bottom) * f64::from(row) / 100.0);
@@ -84,46 +89,97 @@ fn what_is_no_word_is_not_legible() {
     assert_eq!((&blank.read[..], blank.letters[0].best), ("????", None), "nothing is read");
     for text in ["TREE", "MOON", "NEAR", "NOON", "ROON"] {
         let other = shot.showing(Shot::of(&word(text)).moves).verdict(&noor);
-        assert!(!other.legible && other.probability < 0.1, "{text}: {other:?}");
+        assert!(!other.legible && other.probability <= 0.02, "{text}: {other:?}");
     }
-    let filled = shot.showing(box_of_light(&noor)).verdict(&noor);
-    assert!(!filled.legible && filled.probability < 0.1, "{filled:?}");
+    for text in ["NOOR", "O", "A", "M"] {
+        let strokes = word(text);
+        let filled = Shot::of(&strokes).showing(box_of_light(&strokes)).verdict(&strokes);
+        assert!(!filled.legible && filled.probability <= 0.02, "{filled:?}");
+    }
 }
 
 #[test]
 fn scribbles_are_not_legible() {
-    // One of a hundred scribbles over a single letter's cell may well look like that letter.
-    let (mut passed, mut tried) = (0, 0);
     for text in ["NOOR", "HI", "O", "A", "M"] {
         let strokes = word(text);
         let shot = Shot::of(&strokes);
         for n_lines in [4, 8, 20, 60] {
             for seed in 1..=3 {
                 let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
-                assert!(!verdict.legible || text.len() == 1, "{n_lines}: {verdict:?}");
-                passed += u32::from(verdict.legible);
-                tried += 1;
+                assert!(verdict.probability <= 0.02, "{n_lines}, {seed}: {verdict:?}");
             }
         }
     }
-    assert!(passed <= 1, "{passed} of {tried} scribbles pass");
+}
+
+/// Every character between an N and an E, scored as every other one that a reader tells apart from
+/// it, 1190 pairs. The claims are about the 200 worst of them.
+#[test]
+fn one_wrong_letter_is_seen() {
+    let classes = bank::Classes::of("".chars());
+    let words: Vec<Strokes> = (0..classes.len())
+        .map(|class| fixed(&format!("N{}E", classes.name(class, None))))
+        .collect();
+    let shots =
+        words.iter().map(|strokes| Shot { camera: camera(strokes, 240, 0.0), ..Shot::of(strokes) });
+    let photos: Vec<(Photo, View)> =
+        shots.map(|shot| (shot.photo(), (&shot.camera).into())).collect();
+    let (mut right, mut wrong) = (Vec::new(), Vec::new());
+    for (meant, strokes) in words.iter().enumerate() {
+        let reader = Reader::new(strokes, &ScoreOptions::default()).unwrap();
+        for (shown, (photo, view)) in photos.iter().enumerate() {
+            let verdict = reader.score(photo, view).unwrap();
+            if shown == meant {
+                assert!(verdict.probability > 0.9 && verdict.legible, "{verdict:?}");
+                right.push(verdict.probability);
+            } else {
+                assert!(!verdict.legible, "{} as {}", words[shown].word, strokes.word);
+                wrong.push(verdict.probability);
+            }
+        }
+    }
+    wrong.sort_by(|a, b| b.total_cmp(a));
+    wrong.truncate(200);
+    let above = |p: &f64| right.iter().filter(|right| *right > p).count();
+    let area = wrong.iter().map(above).sum::<usize>() as f64 / (200 * right.len()) as f64;
+    assert!(area >= 0.99, "area under the ROC {area}");
+    assert!(wrong[10] <= 0.3, "the worst: {:?}", &wrong[..20]);
 }
 
 #[test]
-fn one_wrong_letter_is_seen_and_named() {
-    let pairs = [
-        "EF", "OQ", "PR", "BD", "CG", "OC", "UV", "MN", "HN", "IT", "IL", "XY", "VY", "KX", "SZ",
-        "OD", "OU", "BE", "FP", "HM", "JT", "WM", "GS", "AH", "LC", "QR", "IJ",
-    ];
-    for pair in pairs {
-        let letters: Vec<char> = pair.chars().collect();
-        for (shown, meant) in [(letters[0], letters[1]), (letters[1], letters[0])] {
-            let (meant, shown) = (word(&format!("N{meant}E")), word(&format!("N{shown}E")));
-            let verdict = Shot::of(&shown).verdict(&meant);
-            assert_eq!(verdict.read, shown.word, "{verdict:?}");
-            assert!(!verdict.legible && verdict.probability < 0.3, "{verdict:?}");
+fn a_wrong_letter_is_named() {
+    for (meant, shown) in [("FED", "EED"), ("COO", "COQ"), ("VET", "YET"), ("IN", "TN")] {
+        let verdict = Shot::of(&word(shown)).verdict(&word(meant));
+        assert_eq!(verdict.read, shown, "{verdict:?}");
+    }
+}
+
+/// Every letter and digit less each of its strokes.
+#[test]
+fn what_lacks_a_stroke_is_not_that_letter() {
+    let length = |moves: &[Move]| -> f64 {
+        let lit = moves.iter().filter(|step| step.lit);
+        lit.map(|s| libm::hypot(s.to_m[0] - s.from_m[0], s.to_m[1] - s.from_m[1])).sum()
+    };
+    let mut n_parts = 0;
+    for character in ('A'..='Z').chain('0'..='9') {
+        let strokes = fixed(&character.to_string());
+        let reader = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
+        for part in partial::parts(&strokes.glyphs[0]) {
+            let lost = 1.0 - length(&part) / length(&strokes.glyphs[0].moves);
+            let shot = Shot::of(&strokes).showing(part);
+            let p = reader.score(&shot.photo(), &(&shot.camera).into()).unwrap().probability;
+            n_parts += 1;
+            // Who lacks the bar of an A or a corner of a D is read, with doubts.
+            let most = if lost > 0.18 { 0.3 } else { 0.7 };
+            assert!(p < most, "{character} less {lost:.2} of its ink: {p}");
         }
     }
+    assert!(n_parts > 100, "{n_parts}");
+    let stem = [Move { from_m: [-0.15, 1.0], to_m: [-0.15, 0.5], lit: true }];
+    let l = fixed("L");
+    let verdict = Shot::of(&l).showing(stem.to_vec()).verdict(&l);
+    assert!(verdict.probability < 0.02 && verdict.letters[0].best != Some('L'), "{verdict:?}");
 }
 
 #[test]
@@ -362,6 +418,7 @@ fn the_verdict_is_written_as_it_is_documented() {
         "margin",
         "similarity",
         "p",
+        "no_letter",
         "rivals",
         "shift_m",
         "scale",
