@@ -147,7 +147,7 @@ def load(folder):
     for score in rows(os.path.join(folder, "scores.csv")):
         photo = photos[score["file"]]
         photo["p"], photo["loss"] = float(score["p"]), float(score["loss"])
-        photo["scored"], photo["spelled"] = score["read"], score["spelled"]
+        photo["scored"] = score["read"]
         photo["reason"], photo["who"], photo["texts"] = score["reason"], {}, {}
     for reading in rows(os.path.join(folder, "readings.csv")):
         photo = photos[reading["file"]]

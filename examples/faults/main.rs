@@ -3,6 +3,7 @@
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels
+//! cargo run --release --example faults -- try wander 0.1 0.2 0.3 0.4 0.5 0.6 # other levels
 //! cargo run --release --example faults -- shoot main 400 photos/main  # as different as people's
 //! cargo run --release --example faults -- score photos/main           # scores.csv beside them
 //! ```
@@ -22,7 +23,7 @@ use noctograph::photo::Photo;
 use noctograph::scene::Scene;
 use noctograph::score;
 
-use bench::{FAULTS, Setting};
+use bench::{FAULTS, Fault, Setting};
 use variety::{Draw, Set, draw};
 
 mod bench;
@@ -34,7 +35,7 @@ fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
-        ["table"] => table(),
+        ["try", fault, ref levels @ ..] => rehearse(fault, levels),
         ["sheet", path] => sheet(Path::new(path)),
         ["shoot", set, n, folder] => {
             let set = match set {
@@ -45,32 +46,24 @@ fn main() -> Outcome<()> {
             shoot(set, n.parse()?, Path::new(folder))
         }
         ["score", folder] => rate(Path::new(folder)),
-        _ => Err("name what to make: sheet PATH, shoot main|blind N FOLDER, or score FOLDER".into()),
+        _ => {
+            Err("name what to make: sheet PATH, shoot main|blind N FOLDER, or score FOLDER".into())
+        }
     }
 }
 
-fn table() -> Outcome<()> {
-    let words = ["NOOR", "HAZE", "JUMP", "S6X4"];
-    for fault in &FAULTS {
-        for level in fault.levels {
-            let mut mean = 0.0;
-            let mut text = String::new();
-            for (seed, word) in (1..).zip(words) {
-                let mut setting = Setting::clean(word, seed);
-                (fault.turn)(&mut setting, level);
-                match setting.shoot() {
-                    Ok(shot) => {
-                        let v = score::score(&shot.photo, &shot.strokes, &shot.camera, &setting.known.score)?;
-                        mean += v.probability / words.len() as f64;
-                        write!(text, "  {}:{:.3}{}", v.read, v.probability, v.reason.map_or(String::new(), |r| format!(" {r:?}")))?;
-                    }
-                    Err(e) => write!(text, "  {word} {e}")?,
-                }
-            }
-            println!("{:12} {level:6} {mean:.3} {text}", fault.name);
-        }
-    }
+/// What the score says of a fault at other levels than the bench's.
+fn rehearse(name: &str, levels: &[&str]) -> Outcome<()> {
+    let fault = FAULTS.into_iter().find(|fault| fault.name == name).ok_or("name a fault")?;
+    let numbers: Vec<f64> = levels.iter().map(|level| level.parse()).collect::<Result<_, _>>()?;
+    let levels = numbers.try_into().map_err(|_| "name six levels")?;
+    print_out(&bench::table(&[Fault { levels, ..fault }])?);
     Ok(())
+}
+
+#[expect(clippy::print_stdout, reason = "an example's result")]
+fn print_out(text: &str) {
+    print!("{text}");
 }
 
 /// The bench's photographs of one word: faults from top to bottom, levels from left to right.
@@ -81,14 +74,18 @@ fn sheet(path: &Path) -> Outcome<()> {
     for (row, fault) in (0_u32..).zip(&FAULTS) {
         for (column, level) in (0_u32..).zip(fault.levels) {
             let mut setting = Setting::clean(word, 2);
-            (fault.turn)(&mut setting, level);
+            (fault.turn)(&mut setting, level)?;
             let Ok(shot) = setting.shoot() else { continue };
             let photo = shot.photo;
             let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
             let picture = picture.ok_or("three bytes a pixel")?;
-            let fit = (f64::from(SIZE_PX[0]) / f64::from(picture.width()), imageops::FilterType::Triangle);
+            let fit = (
+                f64::from(SIZE_PX[0]) / f64::from(picture.width()),
+                imageops::FilterType::Triangle,
+            );
             let size = |px: u32| (f64::from(px) * fit.0) as u32;
-            let picture = imageops::resize(&picture, size(picture.width()), size(picture.height()), fit.1);
+            let picture =
+                imageops::resize(&picture, size(picture.width()), size(picture.height()), fit.1);
             let top = (picture.height().max(SIZE_PX[1]) - SIZE_PX[1]) / 2;
             let picture = imageops::crop_imm(&picture, 0, top, SIZE_PX[0], SIZE_PX[1]).to_image();
             let place = [column * SIZE_PX[0], row * SIZE_PX[1]].map(i64::from);
@@ -109,12 +106,12 @@ fn shoot(set: Set, n: usize, folder: &Path) -> Outcome<()> {
     let mut list =
         String::from("file,word,fault,level,font,x0,y0,x1,y1,x2,y2,x3,y3,cap_height_px\n");
     for index in 0..n {
-        let Draw { setting, fault } = draw(set, index, background);
+        let Draw { setting, fault } = draw(set, index, background)?;
         let shot = match setting.shoot() {
             Ok(shot) => shot,
             // A drone that is lost leaves no photograph.
             Err(error) => {
-                eprintln!("{index}: {error}");
+                print_out(&format!("{index}: {error}\n"));
                 continue;
             }
         };
@@ -152,11 +149,11 @@ fn room() -> RgbImage {
     RgbImage::from_fn(480, 320, |x, y| {
         let wall = 60 + (x / 8 + y / 16) as u8;
         match (x, y) {
-            (300..=420, 40..=150) if (x - 300) % 60 > 4 && (y - 40) % 55 > 4 => Rgb([150, 165, 190]),
-            (60..=130, 90..=280) => Rgb([wall / 2 + 20, wall / 3 + 15, wall / 4 + 10]),
-            (170..=290, 220..=232) | (180..=188, 232..=285) | (272..=280, 232..=285) => {
-                Rgb([90, 70, 50])
+            (300..=420, 40..=150) if (x - 300) % 60 > 4 && (y - 40) % 55 > 4 => {
+                Rgb([150, 165, 190])
             }
+            (60..=130, 90..=280) => Rgb([wall / 2 + 20, wall / 3 + 15, wall / 4 + 10]),
+            (170..=290, 220..=231) | (180..=188 | 272..=280, 232..=285) => Rgb([90, 70, 50]),
             (_, 286..) => Rgb([wall / 2, wall / 2, wall / 2 - 5]),
             _ => Rgb([wall, wall - 6, wall - 14]),
         }
@@ -166,7 +163,7 @@ fn room() -> RgbImage {
 /// Scores the photographs of a folder: what `scores.csv` says of each.
 fn rate(folder: &Path) -> Outcome<()> {
     let list = fs::read_to_string(folder.join("photos.csv"))?;
-    let mut table = String::from("file,p,loss,read,reason,spelled,letters\n");
+    let mut table = String::from("file,p,loss,read,reason,letters\n");
     for line in list.lines().skip(1) {
         let file = line.split(',').next().ok_or("a file in every line")?;
         let photo = Photo::read_png(&folder.join(file))?;
@@ -174,14 +171,13 @@ fn rate(folder: &Path) -> Outcome<()> {
         let strokes = letters::write(&scene.word, &scene.letters)?;
         let camera = scene.camera.camera(strokes.bounds_m(), 1.0)?;
         let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
-        let spelled = score::read(&photo)?.text;
         let p = verdict.probability;
         let calibration = verdict.calibration;
-        let loss = (calibration.offset - (p / (1.0 - p)).ln()) / calibration.slope;
+        let loss = (calibration.offset - libm::log(p / (1.0 - p))) / calibration.slope;
         let reason = verdict.reason.map_or(String::new(), |reason| format!("{reason:?}"));
         let each = verdict.letters.iter().map(|letter| format!("{:.4}", letter.p));
         let each = each.collect::<Vec<_>>().join(" ");
-        writeln!(table, "{file},{p:.5},{loss:.4},{},{reason},{spelled},{each}", verdict.read)?;
+        writeln!(table, "{file},{p:.5},{loss:.4},{},{reason},{each}", verdict.read)?;
     }
     fs::write(folder.join("scores.csv"), table)?;
     Ok(())

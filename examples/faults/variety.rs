@@ -2,6 +2,7 @@
 //! fault in each but every eleventh.
 
 use noctograph::camera::{BodyName, Framing};
+use noctograph::error::Result;
 use noctograph::letters;
 use noctograph::light::RingEffect;
 use noctograph::plan::PlanOptions;
@@ -13,7 +14,7 @@ use crate::bench::{FAULTS, LEVELS, Setting};
 
 /// A set of photographs: no word and no seed is in both.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Set {
+pub(crate) enum Set {
     /// What the score is fitted on.
     Main,
     /// What it is tested on.
@@ -21,10 +22,10 @@ pub enum Set {
 }
 
 /// One photograph to be.
-pub struct Draw {
-    pub setting: Setting,
+pub(crate) struct Draw {
+    pub(crate) setting: Setting,
     /// `None`: no fault. With the level's number.
-    pub fault: Option<(usize, usize)>,
+    pub(crate) fault: Option<(usize, usize)>,
 }
 
 const MAIN: [&str; 24] = [
@@ -34,8 +35,8 @@ const MAIN: [&str; 24] = [
 ];
 const BLIND: [&str; 24] = [
     "ADAM", "BEACH", "CHALK", "DOVE", "EARTH", "FJORD", "GHOST", "HARP", "IRIS", "JAZZ", "KITE",
-    "LEMON", "MAGIC", "NOVA", "OPERA", "PIXEL", "QUEEN", "RIVER", "STAR", "TUBA", "URBAN", "VELVET",
-    "WOLF", "ZEBRA",
+    "LEMON", "MAGIC", "NOVA", "OPERA", "PIXEL", "QUEEN", "RIVER", "STAR", "TUBA", "URBAN",
+    "VELVET", "WOLF", "ZEBRA",
 ];
 const FONTS: [&str; 4] = ["simplex", "ae483-fixed", "fonts/Roboto-Thin.ttf", "simplex"];
 
@@ -52,7 +53,7 @@ const COLORS: [[f64; 2]; 8] = [
 ];
 
 /// The photograph of a number in a set.
-pub fn draw(set: Set, index: usize, background: &str) -> Draw {
+pub(crate) fn draw(set: Set, index: usize, background: &str) -> Result<Draw> {
     let seed = index as u64 + if set == Set::Main { 0 } else { 1 << 20 };
     let mut chance = ChaCha8Rng::seed_from_u64(seed);
     let mut setting = Setting::clean(&word(set, &mut chance), seed);
@@ -60,7 +61,8 @@ pub fn draw(set: Set, index: usize, background: &str) -> Draw {
     let cap_height_m = chance.random_range(0.3..0.6);
     let team = chance.random_range(0.0..1.0) < 0.25;
     let lamps = chance.random_range(0..3);
-    let color = COLORS[if chance.random_range(0.0..1.0) < 0.4 { 0 } else { chance.random_range(0..8) }];
+    let color =
+        COLORS[if chance.random_range(0.0..1.0) < 0.4 { 0 } else { chance.random_range(0..8) }];
     for scene in setting.scenes() {
         scene.letters.font = font.into();
         // The team's proportions, in another size; corners and steps with it.
@@ -85,13 +87,13 @@ pub fn draw(set: Set, index: usize, background: &str) -> Draw {
             }
         }
     }
-    photographer(&mut setting, &mut chance, background);
+    photographer(&mut setting, &mut chance, background)?;
     let turn = chance.random_range(0..=FAULTS.len());
     let fault = (turn < FAULTS.len()).then(|| (turn, chance.random_range(0..LEVELS)));
     if let Some((fault, level)) = fault {
-        (FAULTS[fault].turn)(&mut setting, FAULTS[fault].levels[level]);
+        (FAULTS[fault].turn)(&mut setting, FAULTS[fault].levels[level])?;
     }
-    Draw { setting, fault }
+    Ok(Draw { setting, fault })
 }
 
 /// A third are names and words, a third letters in any order, a third digits or both.
@@ -112,10 +114,10 @@ fn word(set: Set, chance: &mut ChaCha8Rng) -> String {
 }
 
 /// Camera, room, and where the photographer stands.
-fn photographer(setting: &mut Setting, chance: &mut ChaCha8Rng, background: &str) {
+fn photographer(setting: &mut Setting, chance: &mut ChaCha8Rng, background: &str) -> Result<()> {
     let bodies = [BodyName::FullFrame24Mp, BodyName::A6400, BodyName::OneInch, BodyName::Phone];
     let body = bodies[chance.random_range(0..bodies.len())];
-    let bounds_m = letters::write(&setting.known.word, &setting.known.letters).unwrap().bounds_m();
+    let bounds_m = letters::write(&setting.known.word, &setting.known.letters)?.bounds_m();
     let scene = &mut setting.actual;
     let camera = &mut scene.camera;
     // The lens of that body that sees as a 28 to 50 mm one does on full frame.
@@ -130,20 +132,21 @@ fn photographer(setting: &mut Setting, chance: &mut ChaCha8Rng, background: &str
     let sizes = [[480, 270], [640, 360], [480, 320], [400, 300]];
     [camera.width_px, camera.height_px] = sizes[chance.random_range(0..sizes.len())];
     camera.fill_frac = chance.random_range(0.45..0.75);
-    scene.photo.ambient_cd_m2 = 0.02 * chance.random_range(-3.0_f64..2.5).exp2();
+    scene.photo.ambient_cd_m2 = 0.02 * libm::exp2(chance.random_range(-3.0..2.5));
     if chance.random_range(0.0..1.0) < 0.25 {
         background.clone_into(&mut scene.photo.background);
         scene.photo.background_stops = chance.random_range(-6.0..-3.0);
     }
     if chance.random_range(0.0..1.0) < 0.4 {
         // Up to 25 degrees to one side, half a metre above or below, not quite aimed at the middle.
-        let square_on = camera.camera(bounds_m, 1.0).unwrap();
+        let square_on = camera.camera(bounds_m, 1.0)?;
         let middle = [0.5 * (bounds_m[0] + bounds_m[2]), 0.0, 0.5 * (bounds_m[1] + bounds_m[3])];
-        let (far, angle) = (-square_on.position_m.y, chance.random_range(-0.44_f64..0.44));
+        let (far, angle) = (-square_on.position_m.y, chance.random_range(-0.44..0.44));
+        let (sin, cos) = libm::sincos(angle);
         let mut off = |m: f64| chance.random_range(-m..m);
         camera.framing = Framing::Fixed;
-        camera.position_m =
-            [middle[0] + far * angle.sin(), -far * angle.cos(), (middle[2] + off(0.5)).max(0.1)];
+        camera.position_m = [middle[0] + far * sin, -far * cos, (middle[2] + off(0.5)).max(0.1)];
         camera.target_m = [middle[0] + off(0.1), 0.0, middle[2] + off(0.1)];
     }
+    Ok(())
 }
