@@ -15,7 +15,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use image::{Rgb, RgbImage, imageops};
+use image::imageops::{self, FilterType};
+use image::{DynamicImage, GrayImage, Rgb, RgbImage};
 use nalgebra::Vector3;
 use noctograph::camera::Camera;
 use noctograph::letters::{self, Strokes};
@@ -23,7 +24,7 @@ use noctograph::photo::Photo;
 use noctograph::scene::Scene;
 use noctograph::score;
 
-use bench::{FAULTS, Fault, Setting};
+use bench::{FAULTS, Fault, LEVELS, Setting, WORDS};
 use variety::{Draw, Set, draw};
 
 mod bench;
@@ -68,28 +69,29 @@ fn print_out(text: &str) {
 
 /// The bench's photographs of one word: faults from top to bottom, levels from left to right.
 fn sheet(path: &Path) -> Outcome<()> {
-    const SIZE_PX: [u32; 2] = [200, 100];
-    let word = "HAZE";
-    let mut sheet = RgbImage::new(SIZE_PX[0] * 6, SIZE_PX[1] * 10);
+    const SIZE_PX: [u32; 2] = [180, 84];
+    /// Share of the photo's width that is shown: the word fills half of it.
+    const SHOWN: f64 = 0.66;
+    let word = WORDS[1];
+    let rows = u32::try_from(FAULTS.len())?;
+    let mut sheet = GrayImage::new(SIZE_PX[0] * u32::try_from(LEVELS)?, SIZE_PX[1] * rows);
     for (row, fault) in (0_u32..).zip(&FAULTS) {
         for (column, level) in (0_u32..).zip(fault.levels) {
             let mut setting = Setting::clean(word, 2);
             (fault.turn)(&mut setting, level)?;
-            let Ok(shot) = setting.shoot() else { continue };
-            let photo = shot.photo;
+            let photo = setting.shoot()?.photo;
             let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
-            let picture = picture.ok_or("three bytes a pixel")?;
-            let fit = (
-                f64::from(SIZE_PX[0]) / f64::from(picture.width()),
-                imageops::FilterType::Triangle,
-            );
-            let size = |px: u32| (f64::from(px) * fit.0) as u32;
-            let picture =
-                imageops::resize(&picture, size(picture.width()), size(picture.height()), fit.1);
-            let top = (picture.height().max(SIZE_PX[1]) - SIZE_PX[1]) / 2;
-            let picture = imageops::crop_imm(&picture, 0, top, SIZE_PX[0], SIZE_PX[1]).to_image();
+            let picture = DynamicImage::ImageRgb8(picture.ok_or("three bytes a pixel")?);
+            let width = SHOWN * f64::from(picture.width());
+            let height = width * f64::from(SIZE_PX[1]) / f64::from(SIZE_PX[0]);
+            let from = [f64::from(picture.width()) - width, f64::from(picture.height()) - height];
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+            let [x, y, width, height] =
+                [0.5 * from[0], 0.5 * from[1], width, height].map(|px| px.round().max(0.0) as u32);
+            let cut = picture.crop_imm(x, y, width, height).to_luma8();
+            let cell = imageops::resize(&cut, SIZE_PX[0], SIZE_PX[1], FilterType::CatmullRom);
             let place = [column * SIZE_PX[0], row * SIZE_PX[1]].map(i64::from);
-            imageops::replace(&mut sheet, &picture, place[0], place[1]);
+            imageops::replace(&mut sheet, &cell, place[0], place[1]);
         }
     }
     sheet.save(path)?;
