@@ -57,7 +57,7 @@ fn main() -> Outcome<()> {
 fn rehearse(name: &str, levels: &[&str]) -> Outcome<()> {
     let fault = FAULTS.into_iter().find(|fault| fault.name == name).ok_or("name a fault")?;
     let numbers: Vec<f64> = levels.iter().map(|level| level.parse()).collect::<Result<_, _>>()?;
-    let levels = numbers.try_into().map_err(|_| "name six levels")?;
+    let Ok(levels) = numbers.try_into() else { return Err("name six levels".into()) };
     print_out(&bench::table(&[Fault { levels, ..fault }])?);
     Ok(())
 }
@@ -149,7 +149,8 @@ fn corners_px(strokes: &Strokes, camera: &Camera) -> [[f64; 2]; 4] {
 /// A dim room: a wall, a window, a door and a table.
 fn room() -> RgbImage {
     RgbImage::from_fn(480, 320, |x, y| {
-        let wall = 60 + (x / 8 + y / 16) as u8;
+        #[expect(clippy::cast_possible_truncation, reason = "140 at most")]
+        let wall = (60 + x / 8 + y / 16) as u8;
         match (x, y) {
             (300..=420, 40..=150) if (x - 300) % 60 > 4 && (y - 40) % 55 > 4 => {
                 Rgb([150, 165, 190])
