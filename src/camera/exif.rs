@@ -1,7 +1,8 @@
 //! A camera from a photograph: what its EXIF says of sensor, lens and exposure.
 //!
-//! EXIF 2.32. The sensor's width comes from the body where the model is known, else from the focal
-//! length and its equivalent on 35 mm film (36 mm wide, as most makers reckon it).
+//! EXIF 2.32. The sensor's width comes from the body where the model is known, else from its pixels
+//! a centimetre or inch (as Canon, Nikon and Sony write them), else from the focal length and its
+//! equivalent on 35 mm film (36 mm wide, as most makers reckon it).
 
 use std::path::Path;
 
@@ -48,7 +49,11 @@ impl CameraOptions {
         let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
         let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
         let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
-        let sensor_width_m = body.map(|body| body.body().sensor_width_m).or(of_film);
+        // Programs that make a picture smaller leave its pixels a centimetre as they were.
+        let agrees = |width_m: &f64| of_film.is_none_or(|film| (width_m / film - 1.0).abs() < 0.1);
+        let of_pixels = focal_plane_width_m(exif)
+            .filter(|width_m| SENSORS_M.contains(width_m) && agrees(width_m));
+        let sensor_width_m = body.map(|body| body.body().sensor_width_m).or(of_pixels).or(of_film);
         let f_number = number(exif, Tag::FNumber);
         let exposure_s = number(exif, Tag::ExposureTime);
         let iso =
@@ -56,7 +61,10 @@ impl CameraOptions {
 
         let needed = [
             ("FocalLength", focal_length_m.is_some()),
-            ("FocalLengthIn35mmFilm (or a Model that is known)", sensor_width_m.is_some()),
+            (
+                "FocalLengthIn35mmFilm (or FocalPlaneXResolution, or a Model that is known)",
+                sensor_width_m.is_some(),
+            ),
             ("FNumber", f_number.is_some()),
             ("ExposureTime", exposure_s.is_some()),
             ("PhotographicSensitivity", iso.is_some()),
@@ -110,6 +118,20 @@ const HINT: &str = "take the file from the camera's card: programs and messenger
 fn lacks(place: &str, lacking: &[&str]) -> Error {
     let found = format!("EXIF without {}", lacking.join(", "));
     Error::input(place, found, "the tags of lens and exposure", HINT)
+}
+
+/// Widths of sensors, from a telephone's second camera to a technical camera's back.
+const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
+
+/// The sensor's width by its pixels and their number a unit of length.
+fn focal_plane_width_m(exif: &Exif) -> Option<f64> {
+    let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
+        Some(3.0) => 0.01,
+        None | Some(2.0) => 0.0254, // inches, where nothing is said
+        Some(_) => return None,
+    };
+    let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth))?;
+    Some(pixels / number(exif, Tag::FocalPlaneXResolution)? * unit_m)
 }
 
 /// A number above 0 that a tag holds.
@@ -188,6 +210,23 @@ mod tests {
         tags.remove(2);
         let camera = CameraOptions::default().taken_as(tiff(&tags).path()).unwrap();
         assert_eq!((camera.body, camera.sensor_width_m), (Some(BodyName::A6400), 0.0235));
+    }
+
+    #[test]
+    fn pixels_a_centimetre_tell_the_sensor_unless_the_picture_was_made_smaller() {
+        let mut tags = telephone();
+        tags.retain(|(tag, _)| *tag != Tag::FocalLengthIn35mmFilm && *tag != Tag::PixelXDimension);
+        tags.extend([
+            (Tag::PixelXDimension, Value::Long(vec![6000])),
+            (Tag::FocalPlaneResolutionUnit, Value::Short(vec![3])),
+            (Tag::FocalPlaneXResolution, ratio(26_906, 10)),
+        ]);
+        let width_m = |tags: &[(Tag, Value)]| {
+            CameraOptions::default().taken_as(tiff(tags).path()).unwrap().sensor_width_m
+        };
+        assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
+        tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
+        assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{}", width_m(&tags));
     }
 
     #[test]

@@ -103,10 +103,12 @@ fn table(found: &Found, target_stops: f64) -> String {
         let aperture = format!("f/{:.1}", advice.f_number);
         text += &format!("{name:18} {aperture:>9} {:9.0} {:13.3}\n", advice.iso, advice.level);
     }
-    let spots: Vec<_> =
-        readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot))).collect();
+    let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot)));
+    // What stays under saturation leaves no blob, however long the lamp lingers.
+    let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
+    spots.sort_by(|(_, a), (_, b)| b.stops.total_cmp(&a.stops));
     if !spots.is_empty() {
-        text += "\nhot spots (two stops over the middle): the lamp is lit and lingers\n";
+        text += "\nhot spots (saturated, two stops over the middle): the lamp is lit and lingers\n";
         text += "lamp                  from s   for s   at pixel     stops\n";
     }
     for (reading, spot) in spots.iter().take(MOST_SPOTS) {

@@ -15,7 +15,7 @@ use crate::study::{Contender, Record, Store, Trial, evaluate, rank};
                         on where it was interrupted, and comes to the same numbers."
 )]
 pub(super) struct RankArgs {
-    /// Scenes: files, learned folders, the names team, pid, geometric, tuned, or presets
+    /// Scenes: the names team, pid, geometric, tuned, presets, files, or learned folders (./tuned)
     #[arg(required = true)]
     scenes: Vec<String>,
     #[command(flatten)]

@@ -15,14 +15,17 @@
 
 mod figure;
 mod flights;
+mod labels;
 mod overlay;
 pub mod photos;
 mod plans;
 mod sheet;
 pub mod specimen;
 mod studies;
+mod text;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
+pub use labels::{Label, labelled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
 pub use sheet::{SheetRow, contact_sheet};

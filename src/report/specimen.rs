@@ -10,7 +10,8 @@ use tiny_skia::{
     Transform,
 };
 
-use crate::letters::{Cell, Font, Glyph, Trace};
+use super::text;
+use crate::letters::{Cell, Font, Glyph};
 
 /// Size of a character's field, and its capitals' height.
 const FIELD_PX: [f64; 2] = [112.0, 140.0];
@@ -53,7 +54,7 @@ impl Specimen {
     /// Never: the names are written in a font of ours.
     #[must_use]
     pub fn new(font: &Font, characters: &str) -> Self {
-        let pen = Font::open("simplex", Trace::CentreLine).expect("a font of ours");
+        let pen = text::pen();
         let mut sheet = Self { marks: Vec::new(), width_px: 0.0, height_px: 0.0 };
         let mut index = 0;
         for character in characters.chars() {
@@ -123,19 +124,9 @@ impl Specimen {
 
     /// Writes a name or a number with single strokes, from its lower left corner on.
     fn write(&mut self, pen: &Font, text: &str, from: [f64; 2], cap_px: f64, ink: Ink) {
-        let mut left = from[0];
-        for character in text.chars() {
-            let Some(aspect) = pen.aspect(character) else { continue };
-            let (width_m, cap_height_m) = (aspect * cap_px, cap_px);
-            let cell = Cell { left_m: left, baseline_m: 0.0, width_m, cap_height_m };
-            let moves = pen.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
-            for run in moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit) {
-                let ends = std::iter::once(run[0].from_m).chain(run.iter().map(|step| step.to_m));
-                let points = ends.map(|[x, y]| [x, from[1] - y]).collect();
-                self.marks.push(Mark::Line { points, ink, width_px: 1.0, dashed: false });
-            }
-            left += width_m + 0.25 * cap_px;
-        }
+        let (lines, _) = text::lines(pen, text, from, cap_px);
+        let line = |points| Mark::Line { points, ink, width_px: 1.0, dashed: false };
+        self.marks.extend(lines.into_iter().map(line));
     }
 
     /// The sheet as an SVG file's text.
@@ -279,6 +270,7 @@ fn narrow(value: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::letters::Trace;
 
     #[test]
     fn a_sheet_shows_strokes_in_order_and_the_dark_dashed() {

@@ -5,7 +5,11 @@
 //! Each is for the arguments that occur here; [`is_hard`] and the others tell those that must go to
 //! `libm` themselves.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4};
+
+use pulp::{Arch, NullaryFnOnce};
+
+use crate::geometry::Attitude;
 
 /// A high word, at which msun changes its way, as a number.
 const fn high(word: u64) -> f64 {
@@ -47,27 +51,29 @@ pub(super) fn is_hard(x: f64) -> bool {
     near(0x3ff9_21fb) | near(0x4009_21fb) | near(0x4012_d97c) | near(0x4019_21fb)
 }
 
+/// Of msun's `k_sin.c` and `k_cos.c`.
+const S: [f64; 6] = [
+    -1.666_666_666_666_663_2e-1,
+    8.333_333_333_322_49e-3,
+    -1.984_126_982_985_795e-4,
+    2.755_731_370_707_007e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_55e-10,
+];
+const C: [f64; 6] = [
+    4.166_666_666_666_66e-2,
+    -1.388_888_888_887_411e-3,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
+];
+
 /// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`,
 /// `k_sin.c`, `k_cos.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    const S: [f64; 6] = [
-        -1.666_666_666_666_663_2e-1,
-        8.333_333_333_322_49e-3,
-        -1.984_126_982_985_795e-4,
-        2.755_731_370_707_007e-6,
-        -2.505_076_025_340_686_3e-8,
-        1.589_690_995_211_55e-10,
-    ];
-    const C: [f64; 6] = [
-        4.166_666_666_666_66e-2,
-        -1.388_888_888_887_411e-3,
-        2.480_158_728_947_673e-5,
-        -2.755_731_435_139_066_3e-7,
-        2.087_572_321_298_175e-9,
-        -1.135_964_755_778_819_5e-11,
-    ];
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];
@@ -94,12 +100,63 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     (sine, cosine)
 }
 
+/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle
+/// itself: for arguments beyond a turn, which [`sincos`] is not for. Reduced in three parts (Cody,
+/// Waite, 1980), then msun's polynomials.
+#[inline(always)]
+pub(super) fn cos(x: f64) -> f64 {
+    const QUARTER: [f64; 3] =
+        [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
+    /// Added and taken away, it leaves the nearest whole number.
+    const WHOLE: f64 = 6_755_399_441_055_744.0;
+    let quarters = (x * FRAC_2_PI + WHOLE) - WHOLE;
+    let a = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
+    // Which of four quarters: 0, 1, 2 or 3.
+    let fours = (quarters * 0.25 + WHOLE) - WHOLE;
+    let which = quarters - 4.0 * fours;
+    let z = a * a;
+    let w = z * z;
+    let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
+    let sin = a + z * a * (S[0] + z * r);
+    let r = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
+    let cos = 1.0 - (0.5 * z - z * r);
+    let size = if which.abs() == 1.0 { sin } else { cos };
+    if (which == 1.0) | (which.abs() == 2.0) { -size } else { size }
+}
+
+/// Yaw, pitch and roll: the angles of two points `(y, x)`, and between them an arcsine.
+pub(super) fn euler_angles(yaw: [f64; 2], sin_pitch: f64, roll: [f64; 2]) -> Attitude {
+    Arch::new().dispatch(EulerAngles { yaw, sin_pitch, roll })
+}
+
+struct EulerAngles {
+    yaw: [f64; 2],
+    sin_pitch: f64,
+    roll: [f64; 2],
+}
+
+impl NullaryFnOnce for EulerAngles {
+    type Output = Attitude;
+
+    #[inline(always)]
+    fn call(self) -> Attitude {
+        let Self { yaw, sin_pitch, roll } = self;
+        let turned = atan2(&[yaw[0], roll[0], 0.0, 0.0], &[yaw[1], roll[1], 1.0, 1.0]);
+        let [pitch_rad, ..] = asin(&[sin_pitch, 0.0, 0.0, 0.0]);
+        Attitude { yaw_rad: turned[0], pitch_rad, roll_rad: turned[1] }
+    }
+}
+
 /// Angles of four points `(x, y)`, as `libm::atan2` gives them.
 #[inline(always)]
 pub(super) fn atan2(y: &[f64; 4], x: &[f64; 4]) -> [f64; 4] {
     let easy = |i: usize| (x[i] > 0.0) & (x[i] < 1e300) & (y[i].abs() < 1e9 * x[i]);
     if easy(0) & easy(1) & easy(2) & easy(3) {
-        std::array::from_fn(|i| atan(y[i] / x[i]))
+        let mut angles = *y;
+        for (angle, x) in angles.iter_mut().zip(x) {
+            *angle = atan(*angle / x);
+        }
+        angles
     } else {
         std::array::from_fn(|i| libm::atan2(y[i], x[i]))
     }
@@ -108,13 +165,16 @@ pub(super) fn atan2(y: &[f64; 4], x: &[f64; 4]) -> [f64; 4] {
 /// Arcsines, as `libm::asin` gives them.
 #[inline(always)]
 pub(super) fn asin(x: &[f64; 4]) -> [f64; 4] {
-    if x.iter().fold(true, |easy, x| easy & (x.abs() < 0.5)) {
-        x.map(|x| {
-            let z = x * x;
+    let easy = |i: usize| x[i].abs() < 0.5;
+    if easy(0) & easy(1) & easy(2) & easy(3) {
+        let mut angles = *x;
+        for x in &mut angles {
+            let z = *x * *x;
             let p = z * (P[0] + z * (P[1] + z * (P[2] + z * (P[3] + z * (P[4] + z * P[5])))));
             let q = 1.0 + z * (Q[0] + z * (Q[1] + z * (Q[2] + z * Q[3])));
-            x + x * (p / q)
-        })
+            *x += *x * (p / q);
+        }
+        angles
     } else {
         x.map(libm::asin)
     }
@@ -171,7 +231,8 @@ fn atan(x: f64) -> f64 {
         let beyond = size >= limit;
         above = if beyond { numerator } else { above };
         below = if beyond { denominator } else { below };
-        about = [0, 1].map(|part| if beyond { turned[part] } else { about[part] });
+        about[0] = if beyond { turned[0] } else { about[0] };
+        about[1] = if beyond { turned[1] } else { about[1] };
     }
     let t = above / below;
     let z = t * t;
@@ -210,6 +271,17 @@ mod tests {
             assert_eq!(cos.to_bits(), cos_libm.to_bits(), "cos {u}");
         }
         assert!((8..40).contains(&n_hard), "few are left to libm: {n_hard}");
+    }
+
+    #[test]
+    fn cosines_of_many_turns_are_as_near_as_numbers_allow() {
+        let mut noise = Noise::new(7, 0, "arguments");
+        let drawn = (0..300_000).map(|_| noise.normal());
+        let edges = (-40..=40).map(|k| f64::from(k) * FRAC_PI_4);
+        for x in drawn.flat_map(|x| [x, 10.0 * x, 1000.0 * x]).chain(edges) {
+            let (found, want) = (cos(x), libm::cos(x));
+            assert!((found - want).abs() < 3e-16, "cos {x}: {found} of {want}");
+        }
     }
 
     #[test]

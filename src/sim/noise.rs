@@ -7,8 +7,11 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{SVector, Vector3};
+use pulp::{Arch, NullaryFnOnce};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+
+use super::lanes::cos;
 
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
 const WAVES: usize = 8;
@@ -96,8 +99,26 @@ impl<const N: usize> Field<N> {
     }
 
     pub(super) fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
-        let height = |w: &Wave| libm::cos(w.wavevector_rad_m.dot(position_m) + w.phase_rad);
-        self.amplitude * self.waves[component].iter().map(height).sum::<f64>()
+        let heights = Arch::new().dispatch(Heights(&self.waves[component], position_m));
+        self.amplitude * heights.iter().sum::<f64>()
+    }
+}
+
+/// How high plane waves stand at a place.
+struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
+
+impl NullaryFnOnce for Heights<'_> {
+    type Output = [f64; WAVES];
+
+    #[inline(always)]
+    fn call(self) -> [f64; WAVES] {
+        let Self(waves, place) = self;
+        let mut heights = [0.0; WAVES];
+        for (height, wave) in heights.iter_mut().zip(waves) {
+            let k = &wave.wavevector_rad_m;
+            *height = cos(k.x * place.x + k.y * place.y + k.z * place.z + wave.phase_rad);
+        }
+        heights
     }
 }
 

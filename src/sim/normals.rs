@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
-use rand::RngExt;
+use rand::Rng;
 use rand::rngs::ChaCha8Rng;
 
 use super::lanes::{is_hard, ln, sincos};
@@ -47,11 +47,13 @@ impl Normals {
     }
 
     fn fill(&mut self) {
-        let mut uniform = [[0.0; 2]; PAIRS];
-        for pair in &mut uniform {
-            *pair = [self.rng.random(), self.rng.random()];
+        let mut bytes = [0; 16 * PAIRS];
+        self.rng.fill_bytes(&mut bytes);
+        let mut drawn = [[0; 2]; PAIRS];
+        for (number, bytes) in drawn.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {
+            *number = u64::from_le_bytes(*bytes);
         }
-        pulp::Arch::new().dispatch(Fill { uniform: &uniform, block: &mut self.block });
+        pulp::Arch::new().dispatch(Fill { drawn: &drawn, block: &mut self.block });
         self.drawn = 0;
     }
 }
@@ -63,9 +65,9 @@ struct Block {
     sines: [f64; PAIRS],
 }
 
-/// Uniform numbers, and the normals to be made of them.
+/// Random bits, and the normals to be made of them.
 struct Fill<'a> {
-    uniform: &'a [[f64; 2]; PAIRS],
+    drawn: &'a [[u64; 2]; PAIRS],
     block: &'a mut Block,
 }
 
@@ -77,18 +79,26 @@ impl pulp::NullaryFnOnce for Fill<'_> {
         let mut radii = [0.0; PAIRS];
         let mut hard = [false; PAIRS];
         for i in 0..PAIRS {
-            let [first, second] = self.uniform[i];
-            radii[i] = (-2.0 * ln(1.0 - first)).sqrt();
-            let angle = TAU * second;
+            let [first, second] = self.drawn[i];
+            radii[i] = (-2.0 * ln(1.0 - uniform(first))).sqrt();
+            let angle = TAU * uniform(second);
             let (sin, cos) = sincos(angle);
             (self.block.cosines[i], self.block.sines[i]) = (radii[i] * cos, radii[i] * sin);
             hard[i] = is_hard(angle);
         }
         for i in (0..PAIRS).filter(|i| hard[*i]) {
-            let (sin, cos) = libm::sincos(TAU * self.uniform[i][1]);
+            let (sin, cos) = libm::sincos(TAU * uniform(self.drawn[i][1]));
             (self.block.cosines[i], self.block.sines[i]) = (radii[i] * cos, radii[i] * sin);
         }
     }
+}
+
+/// Uniform in `[0, 1)` from 64 random bits, as `rand` makes it of their first 53.
+#[inline(always)]
+fn uniform(bits: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "53 bits")]
+    let whole = (bits >> 11) as f64;
+    whole * (f64::EPSILON / 2.0)
 }
 
 #[cfg(test)]

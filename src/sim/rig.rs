@@ -1,4 +1,4 @@
-//! The rig: one drone with its sensors, observer and controller, from tick to tick.
+//! The rig: a drone's sensors, observer and controller, from tick to tick.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::estimator::{Estimator, estimator};
 use super::options::SimOptions;
 use super::recorder::Moment;
 use super::sensors::Sensors;
-use super::vehicle::{Body, Plant, State};
+use super::vehicle::{Body, Reality, State};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -17,16 +17,13 @@ pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
 /// metres and a few rad/s.
 pub(super) const LOST: f64 = 1e4;
 
-/// One drone in flight: all that changes from tick to tick, and what changes it.
+/// What one drone carries: all that changes from tick to tick but the drone itself.
 #[derive(Debug)]
 pub(super) struct Rig {
-    plant: Plant,
-    specific_force_m_s2: Vector3<f64>,
     controller: Box<dyn Controller>,
     estimator: Box<dyn Estimator>,
     sensors: Sensors,
     tick_s: f64,
-    steps_per_tick: u32,
     estimate: State,
     /// Of the estimate.
     fresh: bool,
@@ -35,47 +32,54 @@ pub(super) struct Rig {
     ticks: u32,
     ticks_per_command: u32,
     setpoint: usize,
+    short_steps: u32,
     /// Ticks with a motor at its limit, and those of them at which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
 }
 
+/// Where a drone stands or hovers before its flight.
+pub(super) fn start_m(plan: &Plan) -> Vector3<f64> {
+    let first_m = plan.setpoints[0].position_m;
+    Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0))
+}
+
 impl Rig {
-    /// Controller and estimator are made for `believed`, everything else is `actual`.
+    /// Controller and estimator are made for `believed`, the sensors are `actual`.
     pub(super) fn new(
         plan: &Plan,
         believed: &SimOptions,
         actual: &SimOptions,
         seed: u64,
     ) -> Result<Self> {
-        let rates = &actual.rates;
-        let rate_hz = rates.control_hz;
+        let rate_hz = actual.rates.control_hz;
         let sensors = Sensors::new(&actual.sensors, rate_hz, seed, 0);
-        let mut start_m = plan.setpoints[0].position_m;
-        start_m.z = start_m.z.max(0.0);
-        let dt_s = 1.0 / f64::from(rate_hz * rates.steps_per_tick);
-        let plant = Plant::new(actual, dt_s, seed, 0, start_m);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(believed, sensors.settled_m(start_m))?,
+            estimator: estimator(believed, sensors.settled_m(start_m(plan)))?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
-            steps_per_tick: rates.steps_per_tick,
-            specific_force_m_s2: plant.specific_force_m_s2(),
-            plant,
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
             ticks: 0,
-            ticks_per_command: rate_hz / rates.attitude_hz(),
+            ticks_per_command: rate_hz / actual.rates.attitude_hz(),
             setpoint: 0,
+            short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
         })
     }
 
     /// Measures, estimates and commands the motors.
-    pub(super) fn decide(&mut self, plan: &Plan, time_s: f64) {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for a flight that the controller has lost.
+    pub(super) fn decide(&mut self, plan: &Plan, time_s: f64, reality: &Reality) -> Result<()> {
+        let short = reality.short_steps > self.short_steps;
+        self.short_steps = reality.short_steps;
+        self.saturated_ticks += u32::from(self.command.saturated || short);
         let due = |next: usize| {
             plan.setpoints.get(next).is_some_and(|s| s.time_s <= time_s + TIME_TOLERANCE_S)
         };
@@ -84,7 +88,7 @@ impl Rig {
         }
         let setpoint = &plan.setpoints[self.setpoint];
 
-        let readings = self.sensors.read(self.plant.body(), self.specific_force_m_s2);
+        let readings = self.sensors.read(&reality.body, reality.specific_force_m_s2);
         self.estimator.update(&readings, self.tick_s);
         self.fresh = false;
 
@@ -100,27 +104,32 @@ impl Rig {
         self.ticks += 1;
         let writes = setpoint.letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
+        self.check(time_s, &reality.body)
     }
 
-    /// Moves the drone to the next tick.
-    pub(super) fn advance(&mut self) {
-        let short_steps = self.plant.short_steps();
-        pulp::Arch::new().dispatch(Steps(self));
-        let short = self.plant.short_steps() > short_steps;
-        self.saturated_ticks += u32::from(self.command.saturated || short);
+    /// What the motors m1…m4 are told.
+    pub(super) fn motors(&self) -> [f64; 4] {
+        self.command.motors.into()
     }
 
     /// What is written down at this tick.
-    pub(super) fn moment(&mut self, time_s: f64) -> Moment {
+    ///
+    /// `battery` is its voltage (V) and the energy (J) that it gave, where there is one.
+    pub(super) fn moment(
+        &mut self,
+        time_s: f64,
+        reality: &Reality,
+        battery: Option<(f64, f64)>,
+    ) -> Moment {
         self.refresh_estimate();
         Moment {
             time_s,
-            state: self.plant.body().state(),
+            state: reality.body.state(),
             estimate: self.estimate,
-            motors: self.command.motors.into(),
+            motors: self.motors(),
             setpoint: self.setpoint,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery: self.plant.battery_v().zip(self.plant.energy_j()),
+            battery,
         }
     }
 
@@ -134,8 +143,8 @@ impl Rig {
     }
 
     /// Stops a flight that the controller has lost.
-    pub(super) fn check(&self, time_s: f64) -> Result<()> {
-        let Some(found) = lost(self.plant.body(), &self.estimate) else { return Ok(()) };
+    fn check(&self, time_s: f64, body: &Body) -> Result<()> {
+        let Some(found) = lost(body, &self.estimate) else { return Ok(()) };
         Err(Error::Infeasible {
             what: format!("the drone {found} after {time_s:.3} s"),
             hint: "check the weights controller.q and .r and observer.q and .r against the \
@@ -144,27 +153,13 @@ impl Rig {
         })
     }
 
-    pub(super) fn warnings(&self) -> Vec<String> {
+    /// What whoever reads the flight should know; `of_plant` is what the drone itself says.
+    pub(super) fn warnings(&self, of_plant: Vec<String>) -> Vec<String> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
         let saturated = (self.saturated_writing_ticks > 0).then_some(text);
-        let others = self.plant.warnings().into_iter().chain(self.sensors.warnings());
+        let others = of_plant.into_iter().chain(self.sensors.warnings());
         saturated.into_iter().chain(others).collect()
-    }
-}
-
-/// The steps of the physics in a tick.
-struct Steps<'a>(&'a mut Rig);
-
-impl pulp::NullaryFnOnce for Steps<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        for _ in 0..self.0.steps_per_tick {
-            self.0.plant.advance(&self.0.command.motors.into());
-        }
-        self.0.specific_force_m_s2 = self.0.plant.specific_force_m_s2();
     }
 }
 

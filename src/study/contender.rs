@@ -46,13 +46,20 @@ impl Contender {
         Self { name: name.to_owned(), scene, plans: BTreeMap::new() }
     }
 
-    /// What somebody named: a scene file, a folder with `scene.toml` and learned `plan-WORD.csv`, a
-    /// name of [`KNOWN`], or a preset.
+    /// What somebody named: a name of [`KNOWN`], a preset, a scene file, or a folder with
+    /// `scene.toml` and learned `plan-WORD.csv`; `./tuned` is a folder that is called as a scene.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] for a name that is none of these, and what reading the files says.
     pub fn find(named: &str) -> Result<Self> {
+        // Names mean the same in every working folder: what lies there is `./name`.
+        if let Some((name, toml)) = KNOWN.iter().find(|(name, _)| *name == named) {
+            return Ok(Self::new(name, Scene::parse(toml, name)?));
+        }
+        if let Ok(preset) = named.parse::<Preset>() {
+            return Ok(Self::new(named, Scene::preset(preset)));
+        }
         let path = Path::new(named);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if path.is_dir() {
@@ -62,12 +69,6 @@ impl Contender {
         }
         if path.exists() {
             return Ok(Self::new(&stem, Scene::read(path)?));
-        }
-        if let Some((name, toml)) = KNOWN.iter().find(|(name, _)| *name == named) {
-            return Ok(Self::new(name, Scene::parse(toml, name)?));
-        }
-        if let Ok(preset) = named.parse::<Preset>() {
-            return Ok(Self::new(named, Scene::preset(preset)));
         }
         let names: Vec<&str> = KNOWN.iter().map(|(name, _)| *name).collect();
         Err(Error::input(
@@ -150,6 +151,7 @@ mod tests {
         std::fs::write(folder.path().join("scene.toml"), Scene::default().to_toml()).unwrap();
         let learned = Contender::find(folder.path().to_str().unwrap()).unwrap();
         assert!(learned.plans.contains_key("I"));
+        assert!(Contender::find("tuned").unwrap().plans.is_empty(), "the name, wherever one works");
         let json = serde_json::to_string(&learned).unwrap();
         assert_eq!(serde_json::from_str::<Contender>(&json).unwrap(), learned);
     }

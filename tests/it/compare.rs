@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use noctograph::photo::Photo;
+use noctograph::photo::{Photo, flip};
 
 /// How two photos differ.
 #[derive(Debug, PartialEq, Eq)]
@@ -31,17 +31,25 @@ pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
     })
 }
 
-/// Leaves golden, photo and amplified difference in `target/golden/<name>/` with an HTML page.
+/// Leaves golden, photo, amplified difference and the difference that an eye sees (ꟻLIP) in `target/golden/<name>/` with an HTML page.
 pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden").join(name);
     std::fs::create_dir_all(&folder).unwrap();
-    let difference = wanted.filter(|wanted| wanted.rgb8.len() == found.rgb8.len()).map(|wanted| {
+    let size = |photo: &Photo| (photo.width_px, photo.height_px);
+    let comparable = wanted.filter(|wanted| size(wanted) == size(found));
+    let amplified = comparable.map(|wanted| {
         let pixels = wanted.rgb8.iter().zip(&found.rgb8);
         let rgb8 = pixels.map(|(a, b)| a.abs_diff(*b).saturating_mul(16)).collect();
         Photo { rgb8, ..found.clone() }
     });
+    let seen = comparable.map(|wanted| flip::difference(wanted, found).picture());
     let mut page = format!("<!doctype html><meta charset=utf-8><title>{name}</title><p>{note}</p>");
-    let pictures = [("wanted", wanted), ("found", Some(found)), ("16x", difference.as_ref())];
+    let pictures = [
+        ("wanted", wanted),
+        ("found", Some(found)),
+        ("16x", amplified.as_ref()),
+        ("flip", seen.as_ref()),
+    ];
     for (title, photo) in pictures {
         let Some(photo) = photo else { continue };
         let file = std::fs::File::create(folder.join(format!("{title}.png"))).unwrap();
@@ -80,4 +88,17 @@ fn the_comparison_sees_shifts_swapped_channels_and_sizes() {
     for wrong in [shifted, swapped, resized] {
         assert!(compare(&photo(), &wrong).is_some());
     }
+}
+
+#[test]
+fn a_failure_leaves_a_page_with_the_difference_that_an_eye_sees() {
+    let mut changed = photo();
+    changed.rgb8[0] ^= 0x80;
+    let page = leave_page("of-a-test", Some(&photo()), &changed, "the note");
+    let text = std::fs::read_to_string(&page).unwrap();
+    for title in ["wanted", "found", "16x", "flip"] {
+        assert!(text.contains(&format!("src={title}.png")), "{title}: {text}");
+    }
+    let seen = Photo::read_png(&page.with_file_name("flip.png")).unwrap();
+    assert!(seen.rgb8[..3] > seen.rgb8[3 * 95..], "bright where the pictures differ");
 }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use noctograph::expose::{BackendChoice, ExposeOptions, Exposure, expose};
 use noctograph::photo::{Noise, Photo, develop};
+use noctograph::report::{Label, labelled};
 use noctograph::scene::Scene;
 use noctograph::{letters, light, plan, sim};
 
@@ -25,7 +26,11 @@ fn preview(word: &str, size_px: [u32; 2], noise: Noise) -> (Exposure, Photo) {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
     scene.photo.noise = noise;
     [scene.camera.width_px, scene.camera.height_px] = size_px;
-    let strokes = letters::write(word, &scene.letters).unwrap();
+    photograph(&scene)
+}
+
+fn photograph(scene: &Scene) -> (Exposure, Photo) {
+    let strokes = letters::write(&scene.word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
@@ -46,10 +51,9 @@ fn refuse_other_than_lavapipe(adapter: &str) {
     assert!(adapter.contains("llvmpipe"), "goldens are blessed on lavapipe, not on {adapter}");
 }
 
-/// Holds the preview of NOOR to a golden image of at most `max_bytes`.
-fn hold(file: &str, size_px: [u32; 2], noise: Noise, max_bytes: usize) {
+/// Holds a photo to a golden image of at most `max_bytes`.
+fn hold(file: &str, (exposure, photo): (Exposure, Photo), max_bytes: usize) {
     let path = golden(file);
-    let (exposure, photo) = preview("NOOR", size_px, noise);
     if std::env::var_os(BLESS).is_some() {
         refuse_other_than_lavapipe(&exposure.adapter);
         let mut png = Vec::new();
@@ -68,12 +72,29 @@ fn hold(file: &str, size_px: [u32; 2], noise: Noise, max_bytes: usize) {
 
 #[test]
 fn golden_noor_is_the_photo_of_noor() {
-    hold("photo/noor.png", [160, 90], Noise::Off, 16 << 10);
+    hold("photo/noor.png", preview("NOOR", [160, 90], Noise::Off), 16 << 10);
 }
 
 #[test]
 fn golden_picture_of_the_readme_is_what_the_command_makes() {
-    hold("readme/noor.png", [800, 450], Noise::Emva1288, 480 << 10);
+    hold("readme/noor.png", preview("NOOR", [800, 450], Noise::Emva1288), 480 << 10);
+}
+
+#[test]
+fn golden_phenomena_of_the_teams_photograph_are_in_our_render_of_it() {
+    let toml = std::fs::read_to_string(golden("readme/team.toml")).unwrap();
+    let scene = Scene { word: "NOOR".into(), ..Scene::parse(&toml, "team.toml").unwrap() };
+    let (exposure, photo) = photograph(&scene);
+    let label = |text: &str, text_px, named_px| Label { text: text.into(), text_px, named_px };
+    let labels = [
+        label("1 headlights, on strokes only", [330.0, 30.0], [445.0, 73.0]),
+        label("2 power LEDs, blue", [20.0, 160.0], [262.0, 205.0]),
+        label("3 status LED, red dots", [830.0, 150.0], [772.0, 122.0]),
+        label("4 stroke ends early", [410.0, 280.0], [560.0, 226.0]),
+        label("5 lit tail before the N", [20.0, 300.0], [293.0, 262.0]),
+        label("6 take-off blob, glow of the ring on the floor", [560.0, 400.0], [487.0, 359.0]),
+    ];
+    hold("readme/phenomena.png", (exposure, labelled(&photo, &labels)), 384 << 10);
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! SVG: visible paths, with `use`, transforms, basic shapes and styles resolved by usvg.
+//! SVG: visible paths, with `use`, transforms, basic shapes, styles and dashes resolved by usvg and
+//! kurbo. Text is refused (nothing here has its typeface); clips, masks and pictures do not count.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -24,6 +25,18 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
+    let text = document.descendants().find(|node| node.tag_name().name() == "text");
+    if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
+        let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
+        let hint = "make paths of it in the SVG editor (Inkscape: Path > Object to Path), or write \
+                    it with --font";
+        return Err(Error::input(
+            place,
+            "<text>",
+            "paths: a text's typeface is not in the file",
+            hint,
+        ));
+    }
     // Pictures are not drawn, so none is opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
@@ -45,7 +58,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
                 let drawn = convert(path.data(), path.abs_transform());
                 let filled = path.stroke().is_none();
                 if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
-                    paths.push(drawn);
+                    paths.push(dashed(drawn, path, file)?);
                 }
             }
             Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
@@ -95,6 +108,22 @@ fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) ->
         }
     }
     drawn
+}
+
+/// The path as its stroke is dashed. Where a transform stretches, dashes are as long as on average.
+fn dashed(drawn: BezPath, path: &usvg::Path, file: &str) -> Result<BezPath> {
+    let Some(stroke) = path.stroke() else { return Ok(drawn) };
+    let Some(dashes) = stroke.dasharray() else { return Ok(drawn) };
+    let transform = path.abs_transform();
+    let scale = f64::from(transform.sx * transform.sy - transform.kx * transform.ky).abs().sqrt();
+    let dashes: Vec<f64> = dashes.iter().map(|dash| scale * f64::from(*dash)).collect();
+    let period: f64 = dashes.iter().sum();
+    let n_dashes = drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
+    if n_dashes.is_nan() || n_dashes > MAX_POINTS as f64 {
+        return Err(too_many(file));
+    }
+    let offset = scale * f64::from(stroke.dashoffset());
+    Ok(kurbo::dash(drawn.iter(), offset, &dashes).collect())
 }
 
 /// Whether a fill is a rectangle over the whole page.

@@ -249,7 +249,7 @@ fn broken_files_give_errors_and_never_panic() {
         <g transform='rotate(30 5 5) skewX(10) matrix(1,0,0,1,5,5)' style='stroke:#f00;stroke-width:2'>
         <use xlink:href='#a' x='5'/><ellipse cx='5' cy='7' rx='3' ry='4'/><polygon points='0,0 5,5 9,0'/>
         </g><marker id='m'><path d='M0 0h3'/></marker><polyline points='1 1 9 3' marker-end='url(#m)'/>
-        <clipPath id='c'><rect width='9' height='9'/></clipPath><text>no</text><image href='x.png'/>");
+        <clipPath id='c'><rect width='9' height='9'/></clipPath><text/><image href='x.png'/>");
     let corpus = [("a.svg", page.as_str()), ("a.json", PAGE), ("a.inkml", INK)];
     let mut state = 7_u64;
     let mut roll = |n: usize| {
@@ -293,4 +293,27 @@ fn broken_files_give_errors_and_never_panic() {
         }
     }
     assert!(drawn > 100 && refused > 100, "{drawn} drawn, {refused} refused");
+}
+
+#[test]
+fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
+    let body = "<g transform='scale(2)'><path d='M0 25 h100' stroke='red' \
+                stroke-dasharray='20 5' stroke-dashoffset='10'/></g>";
+    let strokes = drawn("a.svg", &svg(body), &on_canvas(2.0, 1.0)).unwrap();
+    let mut ends: Vec<[f64; 2]> = lit(&strokes).iter().map(|run| [run.0[0], run.1[0]]).collect();
+    ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    assert_eq!(ends, [[0.0, 0.2], [0.3, 0.7], [0.8, 1.2], [1.3, 1.7], [1.8, 2.0]]);
+    let endless = "<path d='M0 0 h1e6' stroke='red' stroke-dasharray='1e-6'/>";
+    let error = drawn("a.svg", &svg(endless), &LetterOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("a.svg"), "{error}");
+}
+
+#[test]
+fn text_is_refused_with_its_line_and_not_left_out() {
+    let body = "\n<path d='M0 0 h9' stroke='red'/>\n<text x='5'>NO<tspan>OR</tspan></text>";
+    let error = drawn("a.svg", &svg(body), &LetterOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("a.svg:3"), "{error}");
+    assert!(error.hint().contains("Object to Path"), "{error}");
+    let empty = "<path d='M0 0 h9' stroke='red'/><text x='5'/>";
+    drawn("a.svg", &svg(empty), &LetterOptions::default()).unwrap();
 }

@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use crate::geometry::Attitude;
+use crate::sim::lanes::euler_angles;
 
 /// `world_from_body`.
 #[derive(Clone, Copy, Debug)]
@@ -19,11 +20,15 @@ impl Turned {
     /// its fifth power, below 1e-9 rad for a tenth of a radian.
     #[inline(always)]
     pub(super) fn by(&self, turn_rad: &Vector3<f64>) -> Self {
-        let square = turn_rad.norm_squared();
-        let vector = turn_rad * (0.5 - square / 48.0);
-        let step = Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector);
-        let turned = self.0 * step;
-        Self(turned / turned.norm_squared().sqrt())
+        Self(unit(self.0 * small(turn_rad)))
+    }
+
+    /// The same in two equal steps: the attitude midway, and the one after the turn.
+    #[inline(always)]
+    pub(super) fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
+        let half = small(&(turn_rad * 0.5));
+        let midway = self.0 * half;
+        [Self(midway), Self(unit(midway * half))]
     }
 
     /// As a matrix.
@@ -44,14 +49,26 @@ impl Turned {
     }
 }
 
+/// A small turn: the first terms of the sine's and the cosine's series.
+#[inline(always)]
+fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
+    let square = turn_rad.norm_squared();
+    let vector = turn_rad * (0.5 - square / 48.0);
+    Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
+}
+
+/// Of length one. What is nearly so needs no root: a step of Newton's takes its error to the square.
+#[inline(always)]
+fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
+    let square = q.norm_squared();
+    let near = (square - 1.0).abs() < 1e-8;
+    q * if near { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
+}
+
 /// Yaw, pitch and roll of a rotation matrix.
 pub(super) fn angles(world_from_body: &Matrix3<f64>) -> Attitude {
     let r = world_from_body;
-    Attitude {
-        yaw_rad: libm::atan2(r[(1, 0)], r[(0, 0)]),
-        pitch_rad: -libm::asin(r[(2, 0)].clamp(-1.0, 1.0)),
-        roll_rad: libm::atan2(r[(2, 1)], r[(2, 2)]),
-    }
+    euler_angles([r[(1, 0)], r[(0, 0)]], -r[(2, 0)].clamp(-1.0, 1.0), [r[(2, 1)], r[(2, 2)]])
 }
 
 #[cfg(test)]

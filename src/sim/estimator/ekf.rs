@@ -35,8 +35,9 @@ const LEAST_COS_TILT: f64 = 0.3;
 pub(super) struct Ekf {
     pub(super) position_m: Vector3<f64>,
     pub(super) velocity_m_s: Vector3<f64>,
-    attitude: Turned,
-    pub(super) world_from_body: Matrix3<f64>,
+    pub(super) attitude: Turned,
+    /// The attitude as a matrix, since the covariance was carried last.
+    world_from_body: Matrix3<f64>,
     rate_rad_s: Vector3<f64>,
     pub(super) covariance: Covariance,
     /// Since the covariance was carried last.
@@ -98,12 +99,11 @@ impl Ekf {
     #[inline(always)]
     fn predict(&mut self, rate_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>, tick_s: f64) {
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
-        let midway = self.attitude.by(&(turn_rad * 0.5)).matrix();
-        let acceleration = midway * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
+        let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
+        let acceleration = midway.matrix() * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
         self.position_m += (self.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
         self.velocity_m_s += acceleration * tick_s;
-        self.attitude = self.attitude.by(&turn_rad);
-        self.world_from_body = self.attitude.matrix();
+        self.attitude = after;
         self.rate_rad_s = *rate_rad_s;
         self.span_s += tick_s;
         self.turn_rad += turn_rad;
@@ -126,13 +126,15 @@ impl Ekf {
 
     #[inline(always)]
     fn see_sweep(&mut self, sweep: &Sweep) {
-        let levers = DECK_SENSORS_M.map(Vector3::from);
-        let places_m = levers.map(|lever| self.position_m + self.world_from_body * lever);
+        let mut places_m = [self.position_m; 4];
+        for (place_m, lever) in places_m.iter_mut().zip(&DECK_SENSORS_M) {
+            *place_m += self.world_from_body * Vector3::from(*lever);
+        }
         let crossings = self.stations[sweep.station].crossings(sweep.plane, &places_m);
-        for ((lever, crossing), angle_rad) in levers.iter().zip(crossings).zip(sweep.angles_rad) {
-            let position = crossing.slope_rad_m;
-            let turn = lever.cross(&self.world_from_body.tr_mul(&position));
-            let innovation = angle_rad - crossing.angle_rad;
+        for (i, lever) in DECK_SENSORS_M.iter().enumerate() {
+            let position = crossings[i].slope_rad_m;
+            let turn = Vector3::from(*lever).cross(&self.world_from_body.tr_mul(&position));
+            let innovation = sweep.angles_rad[i] - crossings[i].angle_rad;
             self.correct(Slope { position, turn }, innovation, self.trust.sweep);
         }
     }
@@ -186,7 +188,6 @@ impl Ekf {
         self.position_m += errors.position_m;
         self.velocity_m_s += errors.velocity_m_s;
         self.attitude = self.attitude.by(&errors.turn_rad);
-        self.world_from_body = self.attitude.matrix();
     }
 }
 
@@ -215,11 +216,15 @@ impl Ekf {
         if !measured && self.span_s < LONGEST_SPAN_S {
             return;
         }
+        self.world_from_body = self.attitude.matrix();
         self.carry_covariance(force_m_s2);
         if !measured {
             return;
         }
-        readings.sweeps.iter().for_each(|sweep| self.see_sweep(sweep));
+        // A loop: a closure would be compiled for narrow registers.
+        for sweep in readings.sweeps {
+            self.see_sweep(sweep);
+        }
         readings.ranges.iter().for_each(|range| self.hear_range(range));
         readings.position_m.iter().for_each(|position_m| self.see_position(position_m));
         readings.time_of_flight_m.iter().for_each(|distance_m| self.see_floor(*distance_m));
@@ -235,8 +240,9 @@ impl Estimator for Ekf {
 
     fn state(&self) -> State {
         let (p, w) = (&self.position_m, &self.rate_rad_s);
-        let a = angles(&self.world_from_body);
-        let v = self.world_from_body.tr_mul(&self.velocity_m_s);
+        let world_from_body = self.attitude.matrix();
+        let a = angles(&world_from_body);
+        let v = world_from_body.tr_mul(&self.velocity_m_s);
         let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
         State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
     }

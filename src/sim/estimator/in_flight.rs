@@ -128,7 +128,7 @@ fn the_filter_is_as_sure_as_it_is_right() {
 fn nees(truth: &State, ekf: &Ekf) -> f64 {
     let a = Attitude { yaw_rad: truth[3], pitch_rad: truth[4], roll_rad: truth[5] };
     let r = a.world_from_body();
-    let off = ekf.world_from_body.transpose() * r;
+    let off = ekf.attitude.matrix().transpose() * r;
     let mut error = SVector::<f64, 9>::zeros();
     let position = truth.fixed_rows::<3>(0) - ekf.position_m;
     error.fixed_rows_mut::<3>(0).copy_from(&position);

@@ -2,6 +2,7 @@
 //! inputs, yaw integrated.
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
+use pulp::{Arch, NullaryFnOnce};
 
 use super::{Estimator, ObserverOptions};
 use crate::control::{linearise, observer_gain};
@@ -16,11 +17,10 @@ const YAW: usize = 3;
 /// and `y` the last measured position, by Euler's rule as in the firmware.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
-    a_minus_lc: SMatrix<f64, 8, 8>,
-    b: SMatrix<f64, 8, 4>,
-    l: SMatrix<f64, 8, 3>,
+    /// `A − L C`, `B` and `L` side by side: what each state, input and position adds to the slope.
+    columns: [[f64; 8]; 15],
     measured_m: Vector3<f64>,
-    estimate: SVector<f64, 8>,
+    estimate: [f64; 8],
     yaw_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
@@ -38,7 +38,13 @@ impl Observer {
         estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
         let (yaw_rad, rate_rad_s) = (0.0, Vector3::zeros());
         let measured_m = position_m;
-        Ok(Self { a_minus_lc: a - l * c, b, l, measured_m, estimate, yaw_rad, rate_rad_s })
+        let mut columns = [[0.0; 8]; 15];
+        let a_minus_lc = a - l * c;
+        let all = a_minus_lc.column_iter().chain(b.column_iter()).chain(l.column_iter());
+        for (column, of) in columns.iter_mut().zip(all) {
+            column.copy_from_slice(of.into_owned().as_slice());
+        }
+        Ok(Self { columns, measured_m, estimate: estimate.into(), yaw_rad, rate_rad_s })
     }
 }
 
@@ -46,9 +52,8 @@ impl Estimator for Observer {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         self.measured_m = readings.position_m.unwrap_or(self.measured_m);
-        let u = Vector4::new(w.x, w.y, w.z, readings.specific_force_m_s2.z - GRAVITY_M_S2);
-        let slope = self.a_minus_lc * self.estimate + self.b * u + self.l * self.measured_m;
-        self.estimate += slope * tick_s;
+        let u = [w.x, w.y, w.z, readings.specific_force_m_s2.z - GRAVITY_M_S2];
+        Arch::new().dispatch(Step { observer: self, u, tick_s });
         self.yaw_rad += w.z * tick_s;
         self.rate_rad_s = w;
     }
@@ -59,6 +64,42 @@ impl Estimator for Observer {
         let w = &self.rate_rad_s;
         State::from([x[0], x[1], x[2], self.yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
     }
+}
+
+/// One step of Euler's rule, with a register for a column.
+struct Step<'a> {
+    observer: &'a mut Observer,
+    u: [f64; 4],
+    tick_s: f64,
+}
+
+impl NullaryFnOnce for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Observer { columns, estimate, measured_m, .. } = self.observer;
+        let (of_states, rest) = columns.split_at(8);
+        let (of_inputs, of_positions) = rest.split_at(4);
+        let states = combine(of_states, estimate);
+        let inputs = combine(of_inputs, &self.u);
+        let positions = combine(of_positions, measured_m.as_slice());
+        for (i, value) in estimate.iter_mut().enumerate() {
+            *value += (states[i] + inputs[i] + positions[i]) * self.tick_s;
+        }
+    }
+}
+
+/// The sum of columns, each so many times.
+#[inline(always)]
+fn combine(columns: &[[f64; 8]], times: &[f64]) -> [f64; 8] {
+    let mut sum = [0.0; 8];
+    for (column, times) in columns.iter().zip(times) {
+        for (sum, value) in sum.iter_mut().zip(column) {
+            *sum += value * times;
+        }
+    }
+    sum
 }
 
 /// Gain `L` of the dual regulator: the model's σ² as its state weight, the measurement's σ² as its

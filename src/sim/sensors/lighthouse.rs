@@ -13,6 +13,7 @@ use super::SensorOptions;
 use super::station::{Generation, StationPose};
 use crate::geometry::Attitude;
 use crate::sim::noise::{Field, Noise};
+use crate::sim::normals::Normals;
 
 /// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
 /// firmware, `lighthouse_position_est.c`.
@@ -68,7 +69,9 @@ struct Rotor {
     sigmas_rad: [f64; 2],
     /// Over the direction from the station, one component a plane.
     distortion: Field<2>,
-    noise: Noise,
+    noise: Normals,
+    /// Of the sweeps that get lost.
+    chance: Noise,
     /// Turns (of a cycle, for the first generation) per second.
     turn_hz: f64,
     /// When each plane passes, in turns.
@@ -112,7 +115,7 @@ impl Lighthouse {
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
                 // Drawn for every sweep, seen or not.
-                let lost = rotor.noise.uniform() < self.loss_frac;
+                let lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
                 let up = world_from_body.column(2).into_owned();
@@ -145,7 +148,7 @@ impl Rotor {
         let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
         truth.world_from_station *= turned.world_from_body();
 
-        let mut noise_of_sweeps = noise(&format!("station {i} sweeps"));
+        let mut chance = noise(&format!("station {i} sweeps"));
         #[expect(clippy::cast_precision_loss, reason = "at most two stations")]
         let (turn_hz, phases, generation) = match station.generation {
             Generation::V1 => {
@@ -154,7 +157,7 @@ impl Rotor {
                 (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots], 0)
             }
             Generation::V2 => {
-                let phase = noise_of_sweeps.uniform();
+                let phase = chance.uniform();
                 let period = f64::from(V2_PERIODS[i % V2_PERIODS.len()]);
                 (48e6 / period, [phase, phase + 1.0 / 3.0], 1)
             }
@@ -169,7 +172,8 @@ impl Rotor {
                 options.sweep_distortion_rad,
                 options.sweep_distortion_length_rad,
             ),
-            noise: noise_of_sweeps,
+            noise: Normals::of(noise(&format!("station {i} sweep angles"))),
+            chance,
             turn_hz,
             phases,
             passed: 0,
@@ -190,8 +194,8 @@ impl Rotor {
     /// White noise of a sweep at each sensor.
     fn errors_rad(&mut self) -> [f64; 4] {
         let [of_all, of_each] = self.sigmas_rad;
-        let shared = of_all * self.noise.normal();
-        std::array::from_fn(|_| shared + of_each * self.noise.normal())
+        let shared = of_all * self.noise.next();
+        std::array::from_fn(|_| shared + of_each * self.noise.next())
     }
 
     fn angles_rad(

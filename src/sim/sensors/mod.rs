@@ -25,7 +25,7 @@ use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
-use super::vehicle::{Body, attitude};
+use super::vehicle::Body;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
 pub(super) use self::height::time_of_flight_sigma_m;
@@ -122,8 +122,8 @@ impl Sensors {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
         let position_m = body.position_m;
-        // Costs more than all else here, and is not needed at most ticks.
-        let world_from_body = || attitude(&body.state()).world_from_body();
+        // Not needed at most ticks.
+        let world_from_body = || body.matrix();
         let mut readings = Readings {
             truth: body,
             rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),

@@ -7,7 +7,7 @@
 //! Model: `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware; fields of view:
 //! Bitcraze's documentation of the Lighthouse deck.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -18,6 +18,9 @@ use crate::sim::lanes::{asin, atan2};
 
 /// tan(π/6): slant of a second-generation station's planes.
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
+/// Tangents of half the width and half the height of the field of view: 60° and 60°, 75° and 55°.
+const TAN_HALF_VIEW_V1: [f64; 2] = [1.732_050_807_568_877_2, 1.732_050_807_568_877_2];
+const TAN_HALF_VIEW_V2: [f64; 2] = [3.732_050_807_568_877, 1.428_148_006_742_114_7];
 /// Beyond this distance the deck no longer sees a sweep: 6 m, as documented.
 const RANGE_M: f64 = 6.0;
 /// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
@@ -118,15 +121,14 @@ impl StationPose {
     pub(in crate::sim) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
-        let (half_width, half_height) = match self.generation {
-            Generation::V1 => (FRAC_PI_3, FRAC_PI_3),
-            Generation::V2 => (5.0 * PI / 12.0, 11.0 * PI / 36.0),
+        let [wide, high] = match self.generation {
+            Generation::V1 => TAN_HALF_VIEW_V1,
+            Generation::V2 => TAN_HALF_VIEW_V2,
         };
-        let elevation = libm::atan2(u.z, libm::hypot(u.x, u.y));
         distance_m > 0.0
             && distance_m <= RANGE_M
-            && libm::atan2(u.y, u.x).abs() <= half_width
-            && elevation.abs() <= half_height
+            && u.y.abs() <= wide * u.x
+            && u.z.abs() <= high * (u.x * u.x + u.y * u.y).sqrt()
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
@@ -139,18 +141,20 @@ impl StationPose {
         plane: usize,
         points_m: &[Vector3<f64>; 4],
     ) -> [Crossing; 4] {
-        let u = points_m.map(|point_m| self.station_from_world(&point_m));
-        let met = match (self.generation, plane) {
-            (Generation::V1, 0) => upright(u.map(|u| u.x), u.map(|u| u.y)),
-            (Generation::V1, _) => upright(u.map(|u| u.x), u.map(|u| u.z))
-                .map(|(angle_rad, slope)| (angle_rad, Vector3::new(slope.x, 0.0, slope.y))),
+        // Loops: a closure would be compiled for narrow registers.
+        let mut u = *points_m;
+        for u in &mut u {
+            *u = self.station_from_world(u);
+        }
+        let mut met = match (self.generation, plane) {
+            (Generation::V1, plane) => upright(&u, 1 + plane),
             (Generation::V2, 0) => slanted(&u, -TAN_TILT),
             (Generation::V2, _) => slanted(&u, TAN_TILT),
         };
-        met.map(|(angle_rad, slope)| Crossing {
-            angle_rad,
-            slope_rad_m: self.world_from_station * slope,
-        })
+        for crossing in &mut met {
+            crossing.slope_rad_m = self.world_from_station * crossing.slope_rad_m;
+        }
+        met
     }
 
     /// Where plane 0 or 1 meets one point.
@@ -173,35 +177,47 @@ impl StationPose {
     }
 }
 
-/// `atan2(b, a)` and its slope in `a` and `b`.
+/// `atan2(y, x)` or `atan2(z, x)`, and its slope in the station's frame.
 #[inline(always)]
-fn upright(a: [f64; 4], b: [f64; 4]) -> [(f64, Vector3<f64>); 4] {
-    let angles_rad = atan2(&b, &a);
-    std::array::from_fn(|i| {
-        let square = a[i] * a[i] + b[i] * b[i];
-        (angles_rad[i], Vector3::new(-b[i] / square, a[i] / square, 0.0))
-    })
+fn upright(u: &[Vector3<f64>; 4], axis: usize) -> [Crossing; 4] {
+    let (mut ahead, mut aside) = ([0.0; 4], [0.0; 4]);
+    for i in 0..4 {
+        (ahead[i], aside[i]) = (u[i].x, u[i][axis]);
+    }
+    let angles_rad = atan2(&aside, &ahead);
+    let mut met = [Crossing { angle_rad: 0.0, slope_rad_m: Vector3::zeros() }; 4];
+    for i in 0..4 {
+        let square = ahead[i] * ahead[i] + aside[i] * aside[i];
+        met[i].angle_rad = angles_rad[i];
+        met[i].slope_rad_m.x = -aside[i] / square;
+        met[i].slope_rad_m[axis] = ahead[i] / square;
+    }
+    met
 }
 
 /// Angles of a slanted plane, and their slopes in the station's frame.
 #[inline(always)]
-fn slanted(u: &[Vector3<f64>; 4], tan_tilt: f64) -> [(f64, Vector3<f64>); 4] {
-    let squares = u.map(|u| u.x * u.x + u.y * u.y);
-    let radii = squares.map(f64::sqrt);
-    let leads: [f64; 4] =
-        std::array::from_fn(|i| (u[i].z * tan_tilt / radii[i]).clamp(-LARGEST_LEAD, LARGEST_LEAD));
-    let (azimuths_rad, leads_rad) = (atan2(&u.map(|u| u.y), &u.map(|u| u.x)), asin(&leads));
-    std::array::from_fn(|i| {
-        let (u, lead, square) = (&u[i], leads[i], squares[i]);
-        let root = (1.0 - lead * lead).sqrt();
-        let outward = lead / (square * root);
-        let slope = Vector3::new(
-            -u.y / square - u.x * outward,
-            u.x / square - u.y * outward,
-            tan_tilt / (radii[i] * root),
+fn slanted(u: &[Vector3<f64>; 4], tan_tilt: f64) -> [Crossing; 4] {
+    let [mut x, mut y, mut square, mut radius, mut lead] = [[0.0; 4]; 5];
+    for i in 0..4 {
+        (x[i], y[i]) = (u[i].x, u[i].y);
+        square[i] = x[i] * x[i] + y[i] * y[i];
+        radius[i] = square[i].sqrt();
+        lead[i] = (u[i].z * tan_tilt / radius[i]).clamp(-LARGEST_LEAD, LARGEST_LEAD);
+    }
+    let (azimuths_rad, leads_rad) = (atan2(&y, &x), asin(&lead));
+    let mut met = [Crossing { angle_rad: 0.0, slope_rad_m: Vector3::zeros() }; 4];
+    for i in 0..4 {
+        let root = (1.0 - lead[i] * lead[i]).sqrt();
+        let outward = lead[i] / (square[i] * root);
+        met[i].angle_rad = azimuths_rad[i] + leads_rad[i];
+        met[i].slope_rad_m = Vector3::new(
+            -y[i] / square[i] - x[i] * outward,
+            x[i] / square[i] - y[i] * outward,
+            tan_tilt / (radius[i] * root),
         );
-        (azimuths_rad[i] + leads_rad[i], slope)
-    })
+    }
+    met
 }
 
 #[cfg(test)]

@@ -1,105 +1,107 @@
 //! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
 
 use super::options::{BatteryOptions, Compensation};
+use crate::sim::wide::{Each, Real};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
 
 /// A battery in use.
 #[derive(Clone, Debug)]
-pub(super) struct Battery {
-    open_circuit_v: [f64; 11],
-    capacity_a_s: f64,
-    resistance_ohm: f64,
-    idle_current_a: f64,
-    current_a_per_n: f64,
-    thrust_from_v_n: [f64; 4],
+pub(super) struct Battery<T> {
+    open_circuit_v: [T; 11],
+    capacity_a_s: T,
+    resistance_ohm: T,
+    idle_current_a: T,
+    current_a_per_n: T,
+    thrust_from_v_n: [T; 4],
     compensation: Compensation,
-    cut_off_v: f64,
-    charge_frac: f64,
-    voltage_v: f64,
-    energy_j: f64,
-    cut_off: bool,
+    cut_off_v: T,
+    charge_frac: T,
+    voltage_v: T,
+    energy_j: T,
+    /// 1 once the voltage has been below the cut-off, 0 before.
+    cut_off: T,
 }
 
 /// What one motor can do at the present voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limit {
+pub(super) struct Limit<T> {
     /// Thrust per thrust asked for.
-    pub(super) gain: f64,
+    pub(super) gain: T,
     /// Largest thrust of one motor.
-    pub(super) max_n: f64,
+    pub(super) max_n: T,
 }
 
-impl Battery {
+impl<T: Real> Battery<T> {
     /// The battery of some options under no more than its idle current; `None` for one that never
-    /// sags.
-    pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
+    /// sags. All drones have one, with the first one's compensation, or none has.
+    pub(super) fn new(each: &Each<'_, BatteryOptions, T>) -> Option<Self> {
+        let zero = each.figure(|_| 0.0);
         let mut battery = Self {
-            open_circuit_v: options.open_circuit_v,
-            capacity_a_s: options.capacity_ah * SECONDS_PER_HOUR,
-            resistance_ohm: options.resistance_ohm,
-            idle_current_a: options.idle_current_a,
-            current_a_per_n: options.current_a_per_n,
-            thrust_from_v_n: options.thrust_from_v_n,
-            compensation: options.compensation,
-            cut_off_v: options.cut_off_v,
-            charge_frac: options.charge_frac,
-            voltage_v: 0.0,
-            energy_j: 0.0,
-            cut_off: false,
+            open_circuit_v: each.figures(|o| o.open_circuit_v),
+            capacity_a_s: each.figure(|o| o.capacity_ah * SECONDS_PER_HOUR),
+            resistance_ohm: each.figure(|o| o.resistance_ohm),
+            idle_current_a: each.figure(|o| o.idle_current_a),
+            current_a_per_n: each.figure(|o| o.current_a_per_n),
+            thrust_from_v_n: each.figures(|o| o.thrust_from_v_n),
+            compensation: each.first().compensation,
+            cut_off_v: each.figure(|o| o.cut_off_v),
+            charge_frac: each.figure(|o| o.charge_frac),
+            voltage_v: zero,
+            energy_j: zero,
+            cut_off: zero,
         };
-        battery.drain(0.0, 0.0);
-        (options.capacity_ah > 0.0).then_some(battery)
+        battery.drain(zero, 0.0);
+        each.first().has_charge().then_some(battery)
     }
 
     /// Voltage under load.
-    pub(super) fn voltage_v(&self) -> f64 {
+    pub(super) fn voltage_v(&self) -> T {
         self.voltage_v
     }
 
     /// Energy that has left it.
-    pub(super) fn energy_j(&self) -> f64 {
+    pub(super) fn energy_j(&self) -> T {
         self.energy_j
     }
 
     /// Whether the voltage has been below the cut-off; the motors stay off from then on.
-    pub(super) fn is_cut_off(&self) -> bool {
-        self.cut_off
+    pub(super) fn is_cut_off(&self, lane: usize) -> bool {
+        self.cut_off.lane(lane) > 0.0
     }
 
     /// Bears a thrust of all rotors for `dt_s`.
     #[inline(always)]
-    pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
+    pub(super) fn drain(&mut self, thrust_n: T, dt_s: f64) {
+        let (zero, one) = (thrust_n.all(0.0), thrust_n.all(1.0));
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
-        self.charge_frac = (self.charge_frac - current_a * dt_s / self.capacity_a_s).max(0.0);
+        let spent = current_a * dt_s / self.capacity_a_s;
+        self.charge_frac = (self.charge_frac - spent).at_least(zero);
         self.voltage_v = self.open_circuit_v() - self.resistance_ohm * current_a;
-        self.energy_j += self.voltage_v * current_a * dt_s;
-        self.cut_off |= self.voltage_v < self.cut_off_v;
+        self.energy_j = self.energy_j + self.voltage_v * current_a * dt_s;
+        self.cut_off = self.voltage_v.pick(self.cut_off_v, one, self.cut_off);
     }
 
     /// What the motors can do now; `full_n` is the thrust of a motor's largest command.
     #[inline(always)]
-    pub(super) fn limit(&self, full_n: f64) -> Limit {
-        if self.cut_off {
-            return Limit { gain: 0.0, max_n: 0.0 };
-        }
+    pub(super) fn limit(&self, full_n: T) -> Limit<T> {
+        let (zero, one) = (full_n.all(0.0), full_n.all(1.0));
         let [a, b, c, d] = self.thrust_from_v_n;
         let v = self.voltage_v;
-        let max_n = (a + v * (b + v * (c + v * d))).max(0.0);
-        match self.compensation {
-            Compensation::Firmware => Limit { gain: 1.0, max_n },
-            Compensation::None => Limit { gain: max_n / full_n, max_n },
+        let max_n = (a + v * (b + v * (c + v * d))).at_least(zero);
+        let gain = match self.compensation {
+            Compensation::Firmware => one,
+            Compensation::None => max_n / full_n,
+        };
+        Limit {
+            gain: self.cut_off.pick(one, gain, zero),
+            max_n: self.cut_off.pick(one, max_n, zero),
         }
     }
 
     #[inline(always)]
-    fn open_circuit_v(&self) -> f64 {
-        let tenths = self.charge_frac * 10.0;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
-        let below = (tenths as usize).min(9);
-        let (low, high) = (self.open_circuit_v[below], self.open_circuit_v[below + 1]);
-        #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
-        let above = tenths - below as f64;
+    fn open_circuit_v(&self) -> T {
+        let [low, high, above] = (self.charge_frac * 10.0).knots(&self.open_circuit_v);
         low + (high - low) * above
     }
 }
@@ -109,9 +111,9 @@ mod tests {
     use super::*;
     use crate::sim::SimOptions;
 
-    fn cf21() -> (Battery, f64) {
+    fn cf21() -> (Battery<f64>, f64) {
         let options = SimOptions::cf21();
-        (Battery::new(&options.battery).unwrap(), options.vehicle.mass_kg * 9.81)
+        (Battery::new(&Each::one(&options.battery)).unwrap(), options.vehicle.mass_kg * 9.81)
     }
 
     #[test]
@@ -169,13 +171,13 @@ mod tests {
         let (mut battery, weight_n) = cf21();
         battery.charge_frac = 0.001;
         battery.drain(weight_n, 1.0);
-        assert!(battery.is_cut_off(), "{} V", battery.voltage_v());
+        assert!(battery.is_cut_off(0), "{} V", battery.voltage_v());
         battery.drain(0.0, 0.0);
         assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");
     }
 
     #[test]
     fn no_capacity_is_no_battery() {
-        assert!(Battery::new(&BatteryOptions::default()).is_none());
+        assert!(Battery::new(&Each::<_, f64>::one(&BatteryOptions::default())).is_none());
     }
 }

@@ -1,6 +1,7 @@
 //! Ground effect: a rotor near the floor lifts more at the same speed.
 
 use super::options::{GroundEffect, VehicleOptions};
+use crate::sim::wide::{Each, Real};
 
 /// Lowest height of the rotors, in radii, at which the models are used: below, they are no longer
 /// supported by measurements, and Cheeseman and Bennett's runs to infinity at a quarter.
@@ -8,40 +9,39 @@ const MIN_HEIGHT_RADII: f64 = 0.5;
 
 /// Thrust near the floor over thrust far from it, at the same rotor speed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Floor {
+pub(super) struct Floor<T> {
     model: GroundEffect,
-    radius_m: f64,
-    rotor_height_m: f64,
-    spacing_m: f64,
+    radius_m: T,
+    rotor_height_m: T,
+    spacing_m: T,
 }
 
-impl Floor {
-    pub(super) fn new(options: &VehicleOptions) -> Self {
+impl<T: Real> Floor<T> {
+    /// All drones have the first one's model.
+    pub(super) fn new(each: &Each<'_, VehicleOptions, T>) -> Self {
         Self {
-            model: options.ground_effect,
-            radius_m: options.rotor_radius_m,
-            rotor_height_m: options.rotor_height_m,
-            spacing_m: 2.0 * options.arm_m,
+            model: each.first().ground_effect,
+            radius_m: each.figure(|o| o.rotor_radius_m),
+            rotor_height_m: each.figure(|o| o.rotor_height_m),
+            spacing_m: each.figure(|o| 2.0 * o.arm_m),
         }
     }
 
     /// The ratio for a level drone whose origin is `height_m` above the floor.
     #[inline(always)]
-    pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
-        let radius = self.radius_m;
-        let z = (height_m + self.rotor_height_m).max(MIN_HEIGHT_RADII * radius);
-        let own = radius / (4.0 * z);
+    pub(super) fn thrust_ratio(&self, height_m: T) -> T {
+        let (radius, one) = (self.radius_m, height_m.all(1.0));
+        let z = (height_m + self.rotor_height_m).at_least(radius * MIN_HEIGHT_RADII);
+        let own = radius / (z * 4.0);
         match self.model {
-            GroundEffect::None => 1.0,
-            GroundEffect::CheesemanBennett => 1.0 / (1.0 - own * own),
+            GroundEffect::None => one,
+            GroundEffect::CheesemanBennett => one / (one - own * own),
             GroundEffect::SanchezCuevas => {
-                let (square, d_sq) = (4.0 * z * z, self.spacing_m * self.spacing_m);
-                let image = |distance_sq: f64| {
-                    let sum = distance_sq + square;
-                    z / (sum * sum.sqrt())
-                };
-                let others = radius * radius * (image(d_sq) + 0.5 * image(2.0 * d_sq));
-                1.0 / (1.0 - own * own - others)
+                let (square, d_sq) = (z * 4.0 * z, self.spacing_m * self.spacing_m);
+                let (near, far) = (d_sq + square, d_sq * 2.0 + square);
+                let images = z / (near * near.root()) + z / (far * far.root()) * 0.5;
+                let others = radius * radius * images;
+                one / (one - own * own - others)
             }
         }
     }
@@ -51,7 +51,7 @@ impl Floor {
 mod tests {
     use super::*;
 
-    fn floor(model: GroundEffect) -> Floor {
+    fn floor(model: GroundEffect) -> Floor<f64> {
         Floor { model, radius_m: 0.1, rotor_height_m: 0.02, spacing_m: 0.3 }
     }
 

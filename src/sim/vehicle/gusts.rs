@@ -71,8 +71,13 @@ impl Wind {
         wind
     }
 
+    /// Whether it is a wind that never changes.
+    pub(super) fn is_steady(&self) -> bool {
+        self.filters.is_none() && self.torques.is_none()
+    }
+
     /// Wind and torque of the next step.
-    #[inline(always)]
+    #[inline]
     pub(super) fn advance(&mut self) -> Gust {
         let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
         if let Some(filters) = &mut self.filters {

@@ -1,7 +1,7 @@
 //! The drone itself: rotors, body, battery, and the air and floor about them.
 //!
-//! In: four motor commands and the time step. Out: how the drone has moved. [`Plant`] flies;
-//! the private model of twelve states is what controllers and observers are designed on, and what the
+//! In: four motor commands and the time step. Out: how the drone has moved. [`Plant`] flies, and
+//! several at once in wide registers; the private model of twelve states is what controllers and observers are designed on, and what the
 //! plant is held against in tests.
 //!
 //! Method: rotor speeds follow their commands by their exact exponential; position, velocity, unit
@@ -16,14 +16,17 @@
 
 mod battery;
 mod body;
+mod craft;
 mod floor;
 mod gusts;
 mod model;
 mod options;
 mod plant;
+mod plants;
 mod rotors;
 
 pub use self::body::Body;
+pub(super) use self::craft::Craft;
 pub(super) use self::model::{
     GRAVITY_M_S2, Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate,
     velocity,
@@ -32,3 +35,4 @@ pub use self::options::{
     AirOptions, BatteryOptions, Compensation, GroundEffect, Gusts, VehicleOptions,
 };
 pub use self::plant::Plant;
+pub(super) use self::plants::{Plants, Reality};

@@ -260,6 +260,11 @@ impl VehicleOptions {
 }
 
 impl BatteryOptions {
+    /// Whether there is a battery at all.
+    pub(in crate::sim) fn has_charge(&self) -> bool {
+        self.capacity_ah > 0.0
+    }
+
     /// Checks every range, and that more charge is more voltage.
     pub(in crate::sim) fn check(&self) -> Result<()> {
         within("battery.capacity_ah", self.capacity_ah, 0.0, 1000.0)?;

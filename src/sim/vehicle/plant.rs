@@ -1,14 +1,11 @@
-//! The drone in flight: all its parts, moved on together.
+//! One drone, moved step by step.
 
 use nalgebra::Vector3;
 
-use super::battery::Battery;
-use super::body::{Body, Inertia};
-use super::floor::Floor;
-use super::gusts::Wind;
-use super::model::GRAVITY_M_S2;
-use super::rotors::Rotors;
+use super::body::Body;
+use super::craft::Craft;
 use crate::sim::options::SimOptions;
+use crate::sim::wide::Each;
 
 /// One drone in the air or on the floor (z = 0), moved by motor commands in steps of fixed length.
 ///
@@ -26,17 +23,8 @@ use crate::sim::options::SimOptions;
 /// ```
 #[derive(Debug)]
 pub struct Plant {
+    craft: Craft<f64>,
     body: Body,
-    rotors: Rotors,
-    battery: Option<Battery>,
-    wind: Wind,
-    inertia: Inertia,
-    floor: Floor,
-    dt_s: f64,
-    thrust_per_command_n: f64,
-    full_thrust_n: f64,
-    wind_m_s: Vector3<f64>,
-    short_steps: u32,
 }
 
 impl Plant {
@@ -52,45 +40,14 @@ impl Plant {
         drone: u64,
         position_m: Vector3<f64>,
     ) -> Self {
-        let vehicle = &options.vehicle;
-        let weight_n = vehicle.mass_kg * GRAVITY_M_S2;
-        let thrust_n = if position_m.z > 0.0 { 0.25 * weight_n } else { 0.0 };
-        Self {
-            body: Body::at(position_m),
-            rotors: Rotors::new(vehicle, thrust_n, dt_s),
-            battery: Battery::new(&options.battery),
-            wind: Wind::new(&options.air, dt_s, seed, drone),
-            inertia: Inertia::new(vehicle),
-            floor: Floor::new(vehicle),
-            dt_s,
-            thrust_per_command_n: vehicle.k_f_n,
-            full_thrust_n: vehicle.full_thrust_n(),
-            wind_m_s: options.air.wind_m_s.into(),
-            short_steps: 0,
-        }
+        let craft = Craft::new(&Each::one(options), dt_s, &[seed], drone, position_m.z);
+        Self { craft, body: Body::at(position_m) }
     }
 
     /// One step under motor commands m1…m4, each from 0 to the largest.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
-        let wanted_n = self.thrusts_n(commands);
-        let body = &self.body;
-        // What changes slowly is held through the step: the ground effect at its middle height.
-        let ground =
-            self.floor.thrust_ratio(body.position_m.z + 0.5 * self.dt_s * body.velocity_m_s.z);
-        let mut loads = self.rotors.advance(&wanted_n, ground);
-        let gust = self.wind.advance();
-        self.wind_m_s = gust.wind_m_s;
-        loads.iter_mut().for_each(|load| load.torque_n_m += gust.torque_n_m);
-        if let Some(battery) = &mut self.battery {
-            battery.drain(self.rotors.thrust_n(), self.dt_s);
-        }
-        if body.position_m.z <= 0.0 && !self.lifts(loads[2].thrust_n) {
-            self.body = body.on_floor();
-            return;
-        }
-        let next = self.inertia.step(body, &loads, &self.wind_m_s, self.dt_s);
-        self.body = if next.position_m.z < 0.0 { next.on_floor() } else { next };
+        self.body = Body::from_row(&self.craft.advance(&self.body.row(), commands));
     }
 
     /// Where the drone is and how it moves.
@@ -102,72 +59,39 @@ impl Plant {
     /// Voltage of the battery under load; `None` for a drone whose battery never sags.
     #[must_use]
     pub fn battery_v(&self) -> Option<f64> {
-        self.battery.as_ref().map(Battery::voltage_v)
+        self.craft.battery_v(0)
     }
 
     /// Energy that has left the battery, J; `None` as for [`Self::battery_v`].
     #[must_use]
     pub fn energy_j(&self) -> Option<f64> {
-        self.battery.as_ref().map(Battery::energy_j)
+        self.craft.energy_j(0)
     }
 
     /// Steps so far in which the battery could not give a motor the thrust asked for.
     #[must_use]
     pub fn short_steps(&self) -> u32 {
-        self.short_steps
+        self.craft.short_steps(0)
     }
 
     /// What an accelerometer at the body origin reads, body frame: all forces but gravity, per mass.
     #[must_use]
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
-        let body = &self.body;
-        let load = self.rotors.load(self.floor.thrust_ratio(body.position_m.z));
-        if body.position_m.z <= 0.0 && !self.lifts(load.thrust_n) {
-            return Vector3::z() * GRAVITY_M_S2;
-        }
-        let airspeed = body.velocity_m_s - self.wind_m_s;
-        let airspeed = body.world_from_body.inverse_transform_vector(&airspeed);
-        let force_n = self.inertia.drag_n(&airspeed, &load) + Vector3::z() * load.thrust_n;
-        self.inertia.per_mass(force_n)
+        self.craft.specific_force_m_s2(&self.body.row()).into()
     }
 
     /// What whoever reads the flight should know of the battery.
-    pub(in crate::sim) fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        if self.short_steps > 0 {
-            let short_s = f64::from(self.short_steps) * self.dt_s;
-            warnings.push(format!(
-                "the battery could not give the thrust asked for during {short_s:.2} s"
-            ));
-        }
-        if self.battery.as_ref().is_some_and(Battery::is_cut_off) {
-            warnings.push("the battery was empty and the motors stopped".into());
-        }
-        warnings
-    }
-
-    /// Thrust that each motor is driven to.
-    #[inline(always)]
-    fn thrusts_n(&mut self, commands: &[f64; 4]) -> [f64; 4] {
-        let wanted_n = commands.map(|command| command * self.thrust_per_command_n);
-        let Some(battery) = &self.battery else { return wanted_n };
-        let limit = battery.limit(self.full_thrust_n);
-        let given_n = wanted_n.map(|wanted| (limit.gain * wanted).min(limit.max_n));
-        let short = wanted_n.iter().any(|&wanted| limit.gain * wanted > limit.max_n);
-        self.short_steps = self.short_steps.saturating_add(u32::from(short));
-        given_n
-    }
-
-    fn lifts(&self, thrust_n: f64) -> bool {
-        thrust_n > self.inertia.weight_n()
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        self.craft.warnings(0)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::VehicleOptions;
+    use crate::sim::vehicle::{GRAVITY_M_S2, VehicleOptions};
 
     fn plant(options: &SimOptions, height_m: f64) -> Plant {
         Plant::new(options, 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
