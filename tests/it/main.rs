@@ -8,6 +8,7 @@ mod compare_flights;
 mod coverage;
 mod dialects;
 mod digests;
+mod faults;
 mod golden;
 mod letters;
 mod photos;

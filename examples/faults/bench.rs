@@ -1,0 +1,301 @@
+//! The faults bench: ten faults at six levels each, as flights, lamps and cameras make them. The
+//! example beside it photographs them, `tests/it/faults.rs` holds the score's answer to a golden table.
+//!
+//! What the planner knows is one scene, what flies and is photographed another: faults are in the
+//! second. Each is made by a knob of the simulator, the lamps or the camera. Two are not quite: light
+//! commands that go missing are taken out of the plan, and less light is dimmer lamps, since an
+//! exposure cannot be shorter than its flight.
+
+use nalgebra::Vector3;
+use noctograph::camera::{Camera, ImagePoint};
+use noctograph::error::Result;
+use noctograph::expose;
+use noctograph::letters::{self, Strokes};
+use noctograph::light::{self, RingEffect};
+use noctograph::photo::{self, Photo};
+use noctograph::plan::{Plan, PlanOptions};
+use noctograph::scene::Scene;
+use noctograph::score::Reader;
+use noctograph::sim::{self, ControllerKind};
+use noctograph::study::Conditions;
+
+/// Levels of a fault.
+pub(crate) const LEVELS: usize = 6;
+
+/// Words whose mean is a cell of the bench; each is flown with the seed of its place, from 1.
+pub(crate) const WORDS: [&str; 3] = ["NOOR", "HAZE", "JUMP"];
+
+/// One way in which a photograph goes wrong.
+pub(crate) struct Fault {
+    pub(crate) name: &'static str,
+    /// What a level is.
+    pub(crate) unit: &'static str,
+    /// From slight to grave.
+    pub(crate) levels: [f64; LEVELS],
+    /// Puts it into a setting.
+    pub(crate) turn: fn(&mut Setting, f64) -> Result<()>,
+}
+
+/// A word on its way to a photograph.
+#[derive(Clone)]
+pub(crate) struct Setting {
+    /// What the planner and the controller believe; the word and how it is written.
+    pub(crate) known: Scene,
+    /// What flies and is photographed.
+    pub(crate) actual: Scene,
+    /// How the drone and its room depart from `actual`.
+    pub(crate) conditions: Conditions,
+    /// Share of each letter's light commands that go missing in one run.
+    pub(crate) missing_frac: f64,
+}
+
+/// A photograph with all that is needed to score it.
+pub(crate) struct Shot {
+    pub(crate) strokes: Strokes,
+    pub(crate) camera: Camera,
+    pub(crate) photo: Photo,
+}
+
+/// The ten faults. Levels are of a word half a metre high that is written at 0.2 m/s.
+pub(crate) const FAULTS: [Fault; 10] = [
+    Fault {
+        name: "wander",
+        unit: "m/s of gusts",
+        levels: [0.08, 0.12, 0.16, 0.19, 0.23, 0.28],
+        turn: |setting, gust_m_s| {
+            setting.conditions.gust_m_s = gust_m_s;
+            Ok(())
+        },
+    },
+    Fault {
+        // Held positions are trailed by half a second, and corners cut by as much.
+        name: "lag",
+        unit: "m/s by held positions",
+        levels: [0.15, 0.2, 0.25, 0.3, 0.4, 0.6],
+        turn: |setting, speed_m_s| {
+            for scene in setting.scenes() {
+                scene.controller.kind = ControllerKind::Lqr;
+                scene.plan = PlanOptions { stroke_speed_m_s: speed_m_s, ..PlanOptions::default() };
+            }
+            Ok(())
+        },
+    },
+    Fault {
+        name: "LED latency",
+        unit: "s",
+        levels: [0.4, 0.8, 1.0, 1.2, 1.4, 1.7],
+        turn: |setting, delay_s| {
+            setting.actual.light.radio_delay_s += delay_s;
+            Ok(())
+        },
+    },
+    Fault {
+        name: "missing run",
+        unit: "of each letter",
+        levels: [0.08, 0.15, 0.25, 0.35, 0.5, 0.65],
+        turn: |setting, share| {
+            setting.missing_frac = share;
+            Ok(())
+        },
+    },
+    Fault {
+        name: "drift",
+        unit: "m of Lighthouse distortion",
+        levels: [0.02, 0.04, 0.06, 0.08, 0.1, 0.13],
+        turn: |setting, sigma_m| {
+            setting.conditions.lighthouse_distortion_m = sigma_m;
+            Ok(())
+        },
+    },
+    Fault {
+        name: "spacing",
+        unit: "m closer",
+        levels: [0.05, 0.1, 0.2, 0.3, 0.4, 0.46],
+        turn: |setting, closer_m| {
+            // Boxes cannot overlap, letters of simplex can.
+            for scene in setting.scenes() {
+                scene.letters.font = "simplex".into();
+                scene.letters.spacing_m -= closer_m;
+            }
+            Ok(())
+        },
+    },
+    Fault {
+        // A lens at f/1.4 behind a grey filter, focused before the word.
+        name: "blur",
+        unit: "m across",
+        levels: [0.1, 0.2, 0.3, 0.35, 0.4, 0.45],
+        turn: |setting, circle_m| {
+            let (placed, [middle, _, _]) = setting.sight()?;
+            let camera = &mut setting.actual.camera;
+            let aperture_m = placed.focal_length_m / 1.4;
+            (camera.lens, camera.focal_length_m) = (None, placed.focal_length_m);
+            camera.transmission *= (1.4 / camera.f_number) * (1.4 / camera.f_number);
+            camera.f_number = 1.4;
+            camera.focus_m = Some(middle.depth_m / (1.0 + circle_m / aperture_m));
+            Ok(())
+        },
+    },
+    Fault {
+        name: "resolution",
+        unit: "px a capital",
+        levels: [40.0, 30.0, 25.0, 22.0, 20.5, 14.0],
+        turn: |setting, cap_px| {
+            let (_, [_, foot, head]) = setting.sight()?;
+            let camera = &mut setting.actual.camera;
+            let smaller = cap_px / (foot.y_px - head.y_px);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "smaller")]
+            let side = |side_px: u32| (f64::from(side_px) * smaller).round() as u32;
+            [camera.width_px, camera.height_px] = [camera.width_px, camera.height_px].map(side);
+            Ok(())
+        },
+    },
+    Fault {
+        name: "exposure",
+        unit: "stops less light",
+        levels: [8.0, 9.5, 10.0, 10.2, 10.5, 11.0],
+        turn: |setting, stops| {
+            for fixture in setting.actual.light.fixtures.iter_mut().flatten() {
+                fixture.dies.iter_mut().for_each(|die| die.intensity_cd *= libm::exp2(-stops));
+            }
+            Ok(())
+        },
+    },
+    Fault {
+        name: "mixture",
+        unit: "of wander, lateness, gaps and blur",
+        levels: [1.0, 1.5, 2.0, 2.5, 3.0, 4.0],
+        turn: |setting, times| {
+            setting.conditions.gust_m_s = 0.03 * times;
+            setting.conditions.lighthouse_distortion_m = 0.01 * times;
+            setting.actual.light.radio_delay_s += 0.2 * times;
+            setting.missing_frac = 0.03 * times;
+            (FAULTS[6].turn)(setting, 0.05 * times)
+        },
+    },
+];
+
+/// A share of some rows.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1")]
+fn share_of(n: usize, share: f64) -> usize {
+    (share * n as f64) as usize
+}
+
+impl Setting {
+    /// A word without fault: the team's repaired letters, evenly flown by a controller that follows the design, no
+    /// lamps but those that write.
+    pub(crate) fn clean(word: &str, seed: u64) -> Self {
+        let mut scene = Scene { plan: PlanOptions::even(), seed, ..Scene::default() };
+        word.clone_into(&mut scene.word);
+        scene.letters.font = "ae483-fixed".into();
+        scene.controller.kind = ControllerKind::LqrFeedforward;
+        scene.light.led_bitmask = 128;
+        scene.light.ring_effect = RingEffect::Off;
+        [scene.camera.width_px, scene.camera.height_px] = [320, 180];
+        Self {
+            known: scene.clone(),
+            actual: scene,
+            conditions: Conditions::still(),
+            missing_frac: 0.0,
+        }
+    }
+
+    /// Both scenes, for faults of the design.
+    pub(crate) fn scenes(&mut self) -> [&mut Scene; 2] {
+        [&mut self.known, &mut self.actual]
+    }
+
+    /// The camera, and the word's middle with its foot and head as it sees them.
+    fn sight(&self) -> Result<(Camera, [ImagePoint; 3])> {
+        let strokes = letters::write(&self.known.word, &self.known.letters)?;
+        let [left, bottom, right, top] = strokes.bounds_m();
+        let camera = self.actual.camera.camera(strokes.bounds_m(), 1.0)?;
+        let cell = strokes.glyphs[0].cell;
+        let heights_m =
+            [0.5 * (bottom + top), cell.baseline_m, cell.baseline_m + cell.cap_height_m];
+        let middle_m = 0.5 * (left + right);
+        let see = |height_m| camera.image_from_world(Vector3::new(middle_m, 0.0, height_m));
+        let points = heights_m.map(|height_m| see(height_m).expect("a camera that sees its word"));
+        Ok((camera, points))
+    }
+
+    /// Plans, flies and photographs it.
+    pub(crate) fn shoot(&self) -> Result<Shot> {
+        let (known, actual) = (&self.known, &self.actual);
+        let strokes = letters::write(&known.word, &known.letters)?;
+        let mut plan = known.first_plan(&strokes)?;
+        self.lose_light(&mut plan);
+        let seed = actual.seed;
+        let (drone, lamps) = self.conditions.draw(seed).apply(actual);
+        let flight = sim::fly_unlike(&plan, &known.sim(), &drone, seed, &mut |_| {})?;
+        let trace = light::light(&flight, &lamps, seed, 0)?;
+        let camera = actual.camera.camera(strokes.bounds_m(), plan.duration_s())?;
+        let film = expose::project(&trace, &camera, &actual.expose)?
+            .develop_on(std::num::NonZero::<usize>::MIN);
+        let photo = photo::develop(&film, &camera, &actual.photo, seed)?;
+        Ok(Shot { strokes, camera, photo })
+    }
+
+    /// Takes a run of light commands out of each letter; a graver run holds a slighter one.
+    fn lose_light(&self, plan: &mut Plan) {
+        let letters = plan.setpoints.iter().map(|setpoint| setpoint.letter);
+        let letters: Vec<Option<usize>> = letters.collect();
+        let n_letters = letters.iter().flatten().max().map_or(0, |last| last + 1);
+        for letter in 0..n_letters {
+            for levels in plan.lights.values_mut() {
+                let lit: Vec<usize> = (0..letters.len())
+                    .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
+                    .collect();
+                // The golden ratio: places spread over the letters of all words.
+                let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
+                let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
+                let run = share_of(lit.len(), self.missing_frac);
+                lit.iter().skip(from).take(run).for_each(|&row| levels[row] = 0.0);
+            }
+        }
+    }
+}
+
+/// The score's answer: a line for the clean words and one for each level of the faults, with the mean
+/// probability, then of each word its own, what is read, and the worst letter.
+pub(crate) fn table(faults: &[Fault]) -> Result<String> {
+    let mut readers = Vec::new();
+    let mut text =
+        "fault, level | mean P | of each word: P, what is read, worst letter\n".to_owned();
+    text += &line(&mut readers, "none", |_| Ok(()))?;
+    for fault in faults {
+        for level in fault.levels {
+            let name = format!("{} {level} {}", fault.name, fault.unit);
+            text += &line(&mut readers, &name, |setting| (fault.turn)(setting, level))?;
+        }
+    }
+    Ok(text)
+}
+
+/// One line of the table. Readers are kept: to make one takes longer than to read with it.
+fn line(
+    readers: &mut Vec<(Strokes, Reader)>,
+    name: &str,
+    turn: impl Fn(&mut Setting) -> Result<()>,
+) -> Result<String> {
+    let (mut sum, mut each) = (0.0, String::new());
+    for (seed, word) in (1..).zip(WORDS) {
+        let mut setting = Setting::clean(word, seed);
+        turn(&mut setting)?;
+        let shot = setting.shoot()?;
+        let at = match readers.iter().position(|(strokes, _)| *strokes == shot.strokes) {
+            Some(at) => at,
+            None => {
+                let reader = Reader::new(&shot.strokes, &setting.known.score)?;
+                readers.push((shot.strokes, reader));
+                readers.len() - 1
+            }
+        };
+        let verdict = readers[at].1.score(&shot.photo, &(&shot.camera).into())?;
+        let worst = verdict.letters.iter().min_by(|a, b| a.p.total_cmp(&b.p));
+        let worst = worst.map_or('?', |letter| letter.expected);
+        sum += verdict.probability;
+        each += &format!(" | {:.3} {} {worst}", verdict.probability, verdict.read);
+    }
+    Ok(format!("{name} | {:.4}{each}\n", sum / WORDS.len() as f64))
+}
