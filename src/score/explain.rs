@@ -95,10 +95,13 @@ impl Reader {
         let mut sight = self.sight(photo, view)?;
         let mut marks = Marks::default();
         let mut found: Vec<(Cause, Option<Mending>)> = Vec::new();
-        let mut sketches: Vec<Option<Sketch>> = sight.looks.iter().map(|_| None).collect();
+        let mut sketches: Vec<Option<Sketch>> = Vec::new();
         for index in 0..sight.looks.len() {
             let look = &sight.looks[index];
-            let Some(ink) = &look.ink else { continue };
+            let Some(ink) = &look.ink else {
+                sketches.push(None);
+                continue;
+            };
             let trace = Trace::of(ink);
             let sketch = self.sketch(index, look, &trace);
             let (gaps, recall) = trace.gaps(&sketch.bent);
@@ -128,7 +131,7 @@ impl Reader {
                 let glow = Cause { length_mm, ..cause(CauseKind::Glow, Some(index)) };
                 found.push((glow, Some(Mending::Redraw)));
             }
-            sketches[index] = Some(sketch);
+            sketches.push(Some(sketch));
         }
         for (cause, mending) in &mut found {
             let (Some(index), Some(mending)) = (cause.letter, mending) else { continue };
