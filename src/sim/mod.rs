@@ -8,7 +8,7 @@
 //! first setpoint, and a setpoint at or below the floor switches the motors off. The controller of
 //! the default, a linear-quadratic regulator, holds a setpoint as it was sent: a position with no
 //! velocity, which the drone trails by about half a second; [`ControllerKind`] names four others.
-//! [`design`] makes the gains without a flight.
+//! [`design`] makes the gains without a flight. [`fly_together`] flies one plan with many seeds.
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
