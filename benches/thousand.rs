@@ -12,12 +12,10 @@ use std::time::{Duration, Instant};
 
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, Plan, PlanOptions, plan};
-use noctograph::sim::{EstimatorKind, Gusts, Positioning, SimOptions, fly_together};
+use noctograph::sim::{EstimatorKind, FLY_TOGETHER, Gusts, Positioning, SimOptions, fly_together};
 
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;
-/// Flights that share the processor's wide registers: as many as fill those of AVX-512.
-const TOGETHER: u64 = 8;
 
 /// The first 40 s of NOOR.
 fn word() -> Plan {
@@ -57,7 +55,7 @@ fn thousand(plan: &Plan, options: &SimOptions, n: u64, together: u64) -> (Durati
             }
             let drones: Vec<_> =
                 (first..n.min(first + together)).map(|seed| (options, seed)).collect();
-            let flights = fly_together(plan, options, &drones).expect("the plan is sound");
+            let flights = fly_together(plan, options, &drones);
             assert!(flights.iter().all(Result::is_ok), "it flies");
             std::hint::black_box(flights);
         }
@@ -84,7 +82,7 @@ fn main() {
         plan.duration_s()
     );
     for (name, options) in cases {
-        for (how, together) in [("alone", 1), ("together", TOGETHER)] {
+        for (how, together) in [("alone", 1), ("together", FLY_TOGETHER as u64)] {
             let (used, wall) = thousand(&plan, &options, n, together);
             #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
             let each_ms = used.as_secs_f64() * 1e3 / n as f64;

@@ -15,6 +15,7 @@ pub mod table;
 pub mod tracking;
 
 pub use airborne::{FLYING_MOTOR_COMMAND, airborne};
+pub use tracking::{mean_error_m, mean_error_over_m, rmse_m, rmse_over_m};
 
 /// Column of a simulated flight: time so far, s, in which a motor was asked for more or less than
 /// it has, by its range or by the battery.
@@ -113,82 +114,4 @@ pub struct FlightSample {
     pub motors: [f64; 4],
     /// Index of the letter that is being written; `None` during take-off and landing.
     pub letter: Option<usize>,
-}
-
-/// Root mean square of `position − design` per world axis, over the samples that write letters.
-///
-/// `None` where no sample writes a letter.
-#[must_use]
-pub fn rmse_m(flight: &Flight) -> Option<Vector3<f64>> {
-    rmse_over_m(writing(flight))
-}
-
-/// Mean of `position − design` per world axis, over the samples that write letters.
-///
-/// `None` where no sample writes a letter.
-#[must_use]
-pub fn mean_error_m(flight: &Flight) -> Option<Vector3<f64>> {
-    mean_error_over_m(writing(flight))
-}
-
-fn writing(flight: &Flight) -> impl Iterator<Item = &FlightSample> {
-    flight.samples.iter().filter(|sample| sample.letter.is_some())
-}
-
-/// Root mean square of `position − design` per world axis, over samples of one's choice: for a
-/// real log those of [`airborne`].
-///
-/// `None` where there is no sample.
-#[must_use]
-pub fn rmse_over_m<'a>(
-    samples: impl IntoIterator<Item = &'a FlightSample>,
-) -> Option<Vector3<f64>> {
-    mean_of(samples, |e| e.component_mul(&e)).map(|mean_sq| mean_sq.map(f64::sqrt))
-}
-
-/// Mean of `position − design` per world axis, over samples of one's choice.
-///
-/// `None` where there is no sample.
-#[must_use]
-pub fn mean_error_over_m<'a>(
-    samples: impl IntoIterator<Item = &'a FlightSample>,
-) -> Option<Vector3<f64>> {
-    mean_of(samples, |e| e)
-}
-
-fn mean_of<'a>(
-    samples: impl IntoIterator<Item = &'a FlightSample>,
-    term: impl Fn(Vector3<f64>) -> Vector3<f64>,
-) -> Option<Vector3<f64>> {
-    let (mut n, mut sum) = (0.0, Vector3::zeros());
-    for sample in samples {
-        n += 1.0;
-        sum += term(sample.position_m - sample.design_m);
-    }
-    (n > 0.0).then(|| sum / n)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rmse_counts_only_the_letters() {
-        let sample = |error: f64, letter| FlightSample {
-            time_s: 0.0,
-            position_m: Vector3::new(error, 0.0, 1.0),
-            attitude: Attitude::default(),
-            velocity_body_m_s: Vector3::zeros(),
-            rate_body_rad_s: Vector3::zeros(),
-            estimate_m: Vector3::zeros(),
-            design_m: Vector3::new(0.0, 0.0, 1.0),
-            motors: [0.0; 4],
-            letter,
-        };
-        let samples = vec![sample(9.0, None), sample(3.0, Some(0)), sample(-4.0, Some(1))];
-        let flight = Flight { samples, ..Flight::default() };
-        assert_eq!(rmse_m(&flight), Some(Vector3::new(12.5_f64.sqrt(), 0.0, 0.0)));
-        assert_eq!(mean_error_m(&flight), Some(Vector3::new(-0.5, 0.0, 0.0)));
-        assert_eq!(rmse_m(&Flight::default()), None, "no letter, no figure");
-    }
 }

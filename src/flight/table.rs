@@ -22,17 +22,18 @@ const MAX_NUMBERS: usize = 64 << 20;
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
 #[must_use]
+#[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
-    let scaled = value * 1e6;
-    if scaled.abs() >= 4.5e15 || scaled.is_nan() {
-        return value;
-    }
-    // Half away from zero, as `round` does, which is a call of a function on many processors.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "below 2^52")]
-    let whole = scaled as i64 as f64;
-    let rest = scaled - whole;
-    let away = f64::from(rest >= 0.5) - f64::from(rest <= -0.5);
-    (whole + away) / 1e6 + 0.0
+    // 2^52: added and taken away, it leaves the nearest whole number.
+    const WHOLE: f64 = 4_503_599_627_370_496.0;
+    let size = (value * 1e6).abs();
+    let near = (size + WHOLE) - WHOLE;
+    // Half away from zero, as `round` does, which is a call of a function on many processors; and
+    // without a branch, so that a row of numbers is rounded at once.
+    let below = near - if near > size { 1.0 } else { 0.0 };
+    let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
+    let rounded = (below + above).copysign(value) / 1e6 + 0.0;
+    if size < 4.5e15 { rounded } else { value }
 }
 
 /// A table read from a file: named columns of equal length.
@@ -264,6 +265,20 @@ mod tests {
         fn any_bytes_are_a_table_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
             let _ = Table::parse(&bytes[..], "fuzz.csv").map(|table| table.n_rows());
         }
+    }
+
+    #[test]
+    fn the_grid_is_the_nearest_with_halves_away_from_zero() {
+        let wanted = |value: f64| (value * 1e6).round() / 1e6 + 0.0;
+        let ties = (-9..9).map(|k| (f64::from(k) + 0.5) * 1e-6);
+        let near = ties.flat_map(|tie| [tie.next_down(), tie, tie.next_up(), tie * 1e7, -tie]);
+        let edges = [0.0, -0.0, 0.499_999_999_999_999_94e-6, 4.4e9, -4.4e9, 4.6e9, 1e300, -1e308];
+        let drawn = (0..100_000).map(|k| f64::from(k) * 1.234_567_891e-4 - 6.0);
+        for value in near.chain(edges).chain(drawn) {
+            let wanted = if value.abs() > 4.5e9 { value } else { wanted(value) };
+            assert_eq!(on_grid(value).to_bits(), wanted.to_bits(), "{value:e}");
+        }
+        assert!(on_grid(f64::NAN).is_nan(), "no number stays none");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Functions of `libm` written out without branches, so that a processor's wide registers take
-//! several arguments at once: bit for bit what `libm` (after FreeBSD's msun) says of each. No product
-//! is fused with a sum, so that every machine rounds alike.
+//! several arguments at once: bit for bit what `libm` (after FreeBSD's msun) says of each, but for
+//! [`cos`]. No product is fused with a sum, so that every machine rounds alike.
 //!
 //! Each is for the arguments that occur here; [`is_hard`] and the others tell those that must go to
 //! `libm` themselves.

@@ -8,7 +8,7 @@
 //! first setpoint, and a setpoint at or below the floor switches the motors off. The controller of
 //! the default, a linear-quadratic regulator, holds a setpoint as it was sent: a position with no
 //! velocity, which the drone trails by about half a second; [`ControllerKind`] names four others.
-//! [`design`] makes the gains without a flight.
+//! [`design`] makes the gains without a flight. [`fly_together`] flies one plan with many seeds.
 //!
 //! Sources: equations, weights and figures of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
@@ -60,6 +60,8 @@ use crate::plan::Plan;
 
 /// Longest plan that is flown. A battery lasts for a tenth of it.
 const MAX_DURATION_S: f64 = 3600.0;
+/// Drones that fill the widest registers that processors have, those of AVX-512.
+pub const FLY_TOGETHER: usize = 8;
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
 
@@ -104,41 +106,37 @@ pub fn fly_unlike(
     seed: u64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Flight> {
-    check(plan, believed, actual)?;
-    let flights = fly_lanes::<f64>((), plan, believed, &[(actual, seed)], progress)?;
+    let n_ticks = check(plan, believed, actual)?;
+    let flights = fly_lanes::<f64>((), plan, believed, &[(actual, seed)], n_ticks, progress);
     progress(1.0);
     flights.into_iter().next().expect("one drone, one flight")
 }
 
 /// Flies a plan many times, each with a drone and a seed of its own: the same flights as
-/// [`fly_unlike`] makes one by one, bit for bit and in the same order, in less time. Where the
-/// processor has registers for several numbers (eight, with AVX-512), as many drones share the work
-/// of their physics, if their options differ in figures alone; so give them in groups of at least
-/// eight.
-///
-/// # Errors
-///
-/// As [`fly_unlike`] for what is wrong with a plan or with options; a drone that is lost is an error
-/// in its place.
+/// [`fly_unlike`] makes one by one, bit for bit and in the same order, with its errors in their
+/// places, in less time. Where the processor has registers for several numbers, as many drones share
+/// the work of their physics, if their options differ in figures alone; so give them by the dozen,
+/// or [`FLY_TOGETHER`] at once.
 ///
 /// # Panics
 ///
 /// As [`fly_unlike`].
+#[must_use]
 pub fn fly_together(
     plan: &Plan,
     believed: &SimOptions,
     drones: &[(&SimOptions, u64)],
-) -> Result<Vec<Result<Flight>>> {
-    drones.iter().try_for_each(|(actual, _)| check(plan, believed, actual))?;
-    Together { plan, believed, drones }.fly()
+) -> Vec<Result<Flight>> {
+    pulp::Arch::new().dispatch(Together { plan, believed, drones })
 }
 
-/// Checks all that can be checked before a flight.
-fn check(plan: &Plan, believed: &SimOptions, actual: &SimOptions) -> Result<()> {
+/// Checks all that can be checked before a flight: its number of ticks.
+fn check(plan: &Plan, believed: &SimOptions, actual: &SimOptions) -> Result<u32> {
     assert_eq!(believed.rates, actual.rates, "one clock");
     believed.check()?;
     actual.check()?;
-    check_plan(plan)
+    check_plan(plan)?;
+    n_ticks(plan, actual.rates.control_hz)
 }
 
 /// Checks that there is something to fly, and that it is made of numbers within a drone's world.

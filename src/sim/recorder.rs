@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
+use pulp::{Arch, NullaryFnOnce};
+
 use super::vehicle::{State, attitude, position, rate, velocity};
 use crate::flight::table::on_grid;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, FlightSample, SATURATED_S};
-use crate::geometry::Attitude;
 use crate::plan::{Plan, Setpoint};
 
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
@@ -74,20 +76,42 @@ impl<'a> Recorder<'a> {
 }
 
 fn sample(moment: &Moment, setpoint: &Setpoint) -> FlightSample {
-    let Attitude { yaw_rad, pitch_rad, roll_rad } = attitude(&moment.state);
+    let (now, believed) = (&moment.state, &moment.estimate);
+    let design_m = setpoint.design_m(moment.time_s);
+    let mut row = [0.0; ROW];
+    row[..12].copy_from_slice(now.as_slice());
+    row[12..15].copy_from_slice(&believed.as_slice()[..3]);
+    row[15..18].copy_from_slice(design_m.as_slice());
+    row[18..22].copy_from_slice(&moment.motors);
+    row[22] = moment.time_s;
+    Arch::new().dispatch(Grid(&mut row));
+    let state = State::from_column_slice(&row[..12]);
     FlightSample {
-        time_s: on_grid(moment.time_s),
-        position_m: position(&moment.state).map(on_grid),
-        attitude: Attitude {
-            yaw_rad: on_grid(yaw_rad),
-            pitch_rad: on_grid(pitch_rad),
-            roll_rad: on_grid(roll_rad),
-        },
-        velocity_body_m_s: velocity(&moment.state).map(on_grid),
-        rate_body_rad_s: rate(&moment.state).map(on_grid),
-        estimate_m: position(&moment.estimate).map(on_grid),
-        design_m: setpoint.design_m(moment.time_s).map(on_grid),
-        motors: moment.motors.map(on_grid),
+        time_s: row[22],
+        position_m: position(&state),
+        attitude: attitude(&state),
+        velocity_body_m_s: velocity(&state),
+        rate_body_rad_s: rate(&state),
+        estimate_m: Vector3::new(row[12], row[13], row[14]),
+        design_m: Vector3::new(row[15], row[16], row[17]),
+        motors: [row[18], row[19], row[20], row[21]],
         letter: setpoint.letter,
+    }
+}
+
+/// Numbers of a sample, filled up to whole registers.
+const ROW: usize = 24;
+
+/// Rounds all of them.
+struct Grid<'a>(&'a mut [f64; ROW]);
+
+impl NullaryFnOnce for Grid<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for value in self.0 {
+            *value = on_grid(*value);
+        }
     }
 }

@@ -1,62 +1,58 @@
 //! Flights of one plan at the same time: their physics share the processor's wide registers.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::options::SimOptions;
 use super::recorder::Recorder;
 use super::rig::{Rig, start_m};
 use super::vehicle::{Craft, Plants};
 use super::wide::{Real, Wide};
-use super::{TICKS_PER_REPORT, n_ticks};
-use crate::error::{Error, Result};
+use super::{TICKS_PER_REPORT, check, fly_unlike};
+use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::Plan;
 
-/// One drone's rig and its log, until it is lost.
+/// What one drone carries, and its log.
 #[derive(Debug)]
-struct Logged<'a> {
+struct Aloft<'a> {
     rig: Rig,
     recorder: Recorder<'a>,
-    lost: Option<Error>,
 }
 
-/// Flies as many drones as `T` has lanes, or fewer, with options and a seed each, tick by tick.
-///
-/// # Errors
-///
-/// What keeps all of them on the ground; what is lost by itself is in its place.
+/// Flies as many drones as `T` has lanes, or fewer, with options and a seed each, through so many
+/// ticks. One that is lost is an error in its place.
 pub(super) fn fly_lanes<T: Real>(
     leave: T::Leave,
     plan: &Plan,
     believed: &SimOptions,
     drones: &[(&SimOptions, u64)],
+    n_ticks: u32,
     progress: &mut dyn FnMut(f64),
-) -> Result<Vec<Result<Flight>>> {
-    let rates = &drones[0].0.rates;
-    let n_ticks = n_ticks(plan, rates.control_hz)?;
+) -> Vec<Result<Flight>> {
+    let rates = &believed.rates;
     let ticks_per_sample = rates.control_hz / rates.log_hz;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plants = Plants::<T>::new(leave, drones, dt_s, start_m(plan));
-    let logged = drones.iter().map(|(actual, seed)| {
-        let rig = Rig::new(plan, believed, actual, *seed)?;
+    let take_off = |(actual, seed): &(&SimOptions, u64)| {
         let recorder = Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize);
-        Ok(Logged { rig, recorder, lost: None })
-    });
-    let mut logged: Vec<Logged<'_>> = logged.collect::<Result<_>>()?;
+        Ok(Aloft { rig: Rig::new(plan, believed, actual, *seed)?, recorder })
+    };
+    let mut fleet: Vec<Result<Aloft<'_>>> = drones.iter().map(take_off).collect();
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(rates.control_hz);
-        for (lane, Logged { rig, recorder, lost }) in logged.iter_mut().enumerate() {
-            if lost.is_some() {
+        for (lane, drone) in fleet.iter_mut().enumerate() {
+            let Ok(Aloft { rig, recorder }) = drone else { continue };
+            let reality = plants.reality(lane);
+            if let Err(lost) = rig.decide(plan, time_s, &reality) {
+                *drone = Err(lost);
                 continue;
             }
-            let reality = plants.reality(lane);
-            *lost = rig.decide(plan, time_s, &reality).err();
             plants.command(lane, &rig.motors());
             if tick.is_multiple_of(ticks_per_sample) {
                 recorder.record(&rig.moment(time_s, &reality, plants.battery(lane)));
             }
         }
-        if logged.iter().all(|logged| logged.lost.is_some()) {
+        if fleet.iter().all(Result::is_err) {
             break;
         }
         plants.advance(rates.steps_per_tick);
@@ -64,12 +60,10 @@ pub(super) fn fly_lanes<T: Real>(
             progress(f64::from(tick) / f64::from(n_ticks.max(1)));
         }
     }
-    let flights = logged.into_iter().enumerate();
-    let flights = flights.map(|(lane, Logged { rig, recorder, lost })| match lost {
-        Some(error) => Err(error),
-        None => Ok(recorder.finish(rig.warnings(plants.warnings(lane)))),
-    });
-    Ok(flights.collect())
+    let land = |(lane, drone): (usize, Result<Aloft<'_>>)| {
+        drone.map(|Aloft { rig, recorder }| recorder.finish(rig.warnings(plants.warnings(lane))))
+    };
+    fleet.into_iter().enumerate().map(land).collect()
 }
 
 /// Flights of one plan with a drone each, in order, in the widest registers that there are.
@@ -80,7 +74,7 @@ pub(super) struct Together<'a> {
 }
 
 impl WithSimd for Together<'_> {
-    type Output = Result<Vec<Result<Flight>>>;
+    type Output = Vec<Result<Flight>>;
 
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         let Self { plan, believed, drones } = self;
@@ -89,18 +83,22 @@ impl WithSimd for Together<'_> {
             Craft::<f64>::together(one, other)
         };
         for drones in drones.chunk_by(alike).flat_map(|drones| drones.chunks(Wide::<S>::LANES)) {
-            flights.extend(match drones {
-                [_] => fly_lanes::<f64>((), plan, believed, drones, &mut |_| {})?,
-                _ => fly_lanes::<Wide<S>>(simd, plan, believed, drones, &mut |_| {})?,
-            });
+            let checked = drones.iter().map(|(actual, _)| check(plan, believed, actual));
+            match checked.collect::<Result<Vec<u32>>>().as_deref() {
+                Ok([n_ticks, _, ..]) => {
+                    let still = &mut |_| {};
+                    let together =
+                        fly_lanes::<Wide<S>>(simd, plan, believed, drones, *n_ticks, still);
+                    flights.extend(together);
+                }
+                _ => {
+                    flights.extend(drones.iter().map(|(actual, seed)| {
+                        fly_unlike(plan, believed, actual, *seed, &mut |_| {})
+                    }))
+                }
+            }
         }
-        Ok(flights)
-    }
-}
-
-impl Together<'_> {
-    pub(super) fn fly(self) -> Result<Vec<Result<Flight>>> {
-        Arch::new().dispatch(self)
+        flights
     }
 }
 
@@ -110,7 +108,7 @@ mod tests {
 
     use super::*;
     use crate::plan::Setpoint;
-    use crate::sim::{EstimatorKind, GroundEffect, Gusts, Positioning, fly_together, fly_unlike};
+    use crate::sim::{EstimatorKind, GroundEffect, Gusts, Positioning, fly_together};
 
     /// From the floor, up, along and back to the floor.
     fn road() -> Plan {
@@ -155,13 +153,15 @@ mod tests {
                 8 => actual.air.gusts = Gusts::Dryden,
                 9..12 => actual.vehicle.ground_effect = GroundEffect::SanchezCuevas,
                 12..15 => actual.battery.capacity_ah = 0.0,
+                // Not to be flown at all.
+                17 => actual.vehicle.mass_kg = f64::NAN,
                 _ => {}
             }
             actual
         };
         let actual: Vec<SimOptions> = (0..20).map(drone).collect();
         let drones: Vec<_> = actual.iter().zip(100..).collect();
-        let together = fly_together(&plan, &believed, &drones).unwrap();
+        let together = fly_together(&plan, &believed, &drones);
         assert_eq!(together.len(), drones.len());
         let mut lost = 0;
         for ((actual, seed), together) in drones.into_iter().zip(together) {
@@ -175,6 +175,6 @@ mod tests {
                 (alone, together) => panic!("seed {seed}: {alone:?} but {together:?}"),
             }
         }
-        assert_eq!(lost, 1, "one is blown away, the others beside it are not");
+        assert_eq!(lost, 2, "one is blown away and one refused, the others beside them are not");
     }
 }

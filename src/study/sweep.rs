@@ -8,7 +8,6 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::{Prepared, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
@@ -218,7 +217,7 @@ fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
 
 fn sha256(study: &Study) -> String {
     let json = serde_json::to_vec(study).expect("a study is plain data");
-    Sha256::digest(json).iter().map(|byte| format!("{byte:02x}")).collect()
+    crate::digest::sha256(&json)
 }
 
 #[cfg(test)]

@@ -1,15 +1,14 @@
 //! Trial: a scene made ready for a word, and what one flight of it is worth.
 
-use std::fmt::Write;
 use std::num::NonZero;
 use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::{Conditions, Contender};
 use crate::camera::{Camera, CameraOptions};
+use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::expose;
 use crate::flight::tracking::{Part, track};
@@ -20,7 +19,7 @@ use crate::photo::{Noise, Photo, PhotoOptions, develop};
 use crate::plan::{Plan, Setpoint};
 use crate::scene::Scene;
 use crate::score::{Reader, ScoreOptions, Verdict, View};
-use crate::sim::{SimOptions, fly_unlike};
+use crate::sim::{SimOptions, fly_together, fly_unlike};
 
 /// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
 /// the trail, more cost time. Against 1920 × 1080 NOOR is read up to 0.03 off, and HI, whose
@@ -198,12 +197,20 @@ impl Prepared {
     ///
     /// What the stages say, but for a drone that is lost: that is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
-        let flight = match self.fly(seed) {
-            Ok(flight) => flight,
-            Err(Error::Infeasible { what, .. }) => return Ok(Outcome::lost(self.word(), what)),
-            Err(error) => return Err(error),
-        };
-        self.judge(&flight, seed)
+        self.worth(self.fly(seed), seed)
+    }
+
+    /// What became of the flight of a seed: exposed and read, or lost.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::outcome`].
+    pub fn worth(&self, flight: Result<Flight>, seed: u64) -> Result<Outcome> {
+        match flight {
+            Ok(flight) => self.judge(&flight, seed),
+            Err(Error::Infeasible { what, .. }) => Ok(self.lost(what)),
+            Err(error) => Err(error),
+        }
     }
 
     /// What a flight of a seed is worth: exposed and read.
@@ -230,6 +237,15 @@ impl Prepared {
     pub fn fly(&self, seed: u64) -> Result<Flight> {
         let (actual, _) = self.conditions.draw(seed).apply(&self.scene);
         fly_unlike(&self.sent, &self.believed, &actual, seed, &mut |_| {})
+    }
+
+    /// The flights of several seeds, each as [`Self::fly`] makes it, in less time.
+    #[must_use]
+    pub fn fly_all(&self, seeds: &[u64]) -> Vec<Result<Flight>> {
+        let actual = |seed: &u64| self.conditions.draw(*seed).apply(&self.scene).0;
+        let actual: Vec<SimOptions> = seeds.iter().map(actual).collect();
+        let drones: Vec<_> = actual.iter().zip(seeds.iter().copied()).collect();
+        fly_together(&self.sent, &self.believed, &drones)
     }
 
     /// Gives a real flight of what is sent the design that should have been flown, and its letters.
@@ -375,20 +391,17 @@ fn energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
 }
 
 fn digest(scene: &Scene, conditions: &Conditions, sent: Option<&Plan>) -> String {
-    let mut hash = Sha256::new();
-    hash.update(env!("CARGO_PKG_VERSION"));
-    hash.update(CAP_HEIGHT_PX.to_le_bytes());
-    hash.update(scene.to_toml());
-    hash.update(serde_json::to_vec(conditions).expect("plain data"));
+    let mut digest = Digest::default();
+    digest.add(env!("CARGO_PKG_VERSION"));
+    digest.add_numbers(&[CAP_HEIGHT_PX]);
+    digest.add(scene.to_toml());
+    digest.add(serde_json::to_vec(conditions).expect("plain data"));
     if let Some(sent) = sent {
         let mut csv = Vec::new();
         sent.write_csv(&mut csv).expect("writing into memory");
-        hash.update(csv);
+        digest.add(csv);
     }
-    hash.finalize()[..8].iter().fold(String::new(), |mut text, byte| {
-        write!(text, "{byte:02x}").expect("writing into memory");
-        text
-    })
+    digest.hex()[..16].to_owned()
 }
 
 #[cfg(test)]

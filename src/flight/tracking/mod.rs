@@ -21,14 +21,18 @@ use crate::geometry::Attitude;
 
 #[cfg(test)]
 pub(crate) mod constructed;
+mod errors;
 mod lag;
 mod part;
 mod path;
 #[cfg(test)]
 mod tests;
 
+pub use errors::{mean_error_m, mean_error_over_m, rmse_m, rmse_over_m};
 pub use part::Part;
 
+use errors::errors;
+pub(super) use errors::{mean, rms};
 pub(super) use lag::least;
 pub(super) use path::DesignPath;
 
@@ -133,7 +137,6 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         let hint = "import a log that holds setpoints, or compare the flight with another one";
         Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
     })?;
-    let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
     let lag_s = lag::best_shift_s(&samples, &design, [0.0, MAX_LAG_S]);
     let mut walk = design.walk();
     let late = samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s));
@@ -141,8 +144,8 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         part,
         n_samples: samples.len(),
         span_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
-        rmse_m: rms(errors()),
-        mean_error_m: mean(errors()),
+        rmse_m: rms(errors(&samples)),
+        mean_error_m: mean(errors(&samples)),
         lag_s,
         rmse_after_lag_m: rms(late),
         contour: contour(&samples, &design, lag_s),
@@ -208,17 +211,6 @@ pub(super) fn angles_rad(attitude: &Attitude) -> Vector3<f64> {
 pub(super) fn attitude(angles_rad: Vector3<f64>) -> Attitude {
     let [yaw_rad, pitch_rad, roll_rad] = angles_rad.into();
     Attitude { yaw_rad, pitch_rad, roll_rad }
-}
-
-/// Root mean square of each component; zero of nothing.
-pub(super) fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
-    mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
-}
-
-/// Mean; zero of nothing.
-pub(super) fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
-    let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
-    sum / count(n.max(1))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
