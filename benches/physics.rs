@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench physics`; an element is a step of 1 ms. The goal is 6 M steps/s for "rotors
 //! and drag", which is what other simulators' physics are (`floor.rs`: 6.9 M, built for its machine).
+//! Measured in November 2026, the best and the median of 60 runs on a busy core with AVX-512: 13.0 and
+//! 8.4 M; "cf21" 9.7 and 6.7 M, with gusts 6.1 and 5.0 M.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
