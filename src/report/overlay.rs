@@ -15,6 +15,9 @@ const MISSING: [u8; 3] = [213, 94, 0];
 const STRAY: [u8; 3] = [240, 228, 66];
 const CELL: [u8; 3] = [150, 150, 150];
 
+/// Height of a label by the width of its cell: seven characters fill it.
+const LABEL_SHARE: f64 = 0.16;
+
 /// Lines of one kind.
 struct Layer<'a> {
     name: &'static str,
@@ -107,20 +110,21 @@ fn layers<'a>(marks: &'a Marks, photo: &Photo) -> [Layer<'a>; 4] {
     ]
 }
 
-/// What stands above each cell, where, and how large: the letter, its share, and its first rival.
+/// What stands above each cell, where, and how large: the letter and its share, over its first rival
+/// and its; as narrow as the cell.
 fn labels(marks: &Marks, verdict: &Verdict) -> Vec<(String, [f64; 2], f64)> {
     let seen = verdict.letters.iter().filter(|letter| letter.recall.is_some());
     let label = |(corners, letter): (&Vec<[f64; 2]>, &LetterVerdict)| {
         let ([left, top], [right, _]) = (*corners.first()?, *corners.get(1)?);
-        let size_px = (0.13 * (right - left)).max(8.0);
-        let rival = letter
-            .rivals
-            .first()
-            .map_or(String::new(), |rival| format!(" {}? {:.2}", rival.letter, rival.p));
-        let text = format!("{} {:.2}{rival}", letter.expected, letter.p);
-        Some((text, [left, top - 0.4 * size_px], size_px))
+        let size_px = LABEL_SHARE * (right - left);
+        let row = |above: f64| [left, top - above * size_px];
+        let own = (format!("{} {:.2}", letter.expected, letter.p), row(2.0), size_px);
+        let rival = letter.rivals.first();
+        let rival = rival
+            .map(|rival| (format!("{}? {:.2}", rival.letter, rival.p), row(0.4), 0.85 * size_px));
+        Some([Some(own), rival])
     };
-    marks.cells.iter().zip(seen).filter_map(label).collect()
+    marks.cells.iter().zip(seen).filter_map(label).flatten().flatten().collect()
 }
 
 fn outline(line: &[[f64; 2]], look: Look) -> String {

@@ -199,6 +199,14 @@ impl Bank {
     }
 }
 
+impl Template {
+    /// Length of its strokes, in cap heights.
+    pub(super) fn ink_h(&self) -> f32 {
+        let [_, _, quarter] = &self.pages;
+        16.0 * quarter.values.iter().sum::<f32>() / (PEN_PX * f32::from(PX_PER_H))
+    }
+}
+
 /// What a shift by pixels of full resolution costs in similarity.
 pub(super) fn shift_cost([right, down]: [isize; 2]) -> f32 {
     SHIFT_COST * ((right * right + down * down) as f32).sqrt() / PX_PER_H as f32

@@ -51,7 +51,7 @@ pub enum CauseKind {
     OtherStray,
     /// The letter stands beside its place.
     Shifted,
-    /// Glow and noise beside the lines: without them the letter would read better.
+    /// Lines are much wider than a pen: without their glow the letter would read otherwise.
     Glow,
     /// Too few pixels to a letter.
     FewPixels,
@@ -59,7 +59,7 @@ pub enum CauseKind {
     Dim,
     /// The letter, drawn without fault, looks like another one: its font's fault.
     Design,
-    /// The drone flew beside its path.
+    /// Light runs beside the intended strokes: the drone flew beside its path.
     OffPath,
 }
 
@@ -129,7 +129,9 @@ pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], word: &str, known: &K
         CauseKind::Shifted => {
             format!("Bring {who} to its place: it stands up to {most_mm:.0} mm beside it.")
         }
-        CauseKind::Glow => format!("Expose less: glow blurs {who}."),
+        CauseKind::Glow => format!(
+            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {who}."
+        ),
         CauseKind::FewPixels => {
             "Come nearer or take a longer lens: letters have few pixels.".into()
         }
@@ -139,8 +141,11 @@ pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], word: &str, known: &K
              not know the font."
         ),
         CauseKind::OffPath => format!(
-            "Fly nearer the path: the drone is {:.0} mm off on average.",
-            1000.0 * known.contour_m.unwrap_or(0.0)
+            "Fly nearer the path in {who}: light runs up to {most_mm:.0} mm beside the strokes{}.",
+            known.contour_m.map_or(String::new(), |contour_m| format!(
+                "; the log says {:.0} mm on average",
+                1000.0 * contour_m
+            ))
         ),
     }
 }

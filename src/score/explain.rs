@@ -4,6 +4,7 @@
 //! what the fault costs (a counterfactual, not a guess).
 
 use super::bank::Bank;
+use super::bend::Bent;
 use super::calibration::{ln_share, loss, probability};
 use super::causes::{Advice, Cause, CauseKind, Known, MissingRun, sentence};
 use super::overlay::Marks;
@@ -20,8 +21,9 @@ use crate::photo::Photo;
 /// A cap height in pixels.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Letters farther from their place than this are shifted: 0.08 H.
-const SHIFTED_PX: f64 = 0.08 * H_PX;
+/// Letters farther from their place than this are shifted: 0.06 H, two pixels of a page. Clean
+/// letters are found within one.
+const SHIFTED_PX: f64 = 0.06 * H_PX;
 
 /// Stray light leads along a dark way where this share of it is within `NEAR_WAY_PX`.
 const ALONG_WAY: f64 = 0.6;
@@ -35,8 +37,8 @@ const OUTSIDE_PX: f64 = 0.12 * H_PX;
 /// Spots are shorter and thicker than this: 0.35 H, and four pens.
 const SPOT_PX: [f64; 2] = [0.35 * H_PX, 4.0 * PEN_PX as f64];
 
-/// Gains below this are none: glow, path and design are named only above it.
-const LEAST_GAIN: f64 = 0.05;
+/// Lines wider than this glow: 0.16 H, more than twice the pen.
+const GLOWING_PX: f64 = 0.16 * H_PX;
 
 /// Cap height in the photo below which letters have few pixels (legibility.md 6.3).
 const FEW_PX: f64 = 30.0;
@@ -44,8 +46,8 @@ const FEW_PX: f64 = 30.0;
 /// Full light by the least light that stands out, below which a photo is dim.
 const DIM: f32 = 2.0;
 
-/// Mean distance off the path, in cap heights, from which it is worth a word.
-const OFF_PATH_H: f64 = 0.06;
+/// Mean distance of a letter's light from its strokes from which it is worth a word: 0.05 H.
+const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
 /// The letters of the first font are repaired in the second one: who does not know the first reads
 /// by the second, and by print.
@@ -63,12 +65,16 @@ enum Mending {
     Erase(Vec<[f64; 2]>),
     Draw(Vec<[f64; 2]>),
     Move([isize; 2]),
+    /// Light goes back from where it is to where it should be.
+    Straighten(Vec<[f64; 2]>),
     Redraw,
 }
 
 /// A letter's geometry on its page, in pixels.
 struct Sketch {
-    runs: Vec<Vec<Segment>>,
+    /// The runs of the pen, as intended and where their light is.
+    bent: Bent,
+    /// What its light was drawn along.
     own: Vec<Segment>,
     beside: Vec<Segment>,
     /// Where the light should be off.
@@ -89,17 +95,23 @@ impl Reader {
         let mut sight = self.sight(photo, view)?;
         let mut marks = Marks::default();
         let mut found: Vec<(Cause, Option<Mending>)> = Vec::new();
+        let mut sketches: Vec<Option<Sketch>> = Vec::new();
         for index in 0..sight.looks.len() {
             let look = &sight.looks[index];
-            let Some(ink) = &look.ink else { continue };
-            let sketch = self.sketch(index, look);
+            let Some(ink) = &look.ink else {
+                sketches.push(None);
+                continue;
+            };
             let trace = Trace::of(ink);
-            let (gaps, recall) = trace.gaps(&sketch.runs);
+            let sketch = self.sketch(index, look, &trace);
+            let (gaps, recall) = trace.gaps(&sketch.bent);
             let (mut strays, precision) = trace.strays(&sketch.own, &sketch.beside);
             let layout = &self.banks[self.cells[index].bank].layout;
             strays.retain(|stray| stray.points.iter().any(|point| layout.holds(*point)));
             let pitch_mm = 1000.0 * self.cells[index].grid.pitch_m;
             let missing: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
+            // The sum of nothing is -0.
+            let missing = missing.abs();
             let stray: usize = strays.iter().map(|stray| stray.points.len()).sum();
             let verdict = &mut sight.verdict.letters[index];
             (verdict.recall, verdict.precision) = (Some(recall), Some(precision));
@@ -113,17 +125,20 @@ impl Reader {
             let strays = strays.into_iter();
             found.extend(strays.map(|stray| self.stray(index, stray, &sketch, known)));
             found.extend(self.displaced(index, look));
-            found.push((cause(CauseKind::Glow, Some(index)), Some(Mending::Redraw)));
+            found.extend(self.off_path(index, &sketch, &trace));
+            if trace.thickness() > GLOWING_PX {
+                let length_mm = Some(trace.thickness() * pitch_mm);
+                let glow = Cause { length_mm, ..cause(CauseKind::Glow, Some(index)) };
+                found.push((glow, Some(Mending::Redraw)));
+            }
+            sketches.push(Some(sketch));
         }
         for (cause, mending) in &mut found {
             let (Some(index), Some(mending)) = (cause.letter, mending) else { continue };
             let look = &sight.looks[index];
-            let (_, p) = self.reread(index, look, &[mending]);
+            let (_, p) = self.reread(index, look, sketches[index].as_ref(), &[mending]);
             cause.gain = Some(p - look.verdict.p);
         }
-        found.retain(|(cause, _)| {
-            cause.kind != CauseKind::Glow || cause.gain.is_some_and(|gain| gain > LEAST_GAIN)
-        });
         self.flaws_of_design(&mut found);
         if sight.verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
             found.push((cause(CauseKind::FewPixels, None), None));
@@ -131,12 +146,7 @@ impl Reader {
         if sight.contrast.is_some_and(|contrast| contrast < DIM) {
             found.push((cause(CauseKind::Dim, None), None));
         }
-        let far_m = OFF_PATH_H * super::cap_height_m(&self.strokes);
-        if let Some(contour_m) = known.contour_m.filter(|contour_m| *contour_m > far_m) {
-            let length_mm = Some(1000.0 * contour_m);
-            found.push((Cause { length_mm, ..cause(CauseKind::OffPath, None) }, None));
-        }
-        sight.verdict.advice = self.advise(&sight.looks, &found, known);
+        sight.verdict.advice = self.advise(&sight.looks, &sketches, &found, known);
         let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
         found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
         sight.verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
@@ -147,6 +157,7 @@ impl Reader {
     fn advise(
         &self,
         looks: &[Look],
+        sketches: &[Option<Sketch>],
         found: &[(Cause, Option<Mending>)],
         known: &Known,
     ) -> Vec<Advice> {
@@ -170,12 +181,10 @@ impl Reader {
                     .filter_map(|(_, mending)| mending.as_ref())
                     .collect();
                 if !mendings.is_empty() {
-                    mended[index] = self.reread(index, look, &mendings).0;
+                    let sketch = sketches[index].as_ref();
+                    mended[index] = self.reread(index, look, sketch, &mendings).0;
                     mendable = true;
                 }
-            }
-            if kind == CauseKind::OffPath {
-                (mended, mendable) = (vec![0.0; losses.len()], true);
             }
             let causes: Vec<&Cause> = of_kind.iter().map(|(cause, _)| cause).collect();
             let gain = mendable.then(|| probability(worst(&mended)) - before);
@@ -188,14 +197,20 @@ impl Reader {
     }
 
     /// Reads a letter again with faults taken out: its loss and its share.
-    fn reread(&self, index: usize, look: &Look, mendings: &[&Mending]) -> (f64, f64) {
-        let (cell, Some(picture)) = (&self.cells[index], &look.picture) else {
+    fn reread(
+        &self,
+        index: usize,
+        look: &Look,
+        sketch: Option<&Sketch>,
+        mendings: &[&Mending],
+    ) -> (f64, f64) {
+        let (cell, Some(picture), Some(sketch)) = (&self.cells[index], &look.picture, sketch)
+        else {
             return (look.loss, look.verdict.p);
         };
-        let sketch = self.sketch(index, look);
         let mut mended = picture.clone();
         for mending in mendings {
-            mend(&mut mended, mending, &sketch);
+            mend(&mut mended, mending, sketch);
         }
         let bank = &self.banks[cell.bank];
         let picture = mended.blur(BLUR_PX);
@@ -205,7 +220,7 @@ impl Reader {
     }
 
     /// The letter's strokes where the reader found them, and what is around.
-    fn sketch(&self, index: usize, look: &Look) -> Sketch {
+    fn sketch(&self, index: usize, look: &Look, trace: &Trace) -> Sketch {
         let (cell, glyph) = (&self.cells[index], &self.strokes.glyphs[index]);
         let layout = &self.banks[cell.bank].layout;
         let middle = layout.middle_px();
@@ -231,7 +246,8 @@ impl Reader {
             }
             pen_at = Some(step.to_m);
         }
-        let own: Vec<Segment> = runs.iter().flatten().copied().collect();
+        let bent = trace.bend(&runs);
+        let own = bent.segments();
         let (mut beside, mut ways) = (Vec::new(), Vec::new());
         let around = index.saturating_sub(1)..(index + 2).min(self.strokes.glyphs.len());
         let mut last: Option<[f64; 2]> = None;
@@ -250,7 +266,7 @@ impl Reader {
                 }
             }
         }
-        Sketch { runs, own, beside, ways }
+        Sketch { bent, own, beside, ways }
     }
 
     fn missing(&self, index: usize, gap: Gap) -> (Cause, Option<Mending>) {
@@ -346,6 +362,23 @@ impl Reader {
         }
     }
 
+    /// A letter whose light runs beside its strokes, wherever it stands.
+    fn off_path(
+        &self,
+        index: usize,
+        sketch: &Sketch,
+        trace: &Trace,
+    ) -> Option<(Cause, Option<Mending>)> {
+        let Bent { intended, found, off_px, .. } = &sketch.bent;
+        (*off_px > OFF_PATH_PX).then(|| {
+            let length_mm = Some(1000.0 * off_px * self.cells[index].grid.pitch_m);
+            let pairs = intended.iter().flatten().zip(found.iter().flatten());
+            let lit = pairs.filter(|(_, found)| trace.is_drawn(**found));
+            let cause = Cause { length_mm, ..cause(CauseKind::OffPath, Some(index)) };
+            (cause, Some(Mending::Straighten(lit.map(|(intended, _)| *intended).collect())))
+        })
+    }
+
     fn confusion(&self, index: usize, look: &Look) -> Vec<Rival> {
         let expected = self.strokes.glyphs[index].character;
         let n_classes = self.classes.len().min(look.matches.len());
@@ -391,6 +424,14 @@ fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     };
     let middle = |index: usize| [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
     match mending {
+        Mending::Straighten(points) => {
+            for (index, value) in picture.values.iter_mut().enumerate() {
+                if distance(middle(index), &sketch.own) < 0.12 * H_PX {
+                    *value = 0.0;
+                }
+            }
+            mend(picture, &Mending::Draw(points.clone()), sketch);
+        }
         Mending::Erase(points) => {
             for (index, value) in picture.values.iter_mut().enumerate() {
                 let at = middle(index);
@@ -442,7 +483,7 @@ impl Reader {
             view.image_from_plane(placed.apply(plane))
         };
         let line = |points: &[[f64; 2]]| points.iter().filter_map(|p| in_photo(*p)).collect();
-        marks.intended.extend(sketch.own.iter().map(|segment| line(segment)));
+        marks.intended.extend(sketch.bent.intended.iter().map(|points| line(points)));
         marks.missing.extend(gaps.iter().map(|gap| line(&gap.points)));
         marks.stray.extend(strays.iter().map(|stray| line(&stray.points)));
         let layout = &self.banks[self.cells[index].bank].layout;

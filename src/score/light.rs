@@ -29,6 +29,12 @@ pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// light; much less would leave half of a glow's slope.
 const SKY_SHARE: f64 = 0.4;
 
+/// Brightest sky under which white stays white, where the place of the word is known.
+const MAX_SKY: f32 = 0.9;
+
+/// The same where writing is looked for in the whole photo: more would raise a floor's glow to ink.
+const MAX_SKY_OF_WHOLE: f32 = 0.3;
+
 /// Linear light above the sky: red, green and blue, 1 is white.
 pub(super) type Rgb = [f32; 3];
 
@@ -69,16 +75,16 @@ impl Light {
         // Where a corner lies behind the camera, the frame cannot be told from the corners.
         let frame = grid.frame(view, placed).unwrap_or(whole_photo).within(&whole_photo)?;
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
-        Some(Self::of_frame(photo, &frame, step, block))
+        Some(Self::of_frame(photo, &frame, step, block, MAX_SKY))
     }
 
     /// Decodes the whole photo, `step` pixels to one; letters are about `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
-        Self::of_frame(photo, &Frame::of(photo), step, block)
+        Self::of_frame(photo, &Frame::of(photo), step, block, MAX_SKY_OF_WHOLE)
     }
 
-    fn of_frame(photo: &Photo, frame: &Frame, step: usize, block: usize) -> Self {
+    fn of_frame(photo: &Photo, frame: &Frame, step: usize, block: usize, max_sky: f32) -> Self {
         let [left, top] = [frame.left_px, frame.top_px].map(|px| whole(px) / step);
         let sides = [frame.right_px, frame.bottom_px].map(|px| whole(px.ceil()).div_ceil(step));
         let [width, height] = [sides[0] - left, sides[1] - top];
@@ -109,7 +115,7 @@ impl Light {
         }
         let mut brightness: Vec<f32> = values.iter().map(|light| luminance(*light)).collect();
         let sky = median(&mut brightness);
-        take_off_sky(&mut values, [width, height], block);
+        take_off_sky(&mut values, [width, height], block, max_sky);
         Self { step, origin: [left, top], width, height, values, sky }
     }
 
@@ -178,9 +184,9 @@ impl Frame {
     }
 }
 
-/// Subtracts the sky around each pixel: a quantile of the means of blocks, channel by channel,
+/// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
 /// between their middles.
-fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usize) {
+fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usize, max_sky: f32) {
     let (width, height) = (n_columns.div_ceil(block), n_rows.div_ceil(block));
     let mut means = Vec::with_capacity(width * height);
     for rows in values.chunks(block * n_columns) {
@@ -229,7 +235,9 @@ fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usiz
             for channel in 0..3 {
                 let [above, below] =
                     corners.map(|[a, b]| a[channel] + share * (b[channel] - a[channel]));
-                value[channel] -= above + down * (below - above);
+                // White stays white: a saturated pixel hides what sky there was.
+                let sky = above + down * (below - above);
+                value[channel] = (value[channel] - sky) / (1.0 - sky.min(max_sky));
             }
         }
     }

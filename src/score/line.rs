@@ -171,6 +171,28 @@ impl Line {
         }) && column > self.cuts[0]
     }
 
+    /// Mean light of the ink, 1 is fully lit.
+    pub(super) fn ink_level(&self) -> f64 {
+        let (left, right) = (self.cuts[0], self.cuts[self.cuts.len() - 1]);
+        let rows = (self.rows[0]..self.rows[1])
+            .flat_map(|y| &self.ink.values[y * self.ink.width..][left..right]);
+        let (n, sum) = rows.fold((0.0, 0.0), |(n, sum), value| {
+            (n + f64::from(u8::from(*value > INK_LEVEL)), sum + f64::from(*value))
+        });
+        sum / f64::max(n, 1.0)
+    }
+
+    /// Whether a column without ink lies between the inks of two columns.
+    pub(super) fn has_gap(&self, from: usize, to: usize) -> bool {
+        let lit = |x: &usize| {
+            (self.rows[0]..self.rows[1])
+                .any(|y| self.ink.values[y * self.ink.width + x] > INK_LEVEL)
+        };
+        let first = (from..to).find(lit).unwrap_or(to);
+        let last = (from..to).rev().find(lit).unwrap_or(from);
+        (first..last).any(|x| !lit(&x))
+    }
+
     /// Whether another line of the same photo has the same ink, but for little of it.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let pairs = self.ink.values.iter().zip(&other.ink.values);

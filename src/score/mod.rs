@@ -32,6 +32,7 @@ pub use view::{Homography, View};
 
 mod align;
 mod bank;
+mod bend;
 mod calibration;
 mod causes;
 mod color;

@@ -3,11 +3,8 @@
 //! Such a part is a rival of its own letter. Among whole letters alone an L without its foot is
 //! still nearest to L, and would pass.
 
-use super::trace::{Segment, distance};
+use super::trace::{CORNER_RAD, Segment, distance};
 use crate::letters::{Glyph, Move};
-
-/// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
-const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 
 /// Bent strokes longer than this, in cap heights, are cut into parts no longer than `PART_H`: an O
 /// has no corner.
@@ -109,7 +106,7 @@ fn middle([from, to]: Segment) -> [f64; 2] {
 }
 
 /// By how much the pen turns from one segment to the next, 0 to π.
-fn turn(a: Segment, b: Segment) -> f64 {
+pub(super) fn turn(a: Segment, b: Segment) -> f64 {
     let [a, b] = [a, b].map(|[from, to]| [to[0] - from[0], to[1] - from[1]]);
     libm::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]).abs()
 }

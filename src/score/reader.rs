@@ -72,7 +72,7 @@ pub(super) struct Look {
     pub(super) loss: f64,
     /// Its light on the page, 1 is fully lit; `None` where there is none.
     pub(super) picture: Option<Raster>,
-    /// Of this, what has the color of its ink.
+    /// Of this, what has the color of its ink and no other.
     pub(super) ink: Option<Raster>,
     pub(super) matches: Vec<Match>,
     /// Where the letter is found beside its place: right and down, in pixels of the page.
@@ -243,7 +243,8 @@ impl Reader {
         let mut matches = compare(&picture);
         let mut shown = bright.clone();
         let color = color::of_brightest(&colors, whole(INK_SHARE * cell.ink_px));
-        let ink = Raster { values: color::held(&colors, color), ..bright }.exposed(full_light);
+        let values = color::held(&colors, color);
+        let ink = Raster { values, ..bright.clone() }.exposed(full_light);
         let total: f32 = bright.values.iter().sum();
         let change: f32 = ink.values.iter().zip(&bright.values).map(|(a, b)| (a - b).abs()).sum();
         if change > COLOR_MATTERS * total {
@@ -259,7 +260,7 @@ impl Reader {
             verdict: self.judge(index, &matches),
             loss,
             picture: Some(shown),
-            ink: Some(ink),
+            ink: Some(pure(&ink, &bright)),
             matches,
             shift,
         }
@@ -297,6 +298,18 @@ impl Reader {
     fn ink_px(&self) -> f64 {
         self.cells.iter().map(|cell| cell.ink_px).sum()
     }
+}
+
+/// What light of another color takes off, by its own. An overexposed blue lamp is white by three
+/// quarters; the white of a trail differs from place to place by a tenth.
+const FOREIGN: f32 = 3.0;
+
+/// Ink less what shines there in another color: a status light that is overexposed nearly to white
+/// is no stroke.
+fn pure(ink: &Raster, bright: &Raster) -> Raster {
+    let pairs = ink.values.iter().zip(&bright.values);
+    let values = pairs.map(|(ink, bright)| (ink - FOREIGN * (bright - ink).max(0.0)).max(0.0));
+    Raster { values: values.collect(), ..*ink }
 }
 
 /// Length of what the letters' lit moves draw.

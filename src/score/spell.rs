@@ -37,8 +37,18 @@ const TOUCH_COST: f64 = 0.1;
 /// Letters higher or lower than most by more than this are measured by the line instead.
 const HEIGHTS: [f64; 2] = [0.75, 1.3];
 
-/// The font, beside the typeface, whose letters are known.
-const FONT: &str = "ae483";
+/// The fonts, beside the typeface, whose letters are known.
+const FONTS: [&str; 3] = ["ae483", "ae483-fixed", "simplex"];
+
+/// What a gap through a letter costs: no capital or digit has one.
+const GAP_COST: f64 = 0.3;
+
+/// What a cap height of stroke more is worth in similarity: light is lost more often than it strays,
+/// so that an R that lost its leg is rather R than P.
+const MORE_INK: f32 = 0.01;
+
+/// How much more of the ink digits must explain: words are more common.
+const DIGITS_COST: f64 = 0.02;
 
 /// What a photo was read as.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -65,16 +75,12 @@ pub struct ReadLetter {
 /// A run of ink, compared with the bank.
 struct Look {
     matches: Vec<Match>,
+    /// The columns that it was cut out between.
+    columns: [usize; 2],
     /// Left, top, right and bottom along the middles of its strokes.
     extent: [f64; 4],
     /// Its ink.
     mass: f64,
-}
-
-/// One way to cut the line.
-struct Parsed {
-    score: f64,
-    letters: Vec<Look>,
 }
 
 /// Reads a photo.
@@ -84,18 +90,6 @@ struct Parsed {
 /// None but what a broken font would cause.
 pub fn read(photo: &Photo) -> Result<Reading> {
     let classes = Classes::of("".chars());
-    let mut bank = Bank::draw(
-        ASPECT,
-        &classes,
-        &[Font::open(FONT, Trace::CentreLine)?],
-        References::Both,
-        &[],
-    );
-    // The ink's box says where a letter is.
-    bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
-    let blank = Raster::dark(bank.layout.width, bank.layout.height);
-    let surroundings = Surroundings::new(&bank, &blank, None);
-    let mut best: Option<(f64, Reading)> = None;
     let rules = [0.95, 0.6]
         .map(|full_rank| [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank }));
     let lines = rules.into_iter().flat_map(|rules| {
@@ -103,14 +97,32 @@ pub fn read(photo: &Photo) -> Result<Reading> {
         let alike = own.as_ref().zip(any.as_ref()).is_some_and(|(own, any)| own.is_like(any));
         [own, any.filter(|_| !alike)].into_iter().flatten()
     });
-    for line in lines {
-        let compare = |picture: &Raster| surroundings.compare(&bank, picture, classes.len());
-        let parsed = parse(&line, &bank, &compare);
-        // A word has letters or digits, not both.
-        for digits in [false, true] {
-            let (score, reading) = spell(&line, &parsed, &classes, digits);
-            if best.as_ref().is_none_or(|best| score > best.0) {
-                best = Some((score, reading));
+    let lines: Vec<Line> = lines.collect();
+    let mut best: Option<(f64, Reading)> = None;
+    // A word is written in one font, or in print.
+    for name in FONTS {
+        let fonts = [Font::open(name, Trace::CentreLine)?];
+        let mut bank = Bank::draw(ASPECT, &classes, &fonts, References::Both, &[]);
+        // The ink's box says where a letter is.
+        bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
+        let blank = Raster::dark(bank.layout.width, bank.layout.height);
+        let surroundings = Surroundings::new(&bank, &blank, None);
+        for line in &lines {
+            let glance = |picture: &Raster| surroundings.glance(&bank, picture, classes.len());
+            let mut looks = parse(line, &bank, &glance);
+            for look in &mut looks {
+                let picture = cell_picture(line, &bank, look.columns, look.extent);
+                look.matches = surroundings.compare(&bank, &picture.blur(BLUR_PX), classes.len());
+                for found in &mut look.matches {
+                    found.similarity += MORE_INK * bank.templates[found.template].ink_h();
+                }
+            }
+            // A word has letters or digits, not both.
+            for digits in [false, true] {
+                let (score, reading) = spell(line, &looks, &classes, digits);
+                if best.as_ref().is_none_or(|best| score > best.0) {
+                    best = Some((score, reading));
+                }
             }
         }
     }
@@ -118,10 +130,9 @@ pub fn read(photo: &Photo) -> Result<Reading> {
 }
 
 /// Cuts the line so that its letters explain the most ink.
-fn parse(line: &Line, bank: &Bank, compare: &impl Fn(&Raster) -> Vec<Match>) -> Parsed {
+fn parse(line: &Line, bank: &Bank, compare: &impl Fn(&Raster) -> Vec<Match>) -> Vec<Look> {
     let n_cuts = line.cuts.len();
-    let total = line.mass(line.cuts[0], line.cuts[n_cuts - 1]).max(1e-9);
-    let letter_mass = line.letter_px * line.stroke_px;
+    let letter_mass = line.letter_px * line.stroke_px * line.ink_level();
     let mut best: Vec<(f64, Option<usize>)> = vec![(0.0, None)];
     let mut found: Vec<Vec<Option<Look>>> = vec![Vec::new()];
     for end in 1..n_cuts {
@@ -134,7 +145,8 @@ fn parse(line: &Line, bank: &Bank, compare: &impl Fn(&Raster) -> Vec<Match>) -> 
             if let Some(Look { matches, mass, .. }) = &look {
                 let similarity = f64::from(top(matches, |_| true).1);
                 let touch_cost = if line.touches(from) { TOUCH_COST } else { 0.0 };
-                let cost = (LETTER_COST + touch_cost) * letter_mass;
+                let gap_cost = if line.has_gap(from, to) { GAP_COST } else { 0.0 };
+                let cost = (LETTER_COST + touch_cost + gap_cost) * letter_mass;
                 let gain = before + mass * (similarity - LEAST_SIMILARITY) - cost;
                 if gain > here.0 {
                     here = (gain, Some(start));
@@ -157,7 +169,7 @@ fn parse(line: &Line, bank: &Bank, compare: &impl Fn(&Raster) -> Vec<Match>) -> 
         }
     }
     letters.reverse();
-    Parsed { score: best[n_cuts - 1].0 / total, letters }
+    letters
 }
 
 /// Compares the ink between two columns with the bank: its matches, box and ink.
@@ -178,7 +190,7 @@ fn look(
     let looks = extents.into_iter().flatten().map(|[top, bottom]| {
         let extent = [ink_box[0], top, ink_box[2], bottom];
         let picture = cell_picture(line, bank, [from, to], extent);
-        Look { matches: compare(&picture.blur(BLUR_PX)), extent, mass }
+        Look { matches: compare(&picture.blur(BLUR_PX)), columns: [from, to], extent, mass }
     });
     let similarity = |look: &Look| top(&look.matches, |_| true).1;
     looks.reduce(|a, b| if similarity(&b) > similarity(&a) { b } else { a })
@@ -209,18 +221,18 @@ fn cell_picture(
     picture
 }
 
-/// Names the letters of a cut line, from the letters or from the digits.
-fn spell(line: &Line, parsed: &Parsed, classes: &Classes, digits: bool) -> (f64, Reading) {
+/// Names the letters of a cut line, from the letters or from the digits; and the share of the
+/// line's ink that they explain.
+fn spell(line: &Line, looks: &[Look], classes: &Classes, digits: bool) -> (f64, Reading) {
     let allowed = |class: usize| {
         let name = classes.name(class, None);
         name.is_ascii_digit() == digits || (digits && "OI".contains(name))
     };
-    let mut missed = 0.0;
-    let letters = parsed.letters.iter().map(|Look { matches, extent, mass, .. }| {
-        let ((class, similarity), best) = (top(matches, allowed), top(matches, |_| true).1);
-        missed += mass * f64::from(best - similarity);
-        let name = classes.name(class, None);
-        let letter = match name {
+    let mut explained = 0.0;
+    let letters = looks.iter().map(|Look { matches, extent, mass, .. }| {
+        let (class, similarity) = top(matches, allowed);
+        explained += mass * f64::from(similarity);
+        let letter = match classes.name(class, None) {
             'O' if digits => '0',
             'I' if digits => '1',
             name => name,
@@ -232,7 +244,8 @@ fn spell(line: &Line, parsed: &Parsed, classes: &Classes, digits: bool) -> (f64,
     let letters: Vec<ReadLetter> = letters.collect();
     let total = line.mass(line.cuts[0], line.cuts[line.cuts.len() - 1]).max(1e-9);
     let text = letters.iter().map(|letter| letter.letter).collect();
-    (parsed.score - missed / total, Reading { text, letters })
+    let rarity = if digits { DIGITS_COST } else { 0.0 };
+    (explained / total - rarity, Reading { text, letters })
 }
 
 /// The most similar of some classes.

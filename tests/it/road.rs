@@ -148,3 +148,61 @@ fn both_backends_take_the_same_photo() {
     };
     assert!(by_cpu.film == by_device.film, "the films differ");
 }
+
+const WORDS: &str = "NOOR HELLO LIGHT WORLD DRONE PAINT NIGHT HOUSE MOUSE QUIZ JUMP FLOCK BOX DRAWN GHOST VERY \
+     TREE MOON NEAR ROOM CAB FED HIJACK MPQ RST UVW XYZ STAR SKY BLUE GREEN WHITE BLACK ORANGE ILLINOIS \
+     PARIS TOKYO CAIRO LIMA OSLO QUEEN KING JAZZ FOX WOLF BIRD FISH LION ZEBRA TIGER AMY BOB CARL DIANA EVE \
+     FRANK GRACE HEIDI IVAN PAINTING";
+
+const FONTS: [&str; 3] =
+    ["ae483-fixed", "simplex", concat!(env!("CARGO_MANIFEST_DIR"), "/fonts/Roboto-Thin.ttf")];
+
+/// Flies words in the even way and reads them: each word's probability, and what is read without
+/// being told.
+fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
+    let one = |word: &&str| {
+        let mut scene = Scene { word: (*word).to_owned(), ..Scene::default() };
+        scene.letters.font = font.to_owned();
+        scene.plan = plan::PlanOptions::even();
+        (scene.camera.width_px, scene.camera.height_px) = (640, 360);
+        let strokes = letters::write(word, &scene.letters).unwrap();
+        let planned = scene.plans(&strokes).unwrap().remove(0);
+        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+        let camera = scene.camera.camera(strokes.bounds_m(), planned.plan.duration_s()).unwrap();
+        let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
+        let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
+        let film = expose(&trace, &camera, &options).unwrap().film;
+        let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
+        let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
+        assert_eq!(verdict.read, *word, "{font}: {verdict:#?}");
+        ((*word).to_owned(), verdict.probability, score::read(&photo).unwrap().text)
+    };
+    words.iter().map(one).collect()
+}
+
+#[test]
+fn a_few_clean_previews_are_legible_and_read_without_being_told() {
+    let words = [["HIJACK", "QUIZ"], ["LIGHT", "HELLO"], ["LION", "PAINTING"]];
+    for (font, words) in FONTS.into_iter().zip(words) {
+        for (word, probability, read) in preview(&words, font) {
+            assert!(probability > 0.85 && read == word, "{font} {word}: {probability}, {read}");
+        }
+    }
+}
+
+/// All of them: `cargo test --release --test it previews -- --ignored --nocapture` prints each.
+#[test]
+#[ignore = "some minutes"]
+fn clean_previews_of_all_characters_and_60_words_are_legible() {
+    let singles: Vec<String> = ('A'..='Z').chain('0'..='9').map(String::from).collect();
+    let singles: Vec<&str> = singles.iter().map(String::as_str).collect();
+    for font in FONTS {
+        let words: Vec<&str> = WORDS.split_whitespace().collect();
+        let found = preview(&words, font);
+        let n_read = found.iter().filter(|(word, _, read)| word == read).count();
+        let all = [found, preview(&singles, font)].concat();
+        let lowest = all.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        println!("{font}: {n_read} of 60 read, lowest {lowest:?}\n{all:?}");
+        assert!(lowest.1 > 0.85 && n_read >= 58, "{font}: {n_read} read, lowest {lowest:?}");
+    }
+}

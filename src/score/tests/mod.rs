@@ -387,50 +387,65 @@ fn unusable_input_is_refused_by_name() {
     assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
 }
 
+/// Keys of the tables of `docs/verdict.md`, table by table.
+fn documented() -> Vec<Vec<&'static str>> {
+    let tables = include_str!("../../../docs/verdict.md").split("\n\n");
+    let key = |row: &'static str| row.strip_prefix("| `")?.split('`').next();
+    let mut tables: Vec<Vec<&str>> = tables.map(|t| t.lines().filter_map(key).collect()).collect();
+    tables.retain(|keys| !keys.is_empty());
+    tables.iter_mut().for_each(|keys| keys.sort_unstable());
+    tables
+}
+
 #[test]
 fn the_verdict_is_written_as_it_is_documented() {
-    let noor = write("NO", &LetterOptions::default()).unwrap();
-    let verdict = serde_json::to_value(Shot::of(&noor).verdict(&noor)).unwrap();
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor).ending_early(0.25);
+    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
+    let view = View::from(&shot.camera);
+    let (verdict, _) = reader.explain(&shot.photo(), &view, &Known::default()).unwrap();
+    let verdict = serde_json::to_value(verdict).unwrap();
     let keys = |value: &serde_json::Value| -> Vec<String> {
         value.as_object().unwrap().keys().cloned().collect()
     };
-    let mut wanted = [
-        "word",
-        "read",
-        "legible",
-        "probability",
-        "calibration",
-        "placement",
-        "cap_height_px",
-        "letters",
-        "reason",
-        "second_opinion",
-        "causes",
-        "advice",
-    ];
-    wanted.sort_unstable();
-    assert_eq!(keys(&verdict), wanted, "sorted by serde_json");
-    assert_eq!(keys(&verdict["placement"]), ["rotation_rad", "scale", "shift_m"]);
-    let mut letter = [
-        "expected",
-        "best",
-        "runner_up",
-        "margin",
-        "similarity",
-        "p",
-        "no_letter",
-        "rivals",
-        "shift_m",
-        "scale",
-        "recall",
-        "precision",
-        "missing_mm",
-        "stray_mm",
-        "confusion",
-    ];
-    letter.sort_unstable();
+    let [top, calibration, placement, letter, cause, kinds] =
+        documented().try_into().expect("six tables");
+    assert_eq!(keys(&verdict), top, "sorted by serde_json");
+    assert_eq!(keys(&verdict["calibration"]), calibration);
+    assert_eq!(keys(&verdict["placement"]), placement);
     assert_eq!(keys(&verdict["letters"][0]), letter);
-    assert!(verdict["reason"].is_null() && verdict["letters"][1]["best"] == "O", "{verdict}");
-    let reason = serde_json::to_value(Reason::NoLight).unwrap();
-    assert_eq!(reason, "no_light");
+    assert_eq!(keys(&verdict["letters"][0]["rivals"][0]), ["letter", "p"]);
+    assert_eq!(keys(&verdict["letters"][0]["confusion"][0]), ["letter", "p"]);
+    assert_eq!(keys(&verdict["causes"][0]), cause);
+    assert_eq!(keys(&verdict["causes"][0]["missing"]), ["from_mm", "stroke", "to_mm"]);
+    assert_eq!(keys(&verdict["advice"][0]), ["gain", "kind", "text"]);
+    use CauseKind::*;
+    let all = [
+        MissingRun, LitTransit, Streak, DwellBlob, Overlap, OtherStray, Shifted, Glow, FewPixels,
+        Dim, Design, OffPath,
+    ];
+    let mut all = all.map(|kind| serde_json::to_value(kind).unwrap().as_str().unwrap().to_owned());
+    all.sort_unstable();
+    assert_eq!(all.to_vec(), kinds);
+    assert_eq!(serde_json::to_value(Reason::NoLight).unwrap(), "no_light");
+}
+
+#[test]
+fn the_same_photo_has_the_same_verdict_on_any_number_of_threads() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor).wandering(0.03);
+    let (photo, view) = (shot.photo(), View::from(&shot.camera));
+    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
+    let explain = || {
+        let (verdict, marks) = reader.explain(&photo, &view, &Known::default()).unwrap();
+        // Rust prints the shortest digits that name a float: equal texts are equal bits.
+        format!("{verdict:?} {marks:?}")
+    };
+    let alone = explain();
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(explain)).collect();
+        for thread in threads {
+            assert_eq!(thread.join().unwrap(), alone);
+        }
+    });
 }
