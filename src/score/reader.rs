@@ -195,7 +195,8 @@ impl Reader {
             () if !right || probability < self.options.legible_probability => Some(Reason::Misread),
             () => None,
         };
-        let counts = matches!(reason, None | Some(Reason::Misread));
+        // Too few pixels to rely on; what readers make of them falls by itself (docs/calibration.md).
+        let counts = matches!(reason, None | Some(Reason::Misread | Reason::TooSmall));
         let verdict = Verdict {
             word: self.strokes.word.clone(),
             read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
