@@ -10,6 +10,10 @@ use super::light::{Rgb, luminance};
 /// there is too little light in them.
 const MIN_CHANNEL: f32 = 0.3;
 
+/// What light of another color takes off ink, by its own. An overexposed blue lamp is white by three
+/// quarters; the white of a trail differs from place to place by a tenth.
+const FOREIGN: f32 = 3.0;
+
 /// Mean color of the brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     let mut sorted: Vec<(f32, Rgb)> =
@@ -27,21 +31,33 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     sum.map(|sum| sum / n_pixels as f32)
 }
 
-/// How much light of a color each pixel holds, as luminance: the share of its scarcest channel.
-pub(super) fn held(light: &[Rgb], color: Rgb) -> Vec<f32> {
+/// How much light of a color a pixel holds, as luminance: the share of its scarcest channel.
+fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
     // Weak channels hold any share.
     let per_color = color.map(|c| (c >= MIN_CHANNEL * strongest && c > 0.0).then(|| scale / c));
-    let share = |light: &Rgb| {
+    move |light| {
         let shares = light.iter().zip(per_color).filter_map(|(light, per)| Some(light * per?));
-        shares.fold(f32::INFINITY, f32::min)
-    };
-    light
-        .iter()
-        .map(share)
-        .map(|share| if share.is_finite() { share.max(0.0) } else { 0.0 })
-        .collect()
+        let share = shares.fold(f32::INFINITY, f32::min);
+        if share.is_finite() { share.max(0.0) } else { 0.0 }
+    }
+}
+
+/// How much light of a color each pixel holds.
+pub(super) fn held(light: &[Rgb], color: Rgb) -> Vec<f32> {
+    let holds = holds(color);
+    light.iter().map(|light| holds(*light)).collect()
+}
+
+/// The light of a color in a pixel less what shines there in another color: a status light that is
+/// overexposed nearly to white is no stroke.
+pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
+    let holds = holds(color);
+    move |light| {
+        let ink = holds(light);
+        (ink - FOREIGN * (luminance(light) - ink).max(0.0)).max(0.0)
+    }
 }
 
 #[cfg(test)]
@@ -60,5 +76,9 @@ mod tests {
         let held_blue = held(&page, blue);
         assert!(held_blue[2] > 0.1 && held_blue[3] < 1e-6 && held_blue[0] > held_blue[3]);
         assert_eq!(held(&page, [0.0; 3]), [0.0; 5], "no ink, no light");
+        let pure: Vec<f32> = page.iter().map(|light| pure(color)(*light)).collect();
+        assert!((pure[0] - 0.8).abs() < 1e-6 && pure[2..] == [0.0; 3], "{pure:?}");
+        let cyan_heart = super::pure(color)([0.7, 0.99, 0.99]);
+        assert!(cyan_heart < 0.1, "{cyan_heart}");
     }
 }

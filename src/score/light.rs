@@ -119,8 +119,8 @@ impl Light {
         Self { step, origin: [left, top], width, height, values, sky }
     }
 
-    /// Mean light in a rectangle of the photo.
-    pub(super) fn mean(&self, frame: &Frame) -> Rgb {
+    /// Mean in a rectangle of the photo of something that each pixel's light has.
+    pub(super) fn mean_of(&self, frame: &Frame, of: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
         let [x0, x1] = [frame.left_px, frame.right_px].map(|px| px * per_px - left);
@@ -133,14 +133,26 @@ impl Light {
         for (y, high) in overlaps(y0, y1, self.height) {
             let row = &self.values[y * self.width..][..self.width];
             for (x, wide) in overlaps(x0, x1, self.width) {
-                let share = wide * high;
+                let (share, value) = (wide * high, of(row[x]));
                 for channel in 0..3 {
-                    sum[channel] += share * row[x][channel];
+                    sum[channel] += share * value[channel];
                 }
             }
         }
         let per_area = narrow(1.0 / area);
         sum.map(|sum| sum * per_area)
+    }
+
+    /// Light of the pixels in a rectangle of the photo.
+    pub(super) fn within(&self, frame: &Frame) -> Vec<Rgb> {
+        let place = |px: f64, origin: usize, end: usize| {
+            whole((px / self.step as f64 - origin as f64).max(0.0)).min(end)
+        };
+        let [left, top] = self.origin;
+        let columns =
+            place(frame.left_px, left, self.width)..place(frame.right_px, left, self.width);
+        let rows = place(frame.top_px, top, self.height)..place(frame.bottom_px, top, self.height);
+        rows.flat_map(|y| &self.values[y * self.width..][columns.clone()]).copied().collect()
     }
 
     /// Pixels across and down, in ours.

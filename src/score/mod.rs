@@ -79,7 +79,8 @@ const SCALES: [f64; 2] = [0.85, 1.17];
 /// Largest rotation of the word, either way: 8 degrees (legibility.md 6.1).
 const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 
-/// Cap height in the photo below which nothing is read, in pixels (legibility.md 6.3).
+/// Cap height in the photo, in pixels, below which few pixels are what makes a word illegible
+/// (legibility.md 6.3; programs read words of 12, see docs/calibration.md).
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
 /// Blurred light in a cell, of full light, below which the letter counts as missing. The middle of a

@@ -90,6 +90,17 @@ impl Grid {
 
     /// What the photo shows at each pixel of the grid, the grid moved along with the word.
     pub(super) fn resample(&self, light: &Light, view: &View, placed: &Placed) -> Vec<Rgb> {
+        self.resample_of(light, view, placed, |light| light)
+    }
+
+    /// The same of something that each of the photo's pixels has.
+    pub(super) fn resample_of(
+        &self,
+        light: &Light,
+        view: &View,
+        placed: &Placed,
+        of: impl Fn(Rgb) -> Rgb,
+    ) -> Vec<Rgb> {
         let row = |y: usize| -> Vec<_> {
             (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect()
         };
@@ -101,7 +112,7 @@ impl Grid {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
                 // Behind the camera there is nothing to see.
                 if let (Some(a), Some(b), Some(c), Some(d)) = corners {
-                    *value = light.mean(&Frame::around([a, b, c, d]));
+                    *value = light.mean_of(&Frame::around([a, b, c, d]), &of);
                 }
             }
             upper = lower;

@@ -189,19 +189,19 @@ impl Reader {
             && rotation_rad.abs() <= MAX_ROTATION_RAD;
         let probability = probability(worst_loss);
         let right = letters.iter().all(|letter| letter.best == Some(letter.expected));
+        let reads = right && probability >= self.options.legible_probability;
         let reason = match () {
-            () if cap_height_px < MIN_CAP_HEIGHT_PX => Some(Reason::TooSmall),
             () if !in_range => Some(Reason::OutOfRange),
-            () if !right || probability < self.options.legible_probability => Some(Reason::Misread),
-            () => None,
+            () if reads => None,
+            // Few pixels lower the probability by themselves (docs/calibration.md).
+            () if cap_height_px < MIN_CAP_HEIGHT_PX => Some(Reason::TooSmall),
+            () => Some(Reason::Misread),
         };
-        // Too few pixels to rely on; what readers make of them falls by itself (docs/calibration.md).
-        let counts = matches!(reason, None | Some(Reason::Misread | Reason::TooSmall));
         let verdict = Verdict {
             word: self.strokes.word.clone(),
             read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
             legible: reason.is_none(),
-            probability: if counts { probability } else { 0.0 },
+            probability: if in_range { probability } else { 0.0 },
             calibration: CALIBRATION,
             placement: Some(Placement { shift_m, scale, rotation_rad }),
             cap_height_px: Some(cap_height_px),
@@ -255,13 +255,14 @@ impl Reader {
                 (matches, shown) = (by_color, ink.clone());
             }
         }
+        let ink = pure_ink(cell, light, view, placed, full_light);
         let loss = loss(&matches, cell.class, cell.ln_faultless);
         let shift = matches[cell.class].shift;
         Look {
             verdict: self.judge(index, &matches),
             loss,
             picture: Some(shown),
-            ink: Some(pure(&ink, &bright)),
+            ink: Some(ink),
             matches,
             shift,
         }
@@ -301,16 +302,23 @@ impl Reader {
     }
 }
 
-/// What light of another color takes off, by its own. An overexposed blue lamp is white by three
-/// quarters; the white of a trail differs from place to place by a tenth.
-const FOREIGN: f32 = 3.0;
-
-/// Ink less what shines there in another color: a status light that is overexposed nearly to white
-/// is no stroke.
-fn pure(ink: &Raster, bright: &Raster) -> Raster {
-    let pairs = ink.values.iter().zip(&bright.values);
-    let values = pairs.map(|(ink, bright)| (ink - FOREIGN * (bright - ink).max(0.0)).max(0.0));
-    Raster { values: values.collect(), ..*ink }
+/// Light in the color of the strokes alone, told by the photo's own pixels: one of ours holds a stroke
+/// and the status light beside it.
+fn pure_ink(cell: &Cell, light: &Light, view: &View, placed: &Placed, full_light: f32) -> Raster {
+    let frame = cell.grid.frame(view, placed);
+    let pixels = frame.map_or(Vec::new(), |frame| light.within(&frame));
+    let share = INK_SHARE * cell.ink_px / (cell.grid.width * cell.grid.height) as f64;
+    let n_brightest = whole(share * pixels.len() as f64);
+    let color =
+        if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) };
+    let pure = color::pure(color);
+    let pure = cell.grid.resample_of(light, view, placed, |light| [pure(light); 3]);
+    let pure = brightness(&cell.grid, &pure);
+    // Thin strokes fill our pixels by half: half of the ink is full light, whatever the word's is.
+    let mut levels = pure.values.clone();
+    let rank = whole(INK_SHARE * cell.ink_px).min(levels.len() - 1);
+    let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
+    pure.exposed(full_light.min(level))
 }
 
 /// Length of what the letters' lit moves draw.

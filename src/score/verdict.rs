@@ -102,7 +102,7 @@ pub enum Reason {
     NotInPhoto,
     /// Nothing in the place of the word is brighter than the sky.
     NoLight,
-    /// Capitals are less than 20 pixels high in the photo.
+    /// A letter is misread, and capitals are less than 20 pixels high in the photo.
     TooSmall,
     /// The word hangs farther than 0.6 cap heights from its place, or is larger or smaller than
     /// intended by more than a sixth, or turned by more than 8 degrees.

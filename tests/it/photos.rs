@@ -180,3 +180,18 @@ fn a_billion_samples_are_refused_with_numbers_and_bounded_memory() {
         "{error}"
     );
 }
+
+#[test]
+fn a_plan_of_another_word_is_refused_and_one_of_the_same_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| noctograph(folder.path()).args(arguments).assert();
+    let small = ["--size", "480x270", "--backend", "cpu"];
+    run(&[&["preview", "NO", "-o", "no"], &small[..]].concat());
+    run(&["plan", "WE", "-o", "we.csv"]).success();
+    run(&["score", "no/photo.png", "NO", "--plan", "no/plan.csv"]).code(predicates::ord::le(1));
+    let refused = run(&["score", "no/photo.png", "NO", "--plan", "we.csv"]).code(2);
+    let stderr = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    for text in ["we.csv", "in letter 1", "the strokes of NO", "hint: "] {
+        assert!(stderr.contains(text), "no {text:?} in {stderr}");
+    }
+}

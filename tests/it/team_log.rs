@@ -1,6 +1,7 @@
-//! The team's log of NOOR must give their tables and figures, and say what it does not show.
+//! The team's log of NOOR must give their tables and figures, and say what it does not show; their
+//! photograph must read, and say what went wrong.
 //!
-//! The log was never part of the product: where it is not at hand (`NOCTOGRAPH_SHARED` names the
+//! Neither was ever part of the product: where they are not at hand (`NOCTOGRAPH_SHARED` names the
 //! folder of the data) nothing is asked of it.
 
 use std::path::{Path, PathBuf};
@@ -11,10 +12,14 @@ use serde_json::Value;
 use crate::cli::{json, noctograph};
 
 fn noor_log() -> Option<PathBuf> {
+    of_the_team("noor_flight.json")
+}
+
+fn of_the_team(file: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
-    let log = shared.join("data/ae483/noor_flight.json");
-    log.exists().then_some(log)
+    let path = shared.join("data/ae483").join(file);
+    path.exists().then_some(path)
 }
 
 fn run_json(folder: &Path, arguments: &[&str]) -> Value {
@@ -86,4 +91,31 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
         assert!(points > 5000, "the whole flight is drawn: {points} points");
     }
     assert!(!front.contains("±0.2 m"), "no corridor from the front");
+}
+
+/// By eye: the white of the first O ends at two thirds of its bottom (x of 472 to 540 pixels), N leans
+/// to the left of its place, the second O and the R stand beside theirs. The R is taken for a P: its
+/// leg is white to the half.
+#[test]
+fn the_teams_photograph_reads_and_says_what_went_wrong() {
+    let Some(photo) = of_the_team("noor_photo.png") else { return };
+    let (folder, photo) = (tempfile::tempdir().unwrap(), photo.to_str().unwrap());
+    let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
+    assert_eq!(json(&read.stdout)["text"], "NOOR");
+    let score =
+        noctograph(folder.path()).args(["score", photo, "NOOR", "--json"]).output().unwrap();
+    let causes = json(&score.stdout)["causes"].clone();
+    let of = |kind: &str, letter: u64| {
+        let causes = causes.as_array().unwrap();
+        causes.iter().find(|cause| cause["kind"] == kind && cause["letter"] == letter).cloned()
+    };
+    let missing = of("missing_run", 1).unwrap_or_else(|| panic!("the first O's: {causes}"));
+    let [x_m, z_m] = [0, 1].map(|axis| missing["at_m"][axis].as_f64().unwrap());
+    assert!(
+        (0.4..0.6).contains(&z_m) && (-0.25..0.0).contains(&x_m),
+        "its bottom's end: {missing}"
+    );
+    for letter in [0, 2, 3] {
+        assert!(of("shifted", letter).is_some(), "letter {letter}: {causes}");
+    }
 }
