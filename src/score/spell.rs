@@ -3,6 +3,7 @@
 //! Each run of ink between two places where a letter may end is compared with the bank of
 //! references; of all ways to cut the line, the one whose letters explain the most ink wins.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::bank::{Bank, Classes};
@@ -98,35 +99,34 @@ pub fn read(photo: &Photo) -> Result<Reading> {
         [own, any.filter(|_| !alike)].into_iter().flatten()
     });
     let lines: Vec<Line> = lines.collect();
-    let mut best: Option<(f64, Reading)> = None;
     // A word is written in one font, or in print.
-    for name in FONTS {
+    let in_font = |name: &&str| {
         let fonts = [Font::open(name, Trace::CentreLine)?];
         let mut bank = Bank::draw(ASPECT, &classes, &fonts, References::Both, &[]);
         // The ink's box says where a letter is.
         bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);
-        let blank = Raster::dark(bank.layout.width, bank.layout.height);
-        let surroundings = Surroundings::new(&bank, &blank, None);
-        for line in &lines {
-            let glance = |picture: &Raster| surroundings.glance(&bank, picture, classes.len());
-            let mut looks = parse(line, &bank, &glance);
-            for look in &mut looks {
-                let picture = cell_picture(line, &bank, look.columns, look.extent);
-                look.matches = surroundings.compare(&bank, &picture.blur(BLUR_PX), classes.len());
-                for found in &mut look.matches {
-                    found.similarity += MORE_INK * bank.templates[found.template].ink_h();
-                }
-            }
-            // A word has letters or digits, not both.
-            for digits in [false, true] {
-                let (score, reading) = spell(line, &looks, &classes, digits);
-                if best.as_ref().is_none_or(|best| score > best.0) {
-                    best = Some((score, reading));
-                }
-            }
+        Ok(lines.par_iter().flat_map_iter(|line| read_line(line, &bank, &classes)).collect())
+    };
+    let tried: Vec<Vec<(f64, Reading)>> = FONTS.par_iter().map(in_font).collect::<Result<_>>()?;
+    // The first of the best, for any number of threads.
+    let best = tried.into_iter().flatten().reduce(|a, b| if b.0 > a.0 { b } else { a });
+    Ok(best.map_or(Reading { text: String::new(), letters: Vec::new() }, |(_, reading)| reading))
+}
+
+/// What a line says in letters and in digits (a word has not both), each with its score.
+fn read_line(line: &Line, bank: &Bank, classes: &Classes) -> [(f64, Reading); 2] {
+    let blank = Raster::dark(bank.layout.width, bank.layout.height);
+    let surroundings = Surroundings::new(bank, &blank, None);
+    let glance = |picture: &Raster| surroundings.glance(bank, picture, classes.len());
+    let mut looks = parse(line, bank, &glance);
+    for look in &mut looks {
+        let picture = cell_picture(line, bank, look.columns, look.extent);
+        look.matches = surroundings.compare(bank, &picture.blur(BLUR_PX), classes.len());
+        for found in &mut look.matches {
+            found.similarity += MORE_INK * bank.templates[found.template].ink_h();
         }
     }
-    Ok(best.map_or(Reading { text: String::new(), letters: Vec::new() }, |(_, reading)| reading))
+    [false, true].map(|digits| spell(line, &looks, classes, digits))
 }
 
 /// Cuts the line so that its letters explain the most ink.
