@@ -5,11 +5,11 @@
 
 use std::path::PathBuf;
 
-use noctograph::expose::{BackendChoice, ExposeOptions, Exposure, expose};
-use noctograph::photo::{Noise, Photo, develop};
+use noctograph::expose::{BackendChoice, Exposure};
+use noctograph::photo::{Noise, Photo};
 use noctograph::report::{Label, labelled};
 use noctograph::scene::Scene;
-use noctograph::{letters, light, plan, sim};
+use noctograph::shoot::{Judging, Shoot};
 
 use crate::compare::{compare, leave_page};
 
@@ -26,19 +26,14 @@ fn preview(word: &str, size_px: [u32; 2], noise: Noise) -> (Exposure, Photo) {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
     scene.photo.noise = noise;
     [scene.camera.width_px, scene.camera.height_px] = size_px;
-    photograph(&scene)
+    photograph(scene)
 }
 
-fn photograph(scene: &Scene) -> (Exposure, Photo) {
-    let strokes = letters::write(&scene.word, &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend: backend(), ..scene.expose };
-    let exposure = expose(&trace, &camera, &options).unwrap();
-    let photo = develop(&exposure.film, &camera, &scene.photo, scene.seed).unwrap();
-    (exposure, photo)
+fn photograph(mut scene: Scene) -> (Exposure, Photo) {
+    scene.expose.backend = backend();
+    let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    let shot = shoot.take(&|_, _| {}).unwrap();
+    (shot.exposure, shot.photo)
 }
 
 /// A graphics device where there is one: the one that must be there, where somebody insists on it.
@@ -84,7 +79,7 @@ fn golden_picture_of_the_readme_is_what_the_command_makes() {
 fn golden_phenomena_of_the_teams_photograph_are_in_our_render_of_it() {
     let toml = std::fs::read_to_string(golden("readme/team.toml")).unwrap();
     let scene = Scene { word: "NOOR".into(), ..Scene::parse(&toml, "team.toml").unwrap() };
-    let (exposure, photo) = photograph(&scene);
+    let (exposure, photo) = photograph(scene);
     let label = |text: &str, text_px, named_px| Label { text: text.into(), text_px, named_px };
     let labels = [
         label("1 headlights, on strokes only", [330.0, 30.0], [445.0, 73.0]),
