@@ -140,7 +140,12 @@ fn flown_again(options: &SimOptions, seed: u64) -> Option<(Flight, Flight)> {
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&log, &bridged).unwrap();
     let replay = noctograph::plan::replay(&real).unwrap();
-    let flown = noctograph::sim::fly(&replay.plan, options, seed, &mut |_| {}).unwrap();
+    let flown = noctograph::sim::fly(
+        &replay.plan,
+        &noctograph::sim::Drone::new(options, seed),
+        &mut |_| {},
+    )
+    .unwrap();
     Some((flown, real))
 }
 

@@ -10,7 +10,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
 };
 
 /// Presets, controllers, estimators and sensors, each at least once.
@@ -100,7 +100,8 @@ fn road() -> Plan {
 }
 
 fn digest(plan: &Plan, options: &SimOptions) -> String {
-    fly(plan, options, 7, &mut |_| {}).map_or_else(|e| e.to_string(), |flight| flight.sha256())
+    fly(plan, &Drone::new(options, 7), &mut |_| {})
+        .map_or_else(|e| e.to_string(), |flight| flight.sha256())
 }
 
 #[test]

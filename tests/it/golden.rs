@@ -32,7 +32,7 @@ fn preview(word: &str, size_px: [u32; 2], noise: Noise) -> (Exposure, Photo) {
 fn photograph(scene: &Scene) -> (Exposure, Photo) {
     let strokes = letters::write(&scene.word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+    let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend: backend(), ..scene.expose };
