@@ -87,5 +87,6 @@ pub mod plan;
 pub mod report;
 pub mod scene;
 pub mod score;
+mod settings;
 pub mod sim;
 pub mod study;
