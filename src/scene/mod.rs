@@ -244,7 +244,7 @@ mod tests {
         };
         assert_eq!(typed.plan, want);
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
-        assert_eq!(scene("", &[("vehicle.mass_kg", "1")]).vehicle.mass_kg, 1.0, "one is 1.0");
+        assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
     }
 
     #[test]
