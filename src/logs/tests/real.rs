@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::imported;
 use crate::flight::{FlightSample, airborne, mean_error_over_m, rmse_over_m};
-use crate::logs::{ae483_json, recording};
+use crate::logs::ae483_json;
+use crate::statistics::median;
 
 /// The team's log of NOOR, where it stands: never part of the product.
 fn noor() -> Option<Vec<u8>> {
@@ -96,7 +97,7 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
             flown.filter_map(|s| Some((part(s) - part(&find(s)?)).abs())).collect();
         let n = errors.len() as f64;
         assert!(n > 3000.0, "{n} samples in common");
-        recording::median(errors).unwrap()
+        median(errors).unwrap()
     };
     // The other sign would put pitch and roll 0.05 rad apart, degrees far more.
     for (name, median, bound) in [
