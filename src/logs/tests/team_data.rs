@@ -6,6 +6,7 @@ use std::path::Path;
 use super::imported;
 use crate::flight::FlightSample;
 use crate::flight::tracking::{Part, track};
+use crate::statistics::median;
 
 fn noor() -> Vec<u8> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
@@ -56,10 +57,9 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
             firmware.samples.get(i).filter(|other| (other.time_s - s.time_s).abs() < 0.007)
         };
         let errors = flown.filter_map(|s| Some((part(s) - part(same_time(s)?)).abs()));
-        let mut errors: Vec<f64> = errors.collect();
+        let errors: Vec<f64> = errors.collect();
         assert!(errors.len() > 3000, "{} samples in common", errors.len());
-        errors.sort_unstable_by(f64::total_cmp);
-        errors[errors.len() / 2]
+        median(errors).unwrap()
     };
     // The other sign would put pitch and roll 0.05 rad apart, degrees far more.
     let parts: [(&str, fn(&FlightSample) -> f64, f64); 6] = [
