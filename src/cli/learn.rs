@@ -1,7 +1,7 @@
 //! `noctograph learn`: the next reference and light schedule, from what earlier flights missed.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -10,10 +10,9 @@ use super::outputs::Output;
 use super::studies::on_threads;
 use super::{Outcome, print, tell};
 use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::flight::comparison::{ComparisonOptions, compare};
-use crate::plan::{Plan, relight};
-use crate::study::{Conditions, Contender, LearnOptions, Prepared, Round, Store, correct, learn};
+use crate::plan::Plan;
+use crate::scene::{NamedScene, Scene};
+use crate::study::{Conditions, LearnOptions, Prepared, Round, Store, align, correct, learn};
 
 #[derive(Debug, Args)]
 #[command(after_help = "The folder holds scene.toml and plan-WORD.csv: `noctograph rank FOLDER` \
@@ -58,7 +57,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Outcome> {
     crate::error::within("--gain", args.gain, 0.0, 1.0)?;
     crate::error::within("--smooth", args.smooth, 0.0, 10.0)?;
     crate::error::within("--flights", args.flights.into(), 1.0, 1e4)?;
-    let contender = Contender::find(&args.scene)?;
+    let contender = Scene::find(&args.scene, &[])?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
     let options = LearnOptions {
         rounds: args.rounds,
@@ -69,8 +68,12 @@ pub(super) fn run(args: &LearnArgs) -> Result<Outcome> {
     };
     let store = Store::open(&args.output)?;
     let scene_file = Output::create(&args.output.join("scene.toml"))?;
-    let plan_file = Output::create(&args.output.join(format!("plan-{}.csv", ready.word())))?;
-    let plan = if args.from_log.is_empty() {
+    let n_plans = if args.from_log.is_empty() { ready.plans().len() } else { 1 };
+    let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
+    let names: Vec<String> = names.collect();
+    let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
+    let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
+    let plans = if args.from_log.is_empty() {
         print(
             "round   P(read)   contour      rmse      lag\n                     mm        mm        s\n",
         )?;
@@ -83,64 +86,44 @@ pub(super) fn run(args: &LearnArgs) -> Result<Outcome> {
                 print(&format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{kept}\n"));
             number += 1;
         };
-        on_threads(args.threads, || learn(&ready, &options, Some(&store), &mut watch))??.plan
+        on_threads(args.threads, || learn(&ready, &options, Some(&store), &mut watch))??.plans
     } else {
         from_logs(args, &ready, &options)?
     };
     let toml = format!(
-        "# Learned by noctograph {} for {}; send plan-{}.csv.\n{}",
+        "# Learned by noctograph {} for {}; send {}.\n{}",
         env!("CARGO_PKG_VERSION"),
         ready.word(),
-        ready.word(),
+        names.join(", "),
         contender.scene.to_toml()
     );
-    let paths = [
-        scene_file.keep(|out| out.write_all(toml.as_bytes()))?,
-        plan_file.keep(|out| plan.write_csv(out))?,
-    ];
-    let files = paths.map(|path| path.display().to_string()).join("\n          ");
+    let mut paths = vec![scene_file.keep(|out| out.write_all(toml.as_bytes()))?];
+    for (file, plan) in plan_files.into_iter().zip(&plans) {
+        paths.push(file.keep(|out| plan.write_csv(out))?);
+    }
+    let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    let files = paths.join("\n          ");
     print(&format!("files     {files}\n"))?;
     Ok(Outcome::Done)
 }
 
-/// One round from flights that were flown elsewhere.
-fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Plan> {
-    let sent = args.sent.as_deref().map_or(Ok(ready.sent().clone()), Plan::read_csv)?;
-    let flights = args.from_log.iter().map(|path| on_the_plans_clock(path, ready, &sent));
-    let flights = flights.collect::<Result<Vec<Flight>>>()?;
+/// One round from flights that were flown elsewhere, by one drone.
+fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Vec<Plan>> {
+    let sent = match (&args.sent, ready.plans().as_slice()) {
+        (Some(path), _) => Plan::read_csv(path)?,
+        (None, [plan]) => plan.clone(),
+        (None, plans) => {
+            let hint = "learn the plans of several drones one by one: name the one that was sent";
+            return Err(Error::input("plan.drones", plans.len(), "one drone", hint));
+        }
+    };
+    let flights = args
+        .from_log
+        .iter()
+        .map(|path| align(read_flight(path)?, &sent, ready, &path.display().to_string()));
+    let flights = flights.collect::<Result<Vec<_>>>()?;
     if flights.len() == 1 {
         tell("warning: a single flight cannot tell what repeats; fly the plan again if you can");
     }
-    correct(&sent, ready.scene(), &flights, options)
-}
-
-/// A flight with the clock, the letters and the design of the plan that it flew.
-fn on_the_plans_clock(path: &Path, ready: &Prepared, sent: &Plan) -> Result<Flight> {
-    let mut flight = read_flight(path)?;
-    let place = || path.display().to_string();
-    let hint = "name the plan that was sent with --sent, and the word that it wrote";
-    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
-        let strokes = crate::letters::write(ready.word(), &ready.scene().letters)?;
-        relight(&mut flight, &strokes)?;
-    }
-    let sending = ready.sending(sent.clone());
-    // The log's design is what was sent; so must be that of the flight whose clock it is set by.
-    let mut planned = crate::shoot::rehearse(ready.scene(), sent)?;
-    let mut at = 0;
-    for sample in &mut planned.samples {
-        while sent.setpoints.get(at + 1).is_some_and(|s| s.time_s <= sample.time_s + 1e-6) {
-            at += 1;
-        }
-        sample.design_m = sent.sent_m(at);
-    }
-    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
-    for sample in &mut flight.samples {
-        sample.time_s += offset_s;
-    }
-    let apart_m = sending.redesign(&mut flight);
-    if apart_m > 0.2 {
-        let found = format!("setpoints {apart_m:.2} m from those of the plan");
-        return Err(Error::input(place(), found, "a flight of this plan", hint));
-    }
-    Ok(flight)
+    Ok(vec![correct(&sent, ready.scene(), &flights, options)?])
 }

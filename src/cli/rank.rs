@@ -7,7 +7,8 @@ use clap::Args;
 use super::studies::{StudyFlags, counter, ranking_table, write_ranking};
 use super::{Outcome, print, tell};
 use crate::error::Result;
-use crate::study::{Contender, Record, Store, Trial, evaluate, rank};
+use crate::scene::Scene;
+use crate::study::{Record, Store, Trial, evaluate, rank};
 
 #[derive(Debug, Args)]
 #[command(
@@ -29,7 +30,7 @@ pub(super) struct RankArgs {
 }
 
 pub(super) fn run(args: &RankArgs) -> Result<Outcome> {
-    let contenders = args.scenes.iter().map(|named| Contender::find(named));
+    let contenders = args.scenes.iter().map(|named| Scene::find(named, &[]));
     let study = args.study.study(contenders.collect::<Result<_>>()?)?;
     study.prepare()?;
     let store = Store::open(&args.output)?;

@@ -10,9 +10,8 @@ use super::studies::{StudyFlags, counter};
 use super::{Outcome, print};
 use crate::error::Result;
 use crate::report::endurance;
-use crate::study::{
-    Conditions, Contender, Endurance, Factor, RobustnessOptions, Store, robustness,
-};
+use crate::scene::Scene;
+use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, Store, robustness};
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {
@@ -33,7 +32,7 @@ pub(super) struct RobustnessArgs {
 
 pub(super) fn run(args: &RobustnessArgs) -> Result<Outcome> {
     let options = RobustnessOptions {
-        contender: Contender::find(&args.scene)?,
+        contender: Scene::find(&args.scene, &[])?,
         words: args.study.words(20)?,
         usual: args.study.conditions()?,
         times: args.times.clone(),

@@ -10,8 +10,9 @@ use super::outputs::Output;
 use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::report::{SheetRow, contact_sheet};
+use crate::scene::NamedScene;
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Contender, Measures, Ranking, Record, Study};
+use crate::study::{Conditions, Flown, Measures, Ranking, Record, Study};
 
 /// Which words are flown, how often, and in what weather.
 #[derive(Debug, Args)]
@@ -37,7 +38,7 @@ pub(super) struct StudyFlags {
 
 impl StudyFlags {
     /// The study of some contenders.
-    pub(super) fn study(&self, contenders: Vec<Contender>) -> Result<Study> {
+    pub(super) fn study(&self, contenders: Vec<NamedScene>) -> Result<Study> {
         let study = Study {
             contenders,
             words: self.words(50)?,
@@ -170,22 +171,15 @@ fn rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<Shee
 
 /// All figures of a contender with their names in files; those of the flight where there are any.
 fn estimates(measures: &Measures) -> Vec<(&'static str, Option<Estimate>)> {
-    let flown = measures.flown.as_ref();
-    vec![
+    let shares = [
         ("legibility", Some(measures.legibility)),
         ("worst_decile", Some(measures.worst_decile)),
         ("all_read", Some(measures.all_read)),
-        ("contour_m", flown.map(|f| f.contour_m)),
-        ("lag_s", flown.map(|f| f.lag_s)),
-        ("rmse_x_m", flown.map(|f| f.rmse_x_m)),
-        ("rmse_y_m", flown.map(|f| f.rmse_y_m)),
-        ("rmse_z_m", flown.map(|f| f.rmse_z_m)),
-        ("drift_y_m", flown.map(|f| f.drift_y_m)),
-        ("tilt_rad", flown.map(|f| f.tilt_rad)),
-        ("saturated_frac", flown.map(|f| f.saturated_frac)),
-        ("duration_s", flown.map(|f| f.duration_s)),
-        ("energy_j", flown.map(|f| f.energy_j)),
-    ]
+    ];
+    let values = measures.flown.map(|flown| flown.values());
+    let flown = (0_usize..).zip(Flown::<f64>::NAMES);
+    let flown = flown.map(|(index, name)| (name, values.map(|values| values[index])));
+    shares.into_iter().chain(flown).collect()
 }
 
 fn ranking_csv(ranking: &Ranking) -> String {
@@ -218,44 +212,12 @@ fn ranking_csv(ranking: &Ranking) -> String {
 /// One row a flight, in the order of the study.
 fn write_flights(out: impl Write, records: &[Record]) -> std::io::Result<()> {
     let mut out = csv::Writer::from_writer(out);
-    out.write_record([
-        "contender",
-        "word",
-        "seed",
-        "read",
-        "all_read",
-        "legible",
-        "probability",
-        "log_odds",
-        "similarity",
-        "contour_m",
-        "lag_s",
-        "rmse_x_m",
-        "rmse_y_m",
-        "rmse_z_m",
-        "drift_y_m",
-        "tilt_rad",
-        "saturated_frac",
-        "duration_s",
-        "energy_j",
-        "lost",
-    ])?;
+    let outcome =
+        ["read", "all_read", "legible", "probability", "log_odds", "similarity"].into_iter();
+    let header = ["contender", "word", "seed"].into_iter().chain(outcome);
+    out.write_record(header.chain(Flown::<f64>::NAMES).chain(["lost"]))?;
     for record in records {
         let o = &record.outcome;
-        let figures = o.flown.map(|f| {
-            [
-                f.contour_m,
-                f.lag_s,
-                f.rmse_x_m,
-                f.rmse_y_m,
-                f.rmse_z_m,
-                f.drift_y_m,
-                f.tilt_rad,
-                f.saturated_frac,
-                f.duration_s,
-                f.energy_j,
-            ]
-        });
         let mut row = vec![
             record.contender.clone(),
             record.word.clone(),
@@ -267,7 +229,8 @@ fn write_flights(out: impl Write, records: &[Record]) -> std::io::Result<()> {
             o.log_odds.to_string(),
             o.similarity.to_string(),
         ];
-        row.extend(figures.map_or(vec![String::new(); 10], |f| f.map(|v| v.to_string()).to_vec()));
+        let figures = o.flown.map(|flown| flown.values().map(|value| value.to_string()));
+        row.extend(figures.unwrap_or_default());
         row.push(o.lost.clone().unwrap_or_default());
         out.write_record(row)?;
     }

@@ -8,7 +8,8 @@ use super::outputs::Output;
 use super::studies::{StudyFlags, counter, on_threads, ranking_table, write_ranking};
 use super::{Outcome, print};
 use crate::error::{Error, Result};
-use crate::study::{Contender, Shard, Store, Sweep, rank};
+use crate::scene::Scene;
+use crate::study::{Shard, Store, Sweep, rank};
 
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepVerb {
@@ -88,7 +89,7 @@ pub(super) fn run(verb: &SweepVerb) -> Result<Outcome> {
 }
 
 fn plan(args: &PlanArgs) -> Result<Outcome> {
-    let contenders = args.scenes.iter().map(|named| Contender::find(named));
+    let contenders = args.scenes.iter().map(|named| Scene::find(named, &[]));
     let sweep = Sweep::new(args.study.study(contenders.collect::<Result<_>>()?)?)?;
     let output = Output::create(&args.output)?;
     let path = output.keep(|out| std::io::Write::write_all(out, sweep.to_json().as_bytes()))?;

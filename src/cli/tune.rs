@@ -12,10 +12,9 @@ use super::studies::{StudyFlags, counter, ranking_table};
 use super::{Outcome, print, tell};
 use crate::error::{Error, Result};
 use crate::report::pareto;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::study::{
-    Candidate, Contender, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, evaluate,
-    rank, tune,
+    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
@@ -105,7 +104,7 @@ impl std::str::FromStr for Budget {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
     let budget: Budget = args.budget.parse()?;
-    let mut base = Contender::find(&args.scene)?;
+    let mut base = Scene::find(&args.scene, &[])?;
     if let Some(cap_height_m) = args.cap_height {
         scale_letters(&mut base.scene, cap_height_m)?;
     }
@@ -245,7 +244,7 @@ fn report(options: &TuneOptions, tuned: &Tuned) -> String {
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,
-    base: &Contender,
+    base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
 ) -> Result<()> {
@@ -259,7 +258,7 @@ fn test(
             continue;
         }
         let study = Study {
-            contenders: vec![base.clone(), Contender::new("tuned", tuned.scene.clone())],
+            contenders: vec![base.clone(), NamedScene::new("tuned", tuned.scene.clone())],
             words,
             conditions: options.conditions.clone(),
             // Neither the search's seeds nor the finals'.
