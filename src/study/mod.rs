@@ -35,7 +35,7 @@ mod sweep;
 mod trial;
 mod tune;
 
-pub use conditions::{Conditions, Departure, Factor};
+pub use conditions::{Conditions, Factor};
 pub use design::{Study, Trial, evaluate};
 pub use knobs::{Knob, Turn, turned};
 pub use learn::{LearnOptions, Learned, Round, align, correct, learn};
