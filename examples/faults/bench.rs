@@ -224,7 +224,9 @@ impl Setting {
             ..known.clone()
         };
         let mut shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene)? };
-        self.lose_light(&mut shoot.plans[0].plan);
+        let plan = &mut shoot.plans[0].plan;
+        self.lose_light(plan);
+        shoot.scene.camera.shutter_close_s.get_or_insert(plan.duration_s());
         let (sim, light) = self.conditions.draw(actual.seed).apply(actual);
         shoot.drones = vec![Drone { sim, light }];
         shoot.cores = Some(NonZero::<usize>::MIN);

@@ -30,7 +30,7 @@ impl Shoot {
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
         let mut findings = Vec::new();
         if let Some(strokes) = &self.strokes {
-            findings.extend(check_letters(strokes, self.scene.plan.style));
+            findings.extend(check_letters(strokes, &self.scene.plan.style));
         }
         let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
         findings.extend(check_plans(&plans, profile));
