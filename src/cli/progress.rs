@@ -1,16 +1,13 @@
-//! Progress of work that takes longer than a second, where stderr is a terminal.
+//! A progress bar for what takes longer than a second, where somebody looks at the terminal.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::shoot::Stage;
-
-/// A bar for work that reports its progress.
+/// A piece of work that tells how far it is.
 #[derive(Debug)]
 pub(super) struct Progress {
     what: &'static str,
@@ -20,7 +17,7 @@ pub(super) struct Progress {
 
 const STEPS: u64 = 1000;
 
-/// Work up to this long shows no progress.
+/// Work that takes no longer than this shows nothing.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Progress {
@@ -28,14 +25,14 @@ impl Progress {
         Self { what, start: Instant::now(), bar: None }
     }
 
-    /// Sets the text before the bar, such as the best result so far.
+    /// Says something before the bar, such as the best so far.
     pub(super) fn note(&self, text: String) {
         if let Some(bar) = &self.bar {
             bar.set_message(text);
         }
     }
 
-    /// Shows the fraction of the work that is done, 0 to 1.
+    /// Shows the share of the work that is done, 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
         if self.bar.is_none() {
             let late = self.start.elapsed() > PATIENCE;
@@ -65,7 +62,7 @@ impl Drop for Progress {
     }
 }
 
-/// A spinner for work that does not report its progress.
+/// A piece of work that cannot tell how far it is: a spinner turns while it lasts.
 #[derive(Debug)]
 pub(super) struct Busy {
     /// Closed when the work is done.
@@ -96,19 +93,6 @@ impl Drop for Busy {
         self.work = None;
         if let Some(spinner) = self.spinner.take() {
             let _ = spinner.join();
-        }
-    }
-}
-
-/// Shows the progress of a shoot.
-pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
-    let shown: Mutex<(Option<Progress>, Option<Busy>)> = Mutex::new((None, None));
-    move |stage, done| {
-        let Ok(mut shown) = shown.lock() else { return };
-        match stage {
-            Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
-            Stage::Exposing if done < 1.0 => *shown = (None, Some(Busy::new("exposing"))),
-            Stage::Exposing => *shown = (None, None),
         }
     }
 }

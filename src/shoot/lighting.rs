@@ -80,7 +80,7 @@ impl Shoot {
     ///
     /// As [`light`].
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
-        let lamps = self.drones.get(drone).map_or(&self.scene.light, |drone| &drone.light);
+        let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         light(flight, lamps, self.scene.seed, drone as u64)
     }
 

@@ -8,7 +8,7 @@
 //!    one film, develops it and reads the word.
 //!
 //! [`Shoot::fly`] and [`Shoot::light`] stop earlier. A study varies the public fields: the seed of
-//! the scene, the drones that fly, the plans that are sent, the size of the picture.
+//! the scene, the drones that truly fly, the plans that are sent, the size of the picture.
 //!
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
@@ -31,7 +31,7 @@ use crate::logs::{ImportOptions, import};
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::score::Reader;
-use crate::sim::{SimOptions, fly_unlike};
+use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
 mod lighting;
@@ -55,8 +55,8 @@ pub struct Shoot {
     pub plans: Vec<Planned>,
     /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
     pub recordings: Vec<Recording>,
-    /// Drones that fly where they differ from the scene's, in the order of the plans.
-    pub drones: Vec<Drone>,
+    /// True drones where they differ from the scene's, in the order of the plans.
+    pub actual: Vec<Actual>,
     /// How the photo is read.
     pub judging: Judging,
     /// Format in which the photo is encoded, while it is read; `None`: not encoded.
@@ -67,9 +67,9 @@ pub struct Shoot {
     pub cores: Option<NonZero<usize>>,
 }
 
-/// A drone that flies, in contrast to the one that the scene describes.
+/// The drone that flies, in contrast to the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drone {
+pub struct Actual {
     /// Its body, battery, air and sensors. Controller and estimator are the scene's.
     pub sim: SimOptions,
     /// Its lamps.
@@ -162,7 +162,7 @@ impl Shoot {
             strokes,
             plans: Vec::new(),
             recordings: Vec::new(),
-            drones: Vec::new(),
+            actual: Vec::new(),
             judging: Judging::default(),
             format: None,
             reader: None,
@@ -204,8 +204,9 @@ impl Shoot {
     /// If there is no such plan.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
-        let actual = self.drones.get(drone).map_or(&believed, |drone| &drone.sim);
-        fly_unlike(&self.plans[drone].plan, &believed, actual, self.scene.seed, progress)
+        let actual = self.actual.get(drone).map_or(&believed, |actual| &actual.sim);
+        let (plan, seed) = (&self.plans[drone].plan, self.scene.seed);
+        fly(plan, &Drone { believed: &believed, actual, seed, index: drone as u64 }, progress)
     }
 
     /// Flies, exposes, develops and reads.

@@ -11,7 +11,7 @@ use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock, stro
 use crate::plan::lead::{lead, learn};
 use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
 use crate::scene::Scene;
-use crate::sim::{fly, step_responses};
+use crate::sim::{Drone, fly, step_responses};
 
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
 ///
 /// As [`fly`].
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
-    fly(plan, &scene.sim().rehearsal(), scene.seed, &mut |_| {})
+    fly(plan, &Drone::new(&scene.sim().rehearsal(), scene.seed), &mut |_| {})
 }
 
 /// Moves a plan's light commands so that the light begins and ends with the strokes of a flight of
@@ -166,7 +166,7 @@ mod tests {
         let fly_tipped = |scene: &Scene| {
             let plan = plan(scene, &noor()).unwrap().swap_remove(0).plan;
             let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
-            fly(&plan, &sim, 0, &mut |_| {}).unwrap()
+            fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
         };
         let before = fly_tipped(&tipped);
         let mean_m = mean_error_m(&before).unwrap();
