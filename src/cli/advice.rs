@@ -11,7 +11,10 @@ use crate::settings::{Described, Setting, Shape};
 const FLAGS: [(&str, &str); 6] = [
     ("camera.position_m", "`--camera auto` puts the camera in front of the word"),
     ("letters.font", "`--font` names another font; `noctograph specimen FONT` shows one"),
-    ("plan.drones", "`--drones N` sets the number of drones, `--style even` lets several share a word"),
+    (
+        "plan.drones",
+        "`--drones N` sets the number of drones, `--style even` lets several share a word",
+    ),
     ("plan.style", "`--style even` or `--style team` chooses it"),
     ("sensors.stations", "`--lighthouse FILE` reads the base stations from a file of cfclient"),
     ("word", "name the word on the command line, as in `noctograph preview NOOR`"),

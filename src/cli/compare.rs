@@ -116,11 +116,7 @@ fn to_json(
 }
 
 /// Errors of both flights against their designs, of their observers, and between them.
-fn table(
-    args: &CompareArgs,
-    comparison: &Comparison,
-    tracking: &[Option<Tracking>; 2],
-) -> String {
+fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Tracking>; 2]) -> String {
     let part = show::in_part(comparison.part);
     // Whole milliseconds, and no minus sign before zero.
     let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::coverage_map;
 use super::flags::{LetterFlags, SceneFlags, set_word};
 use super::output::Output;
 use super::report::Report;
-use super::coverage_map;
 use crate::error::Result;
 use crate::sim::{Coverage, coverage};
 

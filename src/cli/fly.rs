@@ -17,7 +17,11 @@ use crate::shoot::Shoot;
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {
     /// Plans to fly, one for each drone, as `noctograph plan` writes them
-    #[arg(required_unless_present = "setpoints", conflicts_with = "setpoints", value_name = "PLAN")]
+    #[arg(
+        required_unless_present = "setpoints",
+        conflicts_with = "setpoints",
+        value_name = "PLAN"
+    )]
     plans: Vec<PathBuf>,
     /// Fly the setpoints of this flight or log instead, as they were sent
     #[arg(long, value_name = "FILE")]

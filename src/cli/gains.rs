@@ -120,9 +120,8 @@ fn bryson(design: &Design, r: &[f64; 4]) -> String {
         let (deviation, weight) = (design.largest_inputs[i], design.bryson_r[i]);
         let unit = if i == 3 { "N" } else { "N m" };
         let ratio = r[i] / weight;
-        text += &format!(
-            "{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times\n"
-        );
+        text +=
+            &format!("{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times\n");
     }
     let [x, y, z, f] = design.bryson_r;
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")

@@ -114,7 +114,10 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
 /// One round from flights that were flown elsewhere.
 fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Plan> {
     let sent = args.sent.as_deref().map_or(Ok(ready.sent().clone()), Plan::read_csv)?;
-    let flights = args.flight.iter().map(|path| on_the_plans_clock(args.flights.read(path)?, path, ready, &sent));
+    let flights = args
+        .flight
+        .iter()
+        .map(|path| on_the_plans_clock(args.flights.read(path)?, path, ready, &sent));
     let flights = flights.collect::<Result<Vec<Flight>>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";

@@ -82,7 +82,8 @@ impl Contender {
             return Ok(Self::new(&stem, Scene::read_with(path, settings)?));
         }
         let names = KNOWN.iter().map(|(name, _)| *name);
-        let names: Vec<&str> = names.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
+        let names: Vec<&str> =
+            names.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
         let hint = match similar(named, names.iter().copied()) {
             Some(similar) => format!("did you mean {similar}?"),
             None => "`noctograph scene > my.toml` writes a scene to begin with".into(),
