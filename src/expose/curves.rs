@@ -214,7 +214,7 @@ mod tests {
 
     /// A spot of some light and place, 100 counts per lx s.
     fn drawn(light_lx_s: f64, sigma_px: f64, at_px: [f64; 2]) -> (Curves, Record) {
-        let ends_px = [glam::DVec2::from(at_px); 2];
+        let ends_px = [at_px.into(); 2];
         let segment = super::super::merge::Segment {
             ends_px,
             sigma_px,

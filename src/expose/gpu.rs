@@ -430,9 +430,9 @@ fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
     })
 }
 
-/// A driver that panicked.
-pub(super) fn gave_up() -> Error {
-    gpu_error("its driver gave up".to_owned(), "use --backend cpu")
+/// Error of a driver that panicked.
+pub(super) fn driver_panicked() -> Error {
+    gpu_error("its driver panicked".to_owned(), "use --backend cpu")
 }
 
 fn gpu_error(what: String, hint: &str) -> Error {

@@ -7,6 +7,10 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+pub(crate) use chord::Chords;
+
+mod chord;
+
 /// Attitude of a body as yaw, pitch and roll.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Attitude {

@@ -77,6 +77,20 @@ pub struct LightSample {
     pub level: f64,
 }
 
+impl LightSample {
+    /// The sample at a time on the straight path to the next one.
+    #[must_use]
+    pub fn toward(&self, next: &Self, time_s: f64) -> Self {
+        let share = (time_s - self.time_s) / (next.time_s - self.time_s);
+        Self {
+            time_s,
+            position_m: self.position_m + (next.position_m - self.position_m) * share,
+            axis: self.axis + (next.axis - self.axis) * share,
+            level: self.level + (next.level - self.level) * share,
+        }
+    }
+}
+
 /// A source of light of one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {

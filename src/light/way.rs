@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::radio::Change;
 use super::{Fixture, LightOptions, LightSample};
 use crate::flight::{Flight, FlightSample};
+use crate::geometry::Chords;
 
 /// Where the body is at a sample of the flight.
 #[derive(Clone, Copy, Debug)]
@@ -62,26 +63,16 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     kept
 }
 
-/// Place and turn of a pose as lengths.
-type Lengths = [f64; 12];
-
-/// Poses that are one straight stretch so far. For each pose that is skipped, the stretch must pass
-/// close by: that bounds its speed from both sides.
+/// Poses that one straight segment replaces so far.
 struct Run {
     first: Pose,
     last: Pose,
-    start: Lengths,
-    /// Of `last`.
-    end: Lengths,
-    slowest: Lengths,
-    fastest: Lengths,
+    chords: Chords<12>,
 }
 
 impl Run {
     fn new(first: Pose, last: Pose) -> Self {
-        let (start, end) = (first.lengths(), last.lengths());
-        let (slowest, fastest) = ([f64::NEG_INFINITY; 12], [f64::INFINITY; 12]);
-        Self { first, last, start, end, slowest, fastest }
+        Self { first, last, chords: Chords::ALL }
     }
 
     /// Moves the run's end to the next pose if it stays straight with it.
@@ -89,33 +80,24 @@ impl Run {
         // Half the tolerance an axis, and as much for the turn, keep their sum within it.
         let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
-        let whole_s = next.time_s - self.first.time_s;
-        if skipped_s == 0.0 {
-            // Nothing is skipped: the run has only its first pose.
-            (self.last, self.end) = (*next, next.lengths());
-            return true;
+        if skipped_s > 0.0 {
+            self.chords.keep_near(self.last.lengths_from(&self.first), [slack; 12], skipped_s);
+            let offset = next.lengths_from(&self.first);
+            if !self.chords.contain(offset, next.time_s - self.first.time_s) {
+                return false;
+            }
         }
-        let end = next.lengths();
-        let mut straight = true;
-        for (i, (to, from)) in end.iter().zip(&self.start).enumerate() {
-            let way = self.end[i] - from;
-            self.slowest[i] = self.slowest[i].max((way - slack) / skipped_s);
-            self.fastest[i] = self.fastest[i].min((way + slack) / skipped_s);
-            let speed = (to - from) / whole_s;
-            straight &= self.slowest[i] <= speed && speed <= self.fastest[i];
-        }
-        if straight {
-            (self.last, self.end) = (*next, end);
-        }
-        straight
+        self.last = *next;
+        true
     }
 }
 
 impl Pose {
-    fn lengths(&self) -> Lengths {
+    /// How far it is moved and turned from another pose, as lengths.
+    fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
-            None => self.position_m[i],
-            Some(turn) => self.world_from_body[turn] * ARM_M,
+            None => self.position_m[i] - other.position_m[i],
+            Some(turn) => self.world_from_body[turn] * ARM_M - other.world_from_body[turn] * ARM_M,
         })
     }
 }
