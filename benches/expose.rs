@@ -52,7 +52,7 @@ fn trace() -> LightTrace {
 fn bench(c: &mut Criterion) {
     let (camera, trace) = (camera(), trace());
     let merged = ExposeOptions::default();
-    let unmerged = ExposeOptions { merge_tolerance_px: 0.0, ..merged };
+    let unmerged = ExposeOptions { merge_tolerance_px: 0.0, ..merged.clone() };
     let mut group = c.benchmark_group("expose");
     group.sample_size(30);
     for (name, options) in [("merged", &merged), ("unmerged", &unmerged)] {
@@ -66,10 +66,9 @@ fn bench(c: &mut Criterion) {
         });
     }
     for (name, backend) in [("cpu", BackendChoice::Cpu), ("wgpu", BackendChoice::Wgpu)] {
-        let options = ExposeOptions { backend, ..merged };
-        if expose(&trace, &camera, &options).is_ok() {
+        if expose(&trace, &camera, &merged, backend).is_ok() {
             group.bench_function(format!("whole, {name}"), |b| {
-                b.iter(|| expose(black_box(&trace), &camera, &options).unwrap());
+                b.iter(|| expose(black_box(&trace), &camera, &merged, backend).unwrap());
             });
         }
     }

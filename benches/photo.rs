@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
-use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::expose::{BackendChoice, Film, expose};
 use noctograph::photo::exr::Precision;
 use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::Scene;
@@ -24,8 +24,7 @@ fn noor() -> (Film, Camera) {
     let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    (expose(&trace, &camera, &options).unwrap().film, camera)
+    (expose(&trace, &camera, &scene.expose, BackendChoice::Cpu).unwrap().film, camera)
 }
 
 fn photo(c: &mut Criterion) {

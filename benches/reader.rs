@@ -7,7 +7,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use noctograph::expose::{BackendChoice, ExposeOptions, expose};
+use noctograph::expose::{BackendChoice, expose};
 use noctograph::photo::{Photo, develop};
 use noctograph::scene::Scene;
 use noctograph::score::{Reader, View};
@@ -22,8 +22,7 @@ fn preview(word: &str, size_px: [u32; 2]) -> (letters::Strokes, Photo, View) {
     let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, 0, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
+    let film = expose(&trace, &camera, &scene.expose, BackendChoice::Cpu).unwrap().film;
     (strokes, develop(&film, &camera, &scene.photo, 0).unwrap(), (&camera).into())
 }
 

@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use image::{RgbImage, imageops};
-use noctograph::expose::{self, BackendChoice, ExposeOptions};
+use noctograph::expose::{self, BackendChoice};
 use noctograph::photo::Photo;
 use noctograph::plan::{PlanOptions, Style};
 use noctograph::scene::Scene;
@@ -72,8 +72,7 @@ fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
         end_s = end_s.max(planned.plan.duration_s());
     }
     let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let exposure = expose::expose(&trace, &camera, &options)?;
+    let exposure = expose::expose(&trace, &camera, &scene.expose, BackendChoice::Cpu)?;
     let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
     let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
     Ok((verdict, photo))

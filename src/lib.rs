@@ -20,7 +20,7 @@
 //! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
 //! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
 //! let trace = light::light(&flight, &scene.light, scene.seed, 0)?;
-//! let exposure = expose::expose(&trace, &camera, &scene.expose)?;
+//! let exposure = expose::expose(&trace, &camera, &scene.expose, expose::BackendChoice::Auto)?;
 //! let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
 //! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
 //! println!("{} reads as {}", verdict.word, verdict.read);
@@ -57,8 +57,8 @@
 //! What a room must not know keeps the house good:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
-//! - f64 and nalgebra up to `expose`'s segments, integers and glam after them; the width changes
-//!   in one function.
+//! - f64 and nalgebra up to `expose`'s segments, f32 in its records, integers after them. There is
+//!   no vector library for f32: records are scalars and lanes of them.
 //! - No clock, no environment, no printing and no progress bar above `cli` in this table: stages
 //!   report progress through a callback. Same scene and seed, same bytes.
 //! - Degrees, milliseconds and other axes stay in `cli` and in the readers of foreign files.

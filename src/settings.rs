@@ -186,7 +186,6 @@ undeclared!(
     crate::sim::SensorOptions,
     crate::light::LightOptions,
     crate::camera::CameraOptions,
-    crate::expose::ExposeOptions,
     crate::photo::PhotoOptions,
     crate::score::ScoreOptions,
 );

@@ -96,7 +96,8 @@ impl Glow {
     pub(super) fn add_to(&self, film: &mut Film) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let size_px = [film.width_px, film.height_px];
-        let planes = film.counts.par_chunks_exact_mut(film.counts.len() / 3).enumerate();
+        let pixels = film.counts.len() / 3;
+        let planes = film.counts.par_chunks_exact_mut(pixels).enumerate();
         planes.for_each(|(channel, plane)| {
             for square in &self.squares {
                 let corners = square.corners_lx_s.map(|light| narrow(light[channel] * per_lx_s));
@@ -200,13 +201,8 @@ pub(super) mod tests {
     use super::super::tests::{camera, lamp};
     use super::*;
 
-    const MATTE: ExposeOptions = ExposeOptions {
-        backend: super::super::BackendChoice::Cpu,
-        merge_tolerance_px: 0.005,
-        scale_log2: None,
-        floor_albedo: 0.5,
-        floor_z_m: 0.0,
-    };
+    const MATTE: ExposeOptions =
+        ExposeOptions { merge_tolerance_px: 0.005, floor_albedo: 0.5, floor_z_m: 0.0 };
 
     /// A camera 2 m above the floor that looks down at it.
     pub(in crate::expose) fn looking_down() -> Camera {

@@ -119,7 +119,8 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
         merge::merge(intervals, share, MERGE_PX, &mut segments);
         segments.retain(|segment| {
             let [x, y]: [f64; 2] = segment.middle_px().into();
-            (0.0..=camera.width_px.into()).contains(&x) && (0.0..=camera.height_px.into()).contains(&y)
+            (0.0..=camera.width_px.into()).contains(&x)
+                && (0.0..=camera.height_px.into()).contains(&y)
         });
         let name = &*lamp.emitter.name;
         match trails.iter_mut().find(|(known, _)| *known == name) {

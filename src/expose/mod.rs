@@ -45,11 +45,10 @@ mod twins;
 use std::num::NonZero;
 use std::thread::JoinHandle;
 
-use serde::{Deserialize, Serialize};
-
 use crate::camera::{Camera, check_size};
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
+use crate::settings::{Described, settings};
 use floor::Glow;
 use gpu::Gpu;
 use record::Record;
@@ -108,65 +107,30 @@ impl Backend {
     }
 }
 
-/// Choice of the backend.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BackendChoice {
-    /// A graphics device where one works, else the processor.
-    #[default]
-    Auto,
-    /// A graphics device, or an error.
-    Wgpu,
-    /// The processor.
-    Cpu,
-}
-
-/// How to expose.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ExposeOptions {
-    /// Choice of the backend; no part of a scene, since the bits do not depend on it.
-    #[serde(skip)]
-    pub backend: BackendChoice,
-    /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs least;
-    /// 0.005 (default) errs by up to 1e-3 of the peak; more is faster and coarser.
-    pub merge_tolerance_px: f64,
-    /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet 0.1,
-    /// gray concrete 0.3, a black floor 0.
-    pub floor_albedo: f64,
-    /// Height of the floor. The position of a standing Crazyflie is that of its board, 2 cm above
-    /// it (an assumption: feet below the motor mounts).
-    pub floor_z_m: f64,
-    /// Scale of the film, one count being `2^scale_log2` lx s, for films that are to be added up;
-    /// `None` (default) takes the finest that this light allows.
-    #[serde(skip)]
-    pub scale_log2: Option<i32>,
-}
-
-impl ExposeOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with the key that is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("expose.merge_tolerance_px", self.merge_tolerance_px, 0.0, 1.0)?;
-        within("expose.floor_albedo", self.floor_albedo, 0.0, 1.0)?;
-        within("expose.floor_z_m", self.floor_z_m, -1e3, 1e3)?;
-        self.scale_log2.map_or(Ok(()), |scale_log2| {
-            within("expose.scale_log2", f64::from(scale_log2), -128.0, 128.0)
-        })
+settings! {
+    /// Choice of the backend.
+    pub enum BackendChoice {
+        /// A graphics device where one works, else the processor.
+        "auto" => Auto,
+        /// A graphics device, or an error.
+        "wgpu" => Wgpu,
+        /// The processor.
+        "cpu" => Cpu,
     }
-}
 
-impl Default for ExposeOptions {
-    fn default() -> Self {
-        Self {
-            backend: BackendChoice::Auto,
-            merge_tolerance_px: 0.005,
-            floor_albedo: 0.2,
-            floor_z_m: -0.02,
-            scale_log2: None,
-        }
+    /// Resolution of the exposure, and the floor that the lamps light.
+    pub struct ExposeOptions {
+        /// How far a sample may lie from the segment that replaces it. 0 merges nothing and errs
+        /// least; 0.005 errs by up to 1e-3 of the peak; more is faster and coarser.
+        merge_tolerance_px: f64 = 0.005, in 0.0..=1.0;
+        /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet
+        /// 0.1, gray concrete 0.3, a black floor 0.
+        floor_albedo: f64 = 0.2, in 0.0..=1.0;
+        /// Height of the floor below the position of a standing drone.
+        ///
+        /// That of a Crazyflie is the position of its board, 2 cm above the floor (an assumption:
+        /// feet below the motor mounts).
+        floor_z_m: f64 = -0.02, in -1e3..=1e3;
     }
 }
 
@@ -179,10 +143,15 @@ impl Default for ExposeOptions {
 ///
 /// [`Error::Input`] for numbers of a lamp that are not finite or out of range and for time that
 /// falls (with lamp and time), for numbers of the camera or the options out of range, and above the
-/// largest picture or [`MAX_SAMPLES`]. [`Error::Infeasible`] where `scale_log2` is too fine for the
-/// light. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
-pub fn expose(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Exposure> {
-    let developer = Developer::start(options.backend);
+/// largest picture or [`MAX_SAMPLES`]. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device
+/// or the device fails.
+pub fn expose(
+    trace: &LightTrace,
+    camera: &Camera,
+    options: &ExposeOptions,
+    backend: BackendChoice,
+) -> Result<Exposure> {
+    let developer = Developer::start(backend);
     developer.develop(&project(trace, camera, options)?)
 }
 
@@ -198,18 +167,26 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
 
     let glow = Glow::new(trace, camera, options);
     let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
-    let finest = scale::finest_scale_log2(&tints, glow_lx_s, size_px);
-    let scale_log2 = options.scale_log2.unwrap_or(finest);
-    if scale_log2 < finest {
-        return Err(Error::Infeasible {
-            what: format!("counts of 2^{scale_log2} lx s would overflow on this light"),
-            hint: format!("set the film's scale_log2 to {finest} or more"),
-        });
-    }
+    let scale_log2 = scale::finest_scale_log2(&tints, glow_lx_s, size_px);
     Ok(Latent { size_px, scale_log2, tints, glow })
 }
 
 impl Latent {
+    /// The same with counts of `2^scale_log2` lx s, for films that are to be added up.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where counts so fine would overflow.
+    pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
+        if scale_log2 < self.scale_log2 {
+            return Err(Error::Infeasible {
+                what: format!("counts of 2^{scale_log2} lx s would overflow on this light"),
+                hint: format!("choose a scale of 2^{} lx s or more", self.scale_log2),
+            });
+        }
+        Ok(Self { scale_log2, ..self })
+    }
+
     /// Adds up the light on the processor, in at most so many bands of rows at a time.
     #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
@@ -308,7 +285,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     for (key, value, [min, max]) in ranges.into_iter().chain(distortion).chain(pose) {
         within(key, value, min, max)?;
     }
-    options.check()?;
+    options.check("expose", None)?;
 
     let samples: usize = trace.lamps.iter().map(|lamp| lamp.samples.len()).sum();
     if samples > MAX_SAMPLES {

@@ -56,12 +56,13 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
         for LightSample { position_m, axis, level, .. } in moments(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            let alike = |group: &mut &mut (&Emitter, Vector3<i32>, Vec<Source>)| {
-                shape(group.0) == shape(emitter) && group.1 == rough(axis)
-            };
-            match groups.iter_mut().rev().find(alike) {
+            let rough = rough(axis);
+            let alike = groups.iter_mut().rev().find(|(other, other_axis, _)| {
+                shape(other) == shape(emitter) && *other_axis == rough
+            });
+            match alike {
                 Some((.., sources)) => sources.push(source),
-                None => groups.push((emitter, rough(axis), vec![source])),
+                None => groups.push((emitter, rough, vec![source])),
             }
         }
     }

@@ -60,13 +60,10 @@ pub(super) fn figure(n: u32) -> Lamp {
 
 /// The CPU's film, merged at `merge_tolerance_px`.
 fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
-    let options = ExposeOptions {
-        backend: BackendChoice::Cpu,
-        merge_tolerance_px,
-        scale_log2: scale,
-        ..Default::default()
-    };
-    expose(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("film").film
+    let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
+    let latent = project(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("latent");
+    let latent = scale.map_or(Ok(latent.clone()), |scale| latent.at_scale(scale));
+    latent.expect("a coarse scale").on_cpu().film
 }
 
 /// Second implementation: every interval in f64, with erf, at every pixel within 8 σ.
@@ -334,12 +331,8 @@ fn no_pixel_overflows_and_few_bits_are_wasted() {
     assert!(peak > 1 << 26, "peak is {peak} counts");
 
     let trace = LightTrace { lamps: lamps.to_vec() };
-    let options = ExposeOptions {
-        backend: BackendChoice::Cpu,
-        scale_log2: Some(found.scale_log2 - 8),
-        ..Default::default()
-    };
-    let refused = expose(&trace, &camera, &options);
+    let latent = project(&trace, &camera, &ExposeOptions::default()).expect("latent");
+    let refused = latent.at_scale(found.scale_log2 - 8);
     assert!(matches!(refused, Err(Error::Infeasible { .. })), "a scale that overflows is refused");
 }
 
@@ -381,8 +374,7 @@ fn broken_samples_are_refused_by_lamp_and_time() {
         let mut lamp = figure(10);
         spoil(&mut lamp);
         let trace = LightTrace { lamps: vec![lamp] };
-        let options = ExposeOptions { backend: BackendChoice::Cpu, ..Default::default() };
-        expose(&trace, &camera(64, 48), &options).expect_err("broken").to_string()
+        project(&trace, &camera(64, 48), &ExposeOptions::default()).expect_err("broken").to_string()
     };
     let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
     assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");
@@ -394,6 +386,6 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     assert!(text.contains("`headlight`: rgb[1]"), "{text}");
 
     let options = ExposeOptions::default();
-    let wide = expose(&LightTrace::default(), &camera(16_385, 10), &options);
+    let wide = project(&LightTrace::default(), &camera(16_385, 10), &options);
     assert!(matches!(wide, Err(Error::Input { .. })), "a picture too wide is refused");
 }

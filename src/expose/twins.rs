@@ -153,9 +153,7 @@ fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
 #[test]
 fn the_chosen_backend_is_used_and_leaves_the_same_film() {
     let trace = LightTrace { lamps: vec![figure(800)] };
-    let exposed = |backend| {
-        expose(&trace, &camera(320, 200), &ExposeOptions { backend, ..Default::default() })
-    };
+    let exposed = |backend| expose(&trace, &camera(320, 200), &ExposeOptions::default(), backend);
     let on_cpu = exposed(BackendChoice::Cpu).expect("film");
     assert_eq!((on_cpu.backend, &*on_cpu.adapter), (Backend::Cpu, "CPU"), "cpu");
     let auto = exposed(BackendChoice::Auto).expect("film");

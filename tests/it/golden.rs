@@ -9,7 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
-use noctograph::expose::{BackendChoice, ExposeOptions, expose};
+use noctograph::expose::{BackendChoice, expose};
 use noctograph::photo::{Noise, Photo, develop, flip};
 use noctograph::report::{Label, labelled};
 use noctograph::scene::Scene;
@@ -51,8 +51,7 @@ fn photograph(scene: &Scene) -> Photo {
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
+    let film = expose(&trace, &camera, &scene.expose, BackendChoice::Cpu).unwrap().film;
     develop(&film, &camera, &scene.photo, scene.seed).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use noctograph::camera::Camera;
-use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::expose::{BackendChoice, Film, expose};
 use noctograph::light::RingEffect;
 use noctograph::photo::develop;
 use noctograph::scene::Scene;
@@ -26,8 +26,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
+    let film = expose(&trace, &camera, &scene.expose, backend).unwrap().film;
     let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
     let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
     Taken { film, camera, verdict }
@@ -170,8 +169,7 @@ fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
         let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
         let camera = scene.camera.camera(strokes.bounds_m(), planned.plan.duration_s()).unwrap();
         let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-        let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-        let film = expose(&trace, &camera, &options).unwrap().film;
+        let film = expose(&trace, &camera, &scene.expose, BackendChoice::Cpu).unwrap().film;
         let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
         let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
         assert_eq!(verdict.read, *word, "{font}: {verdict:#?}");

@@ -93,8 +93,8 @@ fn golden_films_are_the_same_on_both_backends() {
     for (name, lamps, camera, merge_tolerance_px) in scenes {
         let trace = LightTrace { lamps };
         let on = |backend| {
-            let options = ExposeOptions { backend, merge_tolerance_px, ..Default::default() };
-            expose(&trace, &camera, &options)
+            let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
+            expose(&trace, &camera, &options, backend)
         };
         let on_cpu = on(BackendChoice::Cpu).unwrap().film;
         assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");
