@@ -17,7 +17,7 @@ use std::hint::black_box;
 use std::num::NonZero;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use noctograph::camera::{Camera, CameraOptions, Framing};
+use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose, project};
 use noctograph::light::LightTrace;
 use noctograph::scene::Scene;
@@ -26,10 +26,12 @@ use noctograph::{letters, light, plan, sim};
 /// 28 mm at 4 m.
 fn camera() -> Camera {
     let options = CameraOptions {
-        framing: Framing::Fixed,
-        position_m: [0.0, -4.0, 0.0],
-        target_m: [0.0; 3],
-        focal_length_m: 0.028,
+        framing: Framing::Fixed(FixedPose {
+            position_m: [0.0, -4.0, 0.0],
+            target_m: [0.0; 3],
+            ..FixedPose::default()
+        }),
+        lens: LensModel::Custom(CustomLens { focal_length_m: 0.028, ..CustomLens::default() }),
         blur_m: 29.3e-6,
         ..CameraOptions::default()
     };

@@ -39,9 +39,9 @@ fn photo(c: &mut Criterion) {
         ("room", PhotoOptions { ambient_cd_m2: room, ..plain() }),
         (
             "noise in a lit room",
-            PhotoOptions { noise: Noise::Emva1288, ambient_cd_m2: room, ..plain() },
+            PhotoOptions { noise: Noise::default(), ambient_cd_m2: room, ..plain() },
         ),
-        ("noise in the dark", PhotoOptions { noise: Noise::Emva1288, ..plain() }),
+        ("noise in the dark", PhotoOptions { noise: Noise::default(), ..plain() }),
         ("camera tone", PhotoOptions { tone: Tone::Camera, ..plain() }),
         ("neutral tone", PhotoOptions { tone: Tone::Neutral, ..plain() }),
         ("everything", all.clone()),

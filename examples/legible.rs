@@ -58,7 +58,7 @@ fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     // The board's own lights are no part of the letters.
     scene.light.led_bitmask = 128;
-    scene.light.ring_effect = light::RingEffect::Off;
+    scene.light.ring = light::RingEffect::Off;
     scene
 }
 

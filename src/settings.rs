@@ -184,9 +184,6 @@ undeclared!(
     crate::sim::ControllerOptions,
     crate::sim::ObserverOptions,
     crate::sim::SensorOptions,
-    crate::light::LightOptions,
-    crate::camera::CameraOptions,
-    crate::photo::PhotoOptions,
     crate::score::ScoreOptions,
 );
 

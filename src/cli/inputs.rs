@@ -110,7 +110,7 @@ impl PictureFlags {
             scene.camera.check()?;
         }
         if let CameraName::Auto = self.camera {
-            scene.camera.framing = Framing::Word;
+            scene.camera.framing = Framing::default();
         }
         if let Some((width_px, height_px)) = self.size {
             scene.camera.width_px = width_px;
@@ -312,7 +312,7 @@ fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<Lamps> {
 /// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.
 pub(super) fn bounds_m(scene: &mut Scene, word: Option<&str>) -> Result<[f64; 4]> {
     let nothing = scene.word.is_empty() && scene.letters.drawing.is_empty();
-    if word.is_none() && nothing && scene.camera.framing == Framing::Fixed {
+    if word.is_none() && nothing && matches!(scene.camera.framing, Framing::Fixed(_)) {
         return Ok([0.0; 4]);
     }
     Ok(strokes(scene, word)?.bounds_m())
@@ -369,32 +369,11 @@ pub(super) fn flat(
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     let bounds_m = bounds_m(&mut scene, None)?;
     let camera = scene.camera.camera(bounds_m, 0.0)?;
-    // Where the rays of the photo's corners meet the plane of the word.
-    let [right, bottom] = size_px.map(f64::from);
-    let rays = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
-    let meets = rays.map(|[x, y]| {
-        let ray = camera.world_from_image(x, y)?;
-        let far = -camera.position_m.y / ray.y;
-        (far > 0.0 && far < MAX_FAR_M).then(|| camera.position_m + ray * far)
-    });
-    let meets: Option<Vec<_>> = meets.into_iter().collect();
-    let meets = meets.ok_or_else(|| {
+    let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
         let wanted = "a camera all of whose picture shows the plane of the word";
         let hint = "name the scene that the photo was taken with, or the four --corners instead";
         Error::input(path.display().to_string(), "a camera that looks past the word", wanted, hint)
     })?;
-    let of = |pick: fn(f64, f64) -> f64, start: f64, axis: usize| {
-        meets.iter().map(|point| point[axis]).fold(start, pick)
-    };
-    let bounds_m = [
-        of(f64::min, f64::INFINITY, 0),
-        of(f64::min, f64::INFINITY, 2),
-        of(f64::max, f64::NEG_INFINITY, 0),
-        of(f64::max, f64::NEG_INFINITY, 2),
-    ];
-    let px_per_m = right / (bounds_m[2] - bounds_m[0]);
+    let px_per_m = f64::from(photo.width_px) / (bounds_m[2] - bounds_m[0]);
     Ok(View::from(&camera).square_on(&photo, bounds_m, px_per_m))
 }
-
-/// Farthest that the plane of the word may be along a ray of the camera.
-const MAX_FAR_M: f64 = 1000.0;

@@ -24,7 +24,7 @@ use programs::Programs;
 use radio::Change;
 
 pub use fixture::{Die, Drive, Fixture};
-pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingEffect};
+pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
 
 mod chance;
 mod color;

@@ -45,6 +45,10 @@ fn no_light_crosses_a_hole_of_the_log() {
     assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
 }
 
+fn solid(color: [u8; 3]) -> LightOptions {
+    LightOptions { ring: RingEffect::Solid(RingColor { color }), ..LightOptions::default() }
+}
+
 fn lit(options: &LightOptions, channels: &[&str]) -> LightTrace {
     light(&flight(channels), options, 0, 0).unwrap()
 }
@@ -119,7 +123,7 @@ fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
 
 #[test]
 fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let options = solid([20; 3]);
     let trace = lit(&options, &["headlights"]);
     let ring_cd = down_cd(&trace, "ring", 2.0);
     // 12 LEDs of 1.28 cd at 20/255.
@@ -130,7 +134,7 @@ fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
 
 #[test]
 fn a_switched_ring_fades_in_over_a_second_of_ticks() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let options = solid([20; 3]);
     let trace = lit(&options, &["ring"]);
     // Commanded at 0.5 s, received after 20 to 30 ms, seen by the timer at 0.55 s.
     assert_eq!(down_cd(&trace, "ring", 0.549), 0.0);
@@ -148,9 +152,7 @@ fn a_fading_ring_keeps_its_light_however_many_colors_it_shows() {
     let red = (0..=400).map(|i| if i < 100 { 0.0 } else { 1.0 }).collect();
     flight.lights.insert("ring.red".to_owned(), red);
     let options = LightOptions {
-        ring_effect: RingEffect::Fade,
-        ring_color: [0, 255, 0],
-        ring_fade_s: 1.0,
+        ring: RingEffect::Fade(RingFade { color: [0, 255, 0], fade_s: 1.0 }),
         radio_jitter_s: 0.0,
         ..LightOptions::default()
     };
@@ -189,9 +191,8 @@ fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
 
 #[test]
 fn pulses_leave_the_light_of_their_mean() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
-    let pulsed = LightOptions { pwm: Pwm::On, ring_color: [20, 60, 200], ..options.clone() };
-    let mean = LightOptions { ring_color: [20, 60, 200], ..options };
+    let mean = solid([20, 60, 200]);
+    let pulsed = LightOptions { pwm: Pwm::On, ..mean.clone() };
     let light_cd_s = |options| {
         let trace = lit(options, &["headlights"]);
         let ring = trace.lamps.iter().filter(|lamp| lamp.emitter.name == "ring 3");
@@ -305,7 +306,9 @@ fn rows_that_cannot_be_are_refused_with_their_name() {
     };
     assert!(refused(|row| row.drive = Drive::Ring(12)).contains("ring 0"));
     assert!(refused(|row| row.dies.truncate(2)).contains("3 dies"));
-    assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures `ring 0`: spill"));
-    assert!(refused(|row| row.dies[0].chromaticity = [0.7, 0.0]).contains("chromaticity y"));
+    assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures[2].spill"));
+    assert!(
+        refused(|row| row.dies[0].chromaticity = [0.7, 0.0]).contains("`ring 0`: chromaticity")
+    );
     assert!(refused(|row| row.visible_cos = 1.5).contains("visible_cos"));
 }

@@ -103,7 +103,7 @@ fn assert_illustration(file: &str, found: &Photo) {
 
 #[test]
 fn the_picture_of_the_readme_looks_like_the_photo_of_its_command() {
-    assert_illustration("noor.png", &noor([800, 450], Noise::Emva1288));
+    assert_illustration("noor.png", &noor([800, 450], Noise::default()));
 }
 
 #[test]

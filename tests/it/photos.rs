@@ -73,7 +73,9 @@ fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_t
     let folder = tempfile::tempdir().unwrap();
     fly_three(folder.path());
     for effect in ["double-spin", "solid", "memory", "fade", "off"] {
-        let scene = format!("[light]\nring_effect = \"{effect}\"\nring_color = [40, 10, 90]\n");
+        let color =
+            if matches!(effect, "double-spin" | "off") { "" } else { "color = [40, 10, 90]\n" };
+        let scene = format!("[light.ring]\nkind = \"{effect}\"\n{color}");
         std::fs::write(folder.path().join("s.toml"), scene).unwrap();
         let hash = |backend: &str, threads: &str| {
             let mut command = noctograph(folder.path());

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, Film, expose};
 use noctograph::light::RingEffect;
+use noctograph::photo::SensorNoise;
 use noctograph::photo::develop;
 use noctograph::scene::Scene;
 use noctograph::{letters, light, plan, score, sim};
@@ -93,7 +94,8 @@ fn a_dark_flight_reads_as_nothing() {
     assert!(!hot.legible && hot.read == "????" && hot.probability == 0.0, "{hot:?}");
     let cold = on_cpu("NOOR", |scene| {
         dark(scene);
-        scene.photo.hot_pixel_frac = 0.0;
+        scene.photo.noise =
+            Noise::Emva1288(SensorNoise { hot_pixel_frac: 0.0, ..SensorNoise::default() });
     });
     assert!(!cold.verdict.legible && cold.verdict.read == "????", "{:?}", cold.verdict);
 }
@@ -104,7 +106,7 @@ fn clean_previews_of_the_teams_letters_read() {
     // ring is turned off: with its spinner above the camera, FED reads as PED. I stands first: with the way from
     // another letter to it, it is as near to J.
     for word in ["NOOR", "CAB", "FED", "IGH", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
-        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict;
+        let verdict = on_cpu(word, |scene| scene.light.ring = RingEffect::Off).verdict;
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
 }
