@@ -48,6 +48,20 @@ pub struct LightTrace {
 }
 
 impl LightTrace {
+    /// Time of the last sample; 0 of an empty trace.
+    #[must_use]
+    pub fn end_s(&self) -> f64 {
+        let ends = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
+        ends.map(|last| last.time_s).fold(0.0, f64::max)
+    }
+
+    /// Puts the number of a drone before the name of each lamp.
+    pub fn number(&mut self, drone: usize) {
+        for lamp in &mut self.lamps {
+            lamp.emitter.name = format!("{drone}: {}", lamp.emitter.name);
+        }
+    }
+
     /// Adds the lamps of another drone, flown at the same time.
     pub fn append(&mut self, mut other: Self) {
         self.lamps.append(&mut other.lamps);
