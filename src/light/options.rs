@@ -55,7 +55,7 @@ settings! {
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
         /// Deck below the body, whose lamps are the fixtures if these are left out.
         deck: Deck = Deck::LedRing;
-        /// The lamps. Intensity off axis: intensity_cd * (spill + (1 - spill) cos^beam_exponent).
+        /// The lamps. Intensity off axis: `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
         fixtures: Option<Vec<Fixture>> = Some(Deck::LedRing.fixtures());
         /// Effect of the LED ring (ring.effect of the firmware).
         ring: RingEffect = RingEffect::default();

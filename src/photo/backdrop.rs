@@ -72,7 +72,7 @@ impl Backdrop {
 
 impl Picture {
     fn read(path: &Path, camera: &Camera, stops: f64) -> Result<Self> {
-        let photo = Photo::read_png(path)?;
+        let photo = Photo::read(path)?;
         let size = [photo.width_px, photo.height_px].map(f64::from);
         let wanted = [camera.width_px, camera.height_px].map(f64::from);
         let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);

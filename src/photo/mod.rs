@@ -80,7 +80,7 @@ pub struct Readout {
 /// # Errors
 ///
 /// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors of
-/// [`Photo::read_png`] for the background.
+/// [`Photo::read`] for the background.
 pub fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
     let levels = Levels8::new(options.tone);
     let (_, rgb8) = process(film, camera, options, seed, |rgb| {

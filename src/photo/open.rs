@@ -1,17 +1,20 @@
-//! Photographs from elsewhere: PNG or JPEG, turned upright as their EXIF says.
+//! Photos from PNG and JPEG files, turned upright by their EXIF.
 
-use std::io::Cursor;
+use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, metadata::Orientation};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Photo;
-use super::png::read_bounded;
-use crate::camera::check_size;
+use super::png::SCENE_KEYWORD;
+use crate::camera::{MAX_PIXELS, check_size};
 use crate::error::{Error, Result};
 
+/// Largest image file: a photo of [`MAX_PIXELS`] without compression.
+const MAX_FILE_BYTES: u64 = 4 * MAX_PIXELS;
+
 impl Photo {
-    /// Reads a photo from a PNG or JPEG file: one of ours, with its scene, or a camera's.
+    /// Reads a photo from a PNG or JPEG file. One that Noctograph wrote has its scene.
     ///
     /// The header is checked before anything is decoded.
     ///
@@ -20,13 +23,19 @@ impl Photo {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is no PNG or JPEG
     /// image, or too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = read_bounded(path)?;
+        let unreadable = |source| Error::read(path, source);
+        let place = || path.display().to_string();
         let broken = |source: &dyn std::fmt::Display| {
-            let hint = "name a photo: a PNG or JPEG file";
-            Error::input(path.display().to_string(), source, "a PNG image or a JPEG photo", hint)
+            Error::input(place(), source, "a PNG image or a JPEG photo", "choose another file")
         };
+        let file = std::fs::File::open(path).map_err(unreadable)?;
+        let mut bytes = Vec::new();
+        file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            return Err(broken(&format!("more than {MAX_FILE_BYTES} bytes")));
+        }
         let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
-        let reader = reader.map_err(|e| broken(&e))?;
+        let reader = reader.map_err(unreadable)?;
         let format = reader.format();
         if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
             return Err(broken(&"no PNG or JPEG header"));
@@ -35,20 +44,25 @@ impl Photo {
         let (width_px, height_px) = decoder.dimensions();
         check_size(width_px, height_px).map_err(|error| match error {
             Error::Input { found, wanted, .. } => {
-                Error::input(path.display().to_string(), found, wanted, "scale the photo down")
+                Error::input(place(), found, wanted, "scale the photo down")
             }
             other => other,
         })?;
         let orientation = decoder.orientation().map_err(|e| broken(&e))?;
-        if format == Some(ImageFormat::Png) && orientation == Orientation::NoTransforms {
-            return Self::read_png(path);
-        }
         let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
         picture.apply_orientation(orientation);
         let picture = picture.into_rgb8();
         let (width_px, height_px) = picture.dimensions();
-        Ok(Self { width_px, height_px, rgb8: picture.into_raw(), scene_toml: None })
+        let scene_toml = scene(&bytes).filter(|_| format == Some(ImageFormat::Png));
+        Ok(Self { width_px, height_px, rgb8: picture.into_raw(), scene_toml })
     }
+}
+
+/// The scene in a text chunk of a PNG file.
+fn scene(png: &[u8]) -> Option<String> {
+    let reader = png::Decoder::new(BufReader::new(Cursor::new(png))).read_info().ok()?;
+    let mut texts = reader.info().utf8_text.iter();
+    texts.find(|text| text.keyword == SCENE_KEYWORD)?.get_text().ok()
 }
 
 #[cfg(test)]
@@ -74,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jpeg_is_read_and_turned_as_its_exif_says() {
+    fn a_jpeg_is_turned_upright_by_its_exif() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.jpg");
         for (orientation, size, first) in [(1, (16, 8), 0), (3, (16, 8), 255), (6, (8, 16), 0)] {
@@ -86,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_photo_is_refused_by_its_header() {
+    fn other_files_are_refused_by_their_header() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.png");
         let mut huge = Vec::new();
@@ -97,6 +111,7 @@ mod tests {
             (&b"no image"[..], "JPEG"),
             (&b""[..], "JPEG"),
             (&whole[..30], "JPEG"),
+            (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "PNG"),
             (&huge, "20000x20000"),
         ] {
             std::fs::write(&path, bytes).unwrap();

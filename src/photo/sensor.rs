@@ -15,9 +15,10 @@
 //! modelled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
 
 use super::narrow;
-use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream, poisson};
+use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
 use super::options::{Noise, PhotoOptions, SensorNoise};
 use crate::camera::Camera;
+use crate::random::poisson;
 
 /// A sensor with its settings for one picture.
 #[derive(Debug)]
@@ -185,7 +186,8 @@ impl Noisy {
                 for (mean, (&bits, &reading)) in row.iter_mut().zip(bits.iter().zip(&*reading)) {
                     *mean = if *mean < POISSON_BELOW {
                         let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-                        self.poisson.of(*mean, bits) + spread.sqrt() * self.normal.of(reading)
+                        self.poisson.number(*mean, bits)
+                            + spread.sqrt() * self.normal.number(reading)
                     } else {
                         self.bright(*mean, bits)
                     };
@@ -206,19 +208,19 @@ impl Noisy {
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
-        mean + variance.sqrt() * self.normal.of(bits)
+        mean + variance.sqrt() * self.normal.number(bits)
     }
 
     /// The hot photosites of a row: channel, column, electrons.
     fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
         out.clear();
         let stream = Stream::new(self.seed, y, 0, Source::Hot);
-        let number = poisson(self.hot_in_row, stream.bits(0));
+        let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
+        let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
             let place = u64::from(stream.bits(1 + 2 * index)) * (3 * width as u64);
             let place = usize::try_from(place >> 32).expect("a photosite of a row");
-            let uniform = (f64::from(stream.bits(2 + 2 * index)) + 0.5) / 4_294_967_296.0;
-            let electrons = narrow(-self.hot * libm::log(uniform));
+            let electrons = narrow(-self.hot * libm::log(uniform(stream.bits(2 + 2 * index))));
             out.push((place % 3, place / 3, electrons));
         }
     }

@@ -269,7 +269,7 @@ fn few_electrons_are_poisson() {
     let stream = Stream::new(1, 0, 0, Source::Shot);
     for x in 0..n {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
-        let number = POISSON.of(mean, stream.bits(x)) as usize;
+        let number = POISSON.number(mean, stream.bits(x)) as usize;
         histogram[number.min(39)] += 1;
     }
     let mut share = libm::exp(-f64::from(mean));

@@ -75,7 +75,7 @@ fn golden_photo_of_noor() {
         assert!(png.len() <= MAX_BYTES, "a golden of {} bytes is too large", png.len());
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read_png(&path).ok();
+    let wanted = Photo::read(&path).ok();
     let difference = wanted.as_ref().map(|wanted| compare(wanted, &found));
     if difference != Some(None) {
         let note = format!("{difference:?}: bless with NOCTOGRAPH_BLESS=1");
@@ -96,7 +96,7 @@ fn assert_illustration(file: &str, found: &Photo) {
         found.write_png(&mut png, None, &[]).unwrap();
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read_png(&path).unwrap();
+    let wanted = Photo::read(&path).unwrap();
     let size_px = |photo: &Photo| [photo.width_px, photo.height_px];
     assert_eq!(size_px(&wanted), size_px(found), "{file}");
     let mean = flip::difference(&wanted, found).mean(|_| true);
