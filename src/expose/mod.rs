@@ -32,6 +32,7 @@ mod floor;
 mod gpu;
 mod merge;
 pub mod meter;
+mod parts;
 mod project;
 mod record;
 mod scale;
