@@ -22,7 +22,7 @@ fn device() -> Option<Gpu> {
     }
 }
 
-/// A trace on its way to the film, at the finest scale.
+/// The latent image of lamps.
 fn latent(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
     let options = ExposeOptions {
         merge_tolerance_px: tolerance_px,

@@ -1,8 +1,7 @@
-//! The LED ring's effects: what its twelve LEDs show from tick to tick.
+//! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
 //!
-//! Facts from Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to
-//! 255; a WS2812B makes light in proportion. Firmware computes in single precision and cuts off
-//! decimals; so does this.
+//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255; the
+//! light of a WS2812B is proportional. As in the firmware, single precision and truncation.
 
 use super::chance::Chance;
 use super::fixture::RING_LEDS;
@@ -10,7 +9,7 @@ use super::radio::{Change, Timer, arrivals};
 use super::{LightOptions, RingColor, RingEffect, RingFade};
 use crate::flight::Flight;
 
-/// Period of the ring's timer where the scene has none.
+/// Period of the timer of the ring where the scene has none.
 const TICK_S: f64 = 0.05;
 
 /// Red, green, blue of every LED.
@@ -18,13 +17,13 @@ pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
-/// The plan's channels of the ring: switched on, red, green, blue.
+/// Channels of the plan for the ring: on, red, green, blue.
 pub(super) const CHANNELS: [&str; 4] = ["ring", "ring.red", "ring.green", "ring.blue"];
 
-/// What the ring shows during a flight: each frame from its time on, where it changes.
+/// Changes of the frame of the ring during a flight.
 ///
-/// A ring without the channel `ring` is on all the time; one that is on when the flight begins has
-/// been on for long.
+/// A ring without the channel `ring` is always on; one that is on at the start of the flight has been
+/// on for long.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -75,7 +74,7 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
-/// The firmware's state of the ring.
+/// State of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
@@ -85,7 +84,7 @@ struct Ring {
     color: [u8; 3],
     /// Calls since the effect was switched on.
     calls: usize,
-    /// Of a solid color, 0 to 1.
+    /// Brightness of a solid color, 0 to 1.
     brightness: f32,
     fade: Fade,
 }
@@ -194,8 +193,8 @@ fn double_spin(call: usize) -> Frame {
     frame
 }
 
-/// What is left of a color in the LED memory: packed into 5, 6 and 5 bits by cflib
-/// (`led_driver_memory.py`), expanded by the firmware.
+/// A color after the LED memory: packed into 5, 6 and 5 bits by cflib (`led_driver_memory.py`),
+/// expanded by the firmware.
 fn rgb565([red, green, blue]: [u8; 3]) -> [u8; 3] {
     let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
     let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);

@@ -1,4 +1,4 @@
-//! Claims about flights that are lit as a whole.
+//! Tests of whole flights with their lamps.
 
 use super::*;
 use crate::flight::FlightSample;
@@ -26,7 +26,7 @@ fn flight(channels: &[&str]) -> Flight {
 }
 
 #[test]
-fn no_light_crosses_a_hole_of_the_log() {
+fn no_light_crosses_a_gap_of_the_log() {
     let mut flight = flight(&["headlights"]);
     let lit_s = |flight: &Flight| -> f64 {
         let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
@@ -40,7 +40,7 @@ fn no_light_crosses_a_hole_of_the_log() {
     let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
     *levels = kept.map(|(_, level)| *level).collect();
     flight.samples.retain(|s| !hole(s));
-    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "bridged where no gap is told");
+    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "interpolated without a gap");
     flight.gaps = vec![[1.1, 1.3]];
     assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
 }
@@ -255,7 +255,7 @@ fn lamps_turn_with_the_body() {
 }
 
 #[test]
-fn samples_that_are_left_out_lie_on_the_lamps_way() {
+fn omitted_samples_lie_on_the_path_of_the_lamp() {
     let mut flight = flight(&["headlights"]);
     for (i, sample) in (0..).zip(&mut flight.samples) {
         let t = f64::from(i) * 0.01;
@@ -277,7 +277,7 @@ fn samples_that_are_left_out_lie_on_the_lamps_way() {
 }
 
 #[test]
-fn drones_are_lit_alike_but_by_their_own_chance_and_add_up() {
+fn drones_differ_in_random_numbers_alone_and_add_up() {
     let lit = |drone| light(&flight(&["headlights"]), &LightOptions::default(), 0, drone).unwrap();
     let (mut both, second) = (lit(0), lit(1));
     let flicker = |trace: &LightTrace| named(trace, "link M4").samples.clone();
@@ -289,15 +289,15 @@ fn drones_are_lit_alike_but_by_their_own_chance_and_add_up() {
 }
 
 #[test]
-fn a_flight_without_light_columns_is_refused_where_lamps_listen() {
+fn a_flight_without_light_columns_is_refused_if_lamps_follow_one() {
     let error = light(&flight(&[]), &LightOptions::default(), 0, 0).unwrap_err().to_string();
     assert!(error.contains("light.headlights"), "{error}");
     let dark = LightOptions { deck: Deck::None, fixtures: None, ..LightOptions::default() };
-    assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the board's lamps listen to nobody");
+    assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the lamps of the board follow no channel");
 }
 
 #[test]
-fn rows_that_cannot_be_are_refused_with_their_name() {
+fn impossible_rows_are_refused_by_name() {
     let refused = |change: fn(&mut Fixture)| {
         let mut fixtures = Deck::LedRing.fixtures();
         change(&mut fixtures[2]);

@@ -29,7 +29,7 @@ fn random(x: usize, y: usize) -> u32 {
     Stream::new(5, y, 0, Source::Shot).bits(u32::try_from(x).unwrap())
 }
 
-/// A film of a thin trail, some dots and the dark.
+/// A film of a thin trail and some dots in the dark.
 fn drawing(size_px: [u32; 2]) -> Film {
     film(size_px, |channel, x, y| match (x + 2 * y) % 97 {
         0 => count(8.0) >> channel,
@@ -157,7 +157,7 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
 }
 
 #[test]
-fn spikes_stand_where_a_lamp_dwells_and_not_along_a_trail() {
+fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     let size_px = [400, 300];
     let camera = camera(size_px, |c| c.f_number = 16.0);
     let spikes = |film: &Film, blades| {
@@ -196,7 +196,7 @@ fn spikes_stand_where_a_lamp_dwells_and_not_along_a_trail() {
 }
 
 #[test]
-fn overexposed_colour_turns_white_and_exposed_colour_stays() {
+fn an_overexposed_color_turns_white_and_others_stay() {
     let options = PhotoOptions { crosstalk_frac: 0.1, ..PhotoOptions::plain() };
     let film = film([2, 1], |channel, x, _| count([[0.0, 0.1, 0.5], [0.0, 5.0, 50.0]][x][channel]));
     let readout = read_out(&film, &camera([2, 1], |_| {}), &options, 0).unwrap();
@@ -283,7 +283,7 @@ fn few_electrons_are_poisson() {
 }
 
 #[test]
-fn what_fills_the_well_clips() {
+fn a_full_well_clips() {
     let share = |electrons: f64| {
         let film = film([500, 400], |_, _, _| count(electrons / 50_000.0));
         let options = electrons_only();
@@ -354,7 +354,7 @@ fn a_background_joins_in_linear_light() {
 }
 
 #[test]
-fn what_cannot_be_developed_is_named() {
+fn impossible_settings_are_named() {
     let (dark, camera) = (film([2, 1], |_, _, _| 0), camera([2, 1], |_| {}));
     let fails =
         |options: &PhotoOptions| develop(&dark, &camera, options, 0).unwrap_err().to_string();
