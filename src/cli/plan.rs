@@ -8,8 +8,8 @@ use clap::Args;
 use super::inputs::{LetterFlags, PlanFlags, SceneFlags, read_flight, strokes};
 use super::outputs::{Output, OutputFolder};
 use super::{Outcome, print};
-use crate::error::{Error, Result};
-use crate::flight::mean_error_m;
+use crate::error::Result;
+use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::scene::Planned;
@@ -78,11 +78,7 @@ enum Sink {
 
 /// The mean error of an earlier flight while it wrote.
 fn mean_error(path: &Path) -> Result<[f64; 3]> {
-    let mean_m = mean_error_m(&read_flight(path)?).ok_or_else(|| {
-        let hint = "name a flight of `noctograph fly`, or `import` a log with --word";
-        Error::input(path.display().to_string(), "no letters", "a flight that writes", hint)
-    })?;
-    Ok(mean_m.into())
+    Ok(track(&read_flight(path)?, Part::Letters)?.mean_error_m.into())
 }
 
 /// One plan a drone, and the drawing of all.

@@ -119,7 +119,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
 
 /// What a flight tells about its photo.
 pub(super) fn known(flight: &Flight, plan: &PlanOptions) -> Known {
-    let tracking = track(flight, Part::of(flight)).ok();
+    let tracking = track(flight, Part::from_flight(flight)).ok();
     Known {
         speed_m_s: Some(plan.stroke_speed_m_s),
         contour_m: tracking.as_ref().map(|tracking| tracking.contour.mean_m),

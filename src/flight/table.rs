@@ -24,12 +24,12 @@ const MAX_NUMBERS: usize = 64 << 20;
 #[must_use]
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
-    // 2^52: added and taken away, it leaves the nearest whole number.
+    // Adding and subtracting 2^52 rounds to the nearest whole number.
     const WHOLE: f64 = 4_503_599_627_370_496.0;
     let size = (value * 1e6).abs();
     let near = (size + WHOLE) - WHOLE;
-    // Half away from zero, as `round` does, which is a call of a function on many processors; and
-    // without a branch, so that a row of numbers is rounded at once.
+    // Half away from zero, as `round`, which is a function call on many processors; without a
+    // branch, so that a row of numbers is vectorized.
     let below = near - if near > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
     let rounded = (below + above).copysign(value) / 1e6 + 0.0;
@@ -66,8 +66,8 @@ impl Table {
         Self::parse_all(text, file, None, MAX_NUMBERS)
     }
 
-    /// The same of a text whose length in bytes is known, where it is: a refusal then says what all
-    /// of it would need.
+    /// Reads a text of so many bytes, where that is known; the error of a table that is too large
+    /// then says how much memory it would need.
     fn parse_all(
         text: impl Read,
         file: &str,
@@ -172,14 +172,13 @@ impl Table {
     }
 }
 
-const REWRITE_HINT: &str = "mend the file, or let `noctograph plan` or `noctograph fly` write it \
-                            again";
+const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
 /// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
 ///
 /// # Errors
 ///
-/// What the writer says.
+/// Those of the writer.
 pub fn write_table(
     out: &mut impl Write,
     header: &[String],
@@ -200,7 +199,8 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a number of the grid in as few digits as it needs.
+/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a third of
+/// its time, for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
     let scaled = (value * 1e6).round();
     if scaled.abs() >= 4.5e15 {
@@ -278,7 +278,7 @@ mod tests {
             let wanted = if value.abs() > 4.5e9 { value } else { wanted(value) };
             assert_eq!(on_grid(value).to_bits(), wanted.to_bits(), "{value:e}");
         }
-        assert!(on_grid(f64::NAN).is_nan(), "no number stays none");
+        assert!(on_grid(f64::NAN).is_nan(), "NaN stays NaN");
     }
 
     #[test]

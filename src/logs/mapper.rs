@@ -32,7 +32,7 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
     let told = told(&recording, options.position);
     let ranging = recording.names().any(|name| name.starts_with("ranging."));
     let unlogged = unlogged(&told);
-    if unlogged.len() == Quantity::ALL.len() && !ranging {
+    if unlogged.len() == Quantity::TABLE.len() && !ranging {
         return Err(nothing_known(&recording));
     }
     if told.position_m.is_none() && options.position != PositionSource::Best {
