@@ -156,7 +156,7 @@ impl Flight {
 
 impl FlightSample {
     /// Its numbers in the order of the file.
-    fn numbers(&self) -> [f64; N_NUMBERS] {
+    pub(crate) fn numbers(&self) -> [f64; N_NUMBERS] {
         let Attitude { yaw_rad, pitch_rad, roll_rad } = self.attitude;
         let vectors = [
             self.position_m,

@@ -23,7 +23,7 @@ pub(super) fn is_header(header: &[String]) -> bool {
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Input`] with line and column of a cell that is no number.
+/// [`crate::error::Error::Input`] with line and column of a cell that is not a number.
 pub(super) fn read(files: &[(String, Vec<u8>)], file: &str) -> Result<Recording> {
     let mut recording =
         Recording { file: file.to_owned(), wrap_s: Some(WRAP_S), ..Recording::default() };

@@ -11,7 +11,7 @@ use crate::light::LightOptions;
 use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock, stroke_ends};
 use crate::plan::lead::{lead, learn};
 use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
-use crate::sim::{fly, step_responses};
+use crate::sim::{Drone, fly, step_responses};
 
 /// A plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +65,7 @@ impl Scene {
     ///
     /// As [`fly`].
     pub fn rehearse(&self, plan: &Plan) -> Result<Flight> {
-        fly(plan, &self.sim().rehearsal(), self.seed, &mut |_| {})
+        fly(plan, &Drone::new(&self.sim().rehearsal(), self.seed), &mut |_| {})
     }
 
     /// Puts a plan's lights where a flight of it, rehearsed or real, had the strokes' ends.
@@ -182,7 +182,7 @@ mod tests {
         let fly_tipped = |scene: &Scene| {
             let plan = scene.first_plan(&noor()).unwrap();
             let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
-            fly(&plan, &sim, 0, &mut |_| {}).unwrap()
+            fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
         };
         let before = fly_tipped(&tipped);
         let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;

@@ -2,30 +2,22 @@
 
 use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
+use crate::settings::settings;
 
-/// Part of a flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Part {
-    /// Samples that write letters.
-    Letters,
-    /// From take-off to landing, as [`airborne`] finds them; so the figures of the reference flight.
-    #[default]
-    Airborne,
-    /// Every sample, the floor included.
-    All,
+settings! {
+    /// Part of a flight.
+    pub enum Part {
+        /// From take-off to landing, as [`airborne`] finds them; so the figures of the reference
+        /// flight.
+        "airborne" => Airborne,
+        /// Samples that write letters.
+        "letters" => Letters,
+        /// Every sample, the floor included.
+        "all" => All,
+    }
 }
 
 impl Part {
-    /// Its name on the command line and in JSON.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Letters => "letters",
-            Self::Airborne => "airborne",
-            Self::All => "all",
-        }
-    }
-
     /// The letters of a flight, or its time in the air where it writes none.
     #[must_use]
     pub fn from_flight(flight: &Flight) -> Self {
