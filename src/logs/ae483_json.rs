@@ -25,11 +25,6 @@ const MAX_BYTES: usize = 128 << 20;
 const MAX_VARIABLES: usize = 1024;
 
 /// Reads a JSON log.
-///
-/// # Errors
-///
-/// [`Error::Input`] with line and column of broken JSON, or with the key of a value that is not a
-/// list of numbers. A text that ends too early is closed where it ends, with a warning.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
     if bytes.len() > MAX_BYTES {
         let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);

@@ -20,11 +20,6 @@ const MAX_EXTRA_CELLS: usize = 64 << 20;
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
 /// Makes a flight of a recording with settled clocks.
-///
-/// # Errors
-///
-/// [`Error::Input`] where nothing known is logged, the wanted position is not, the parts of the
-/// pose have no time in common, or the flight would be too large.
 pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Flight> {
     let found = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);

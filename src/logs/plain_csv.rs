@@ -16,36 +16,22 @@ use crate::statistics::median;
 /// Names of the columns where a file has no header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 
-/// Our name of a column, and its usual names in lower case without unit.
-const NAMES: [(&str, &[&str]); 28] = [
-    ("t", &["t", "time", "timestamp", "stamp", "date", "datetime", "seconds", "sec"]),
-    ("x_m", &["x", "px", "p_x", "pos_x", "position_x", "x_pos"]),
-    ("y_m", &["y", "py", "p_y", "pos_y", "position_y", "y_pos"]),
-    ("z_m", &["z", "pz", "p_z", "pos_z", "position_z", "z_pos", "height"]),
-    ("yaw_rad", &["yaw", "psi"]),
-    ("pitch_rad", &["pitch", "theta"]),
-    ("roll_rad", &["roll", "phi"]),
-    ("qw", &["qw", "q_w"]),
-    ("qx", &["qx", "q_x"]),
-    ("qy", &["qy", "q_y"]),
-    ("qz", &["qz", "q_z"]),
-    ("vx_world_m_s", &["vx", "v_x", "vel_x"]),
-    ("vy_world_m_s", &["vy", "v_y", "vel_y"]),
-    ("vz_world_m_s", &["vz", "v_z", "vel_z"]),
-    ("vx_body_m_s", &["vx_body"]),
-    ("vy_body_m_s", &["vy_body"]),
-    ("vz_body_m_s", &["vz_body"]),
-    ("wx_body_rad_s", &["wx", "w_x", "wx_body"]),
-    ("wy_body_rad_s", &["wy", "w_y", "wy_body"]),
-    ("wz_body_rad_s", &["wz", "w_z", "wz_body"]),
-    ("x_design_m", &["x_design", "x_des", "x_d", "xd", "x_ref", "x_sp", "x_setpoint"]),
-    ("y_design_m", &["y_design", "y_des", "y_d", "yd", "y_ref", "y_sp", "y_setpoint"]),
-    ("z_design_m", &["z_design", "z_des", "z_d", "zd", "z_ref", "z_sp", "z_setpoint"]),
-    ("m1", &["m1", "m_1", "motor1"]),
-    ("m2", &["m2", "m_2", "motor2"]),
-    ("m3", &["m3", "m_3", "motor3"]),
-    ("m4", &["m4", "m_4", "motor4"]),
-    ("index", &["index", "row", ""]),
+/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
+/// the letters before them.
+const NAMES: [(&str, &str, &[&str]); 13] = [
+    (" ", "t", &["t", "time", "timestamp", "stamp", "date", "datetime", "seconds", "sec"]),
+    ("xyz", "*_m", &["*", "p*", "p_*", "pos_*", "position_*", "*_pos"]),
+    ("z", "*_m", &["height"]),
+    (" ", "yaw_rad", &["yaw", "psi"]),
+    (" ", "pitch_rad", &["pitch", "theta"]),
+    (" ", "roll_rad", &["roll", "phi"]),
+    ("wxyz", "q*", &["q*", "q_*"]),
+    ("xyz", "v*_world_m_s", &["v*", "v_*", "vel_*"]),
+    ("xyz", "v*_body_m_s", &["v*_body"]),
+    ("xyz", "w*_body_rad_s", &["w*", "w_*", "w*_body"]),
+    ("xyz", "*_design_m", &["*_design", "*_des", "*_d", "*d", "*_ref", "*_sp", "*_setpoint"]),
+    ("1234", "m*", &["m*", "m_*", "motor*"]),
+    (" ", "index", &["index", "row", ""]),
 ];
 
 /// Units as endings of names, the longest first, and their size in SI units.
@@ -73,11 +59,6 @@ const RANGE: &str = "ranging.distance";
 const ROW_S: f64 = 1.0;
 
 /// Reads a plain CSV file.
-///
-/// # Errors
-///
-/// [`Error::Input`] with line and column of a cell that is not a number, or where there is no column
-/// of times.
 pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
     let Sheet { header, columns, mut warnings } = Sheet::read(text, file, &UNNAMED)?;
     let (mut time_s, mut named) = (None, Vec::new());
@@ -94,8 +75,8 @@ pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
         for value in &mut values {
             *value *= factor.unwrap_or(1.0);
         }
-        let angle = ["yaw_rad", "pitch_rad", "roll_rad"].contains(&name);
-        named.push((Column { name: name.to_owned(), values }, angle && factor.is_none()));
+        let angle = ["yaw_rad", "pitch_rad", "roll_rad"].contains(&&*name);
+        named.push((Column { name, values }, angle && factor.is_none()));
     }
     let Some(mut time_s) = time_s else {
         let place = format!("{file}:1");
@@ -113,20 +94,26 @@ pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
 
 /// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
 /// is.
-fn meaning(title: &str) -> (&str, Option<f64>) {
+fn meaning(title: &str) -> (String, Option<f64>) {
     let lower = title.to_lowercase().replace(['[', '(', ' '], "_").replace([']', ')'], "");
     let mut lower = lower.replace('/', "_");
     while lower.contains("__") {
         lower = lower.replace("__", "_");
     }
-    let known =
-        |name: &str| NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(ours, _)| *ours);
+    let known = |name: &str| {
+        NAMES.iter().find_map(|(letters, ours, names)| {
+            let with =
+                |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
+            let found = |letter: &char| names.iter().any(|usual| with(usual, *letter) == name);
+            letters.chars().find(found).map(|letter| with(ours, letter))
+        })
+    };
     if let Some(ours) = known(&lower) {
         return (ours, None);
     }
     let units = UNITS.iter().filter_map(|(end, factor)| Some((lower.strip_suffix(end)?, *factor)));
     let mut meant = units.filter_map(|(name, factor)| Some((known(name)?, Some(factor))));
-    meant.next().unwrap_or((title, None))
+    meant.next().unwrap_or_else(|| (title.to_owned(), None))
 }
 
 /// Angles without a unit that go beyond a full turn are degrees.

@@ -63,17 +63,13 @@ pub(super) struct Channel {
 }
 
 impl Recording {
-    /// The first column of this name.
-    fn find(&self, name: &str) -> Option<(&Block, &Column)> {
-        self.blocks.iter().find_map(|block| {
+    /// The first variable of this name over time; `None` where it was not logged or never had a
+    /// value.
+    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
+        let (block, column) = self.blocks.iter().find_map(|block| {
             let column = block.columns.iter().find(|column| column.name == name)?;
             Some((block, column))
-        })
-    }
-
-    /// A variable over time; `None` where it was not logged or never had a value.
-    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
-        let (block, column) = self.find(name)?;
+        })?;
         let pairs = block.time_s.iter().zip(&column.values);
         let (time_s, values): (Vec<f64>, Vec<f64>) =
             pairs.filter(|(_, value)| is_number(**value)).map(|(t, v)| (*t, *v)).unzip();

@@ -46,11 +46,6 @@ pub(super) fn header(text: &[u8]) -> Option<Vec<String>> {
 
 impl Sheet {
     /// Reads a sheet; `names` names the columns where the file has no header.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with line and column of a cell that is not a number, of a row of another
-    /// length, of bytes that are not UTF-8; and where the sheet is too large.
     pub(super) fn read(text: &[u8], file: &str, names: &[&str]) -> Result<Self> {
         let found = header(text);
         let mut header_due = found.is_some();

@@ -16,76 +16,64 @@ use super::recording::{Channel, Recording};
 use crate::flight::Quantity;
 use crate::geometry::Attitude;
 
-/// Variables that hold one quantity.
-struct Source {
-    kind: PositionSource,
-    names: &'static [&'static str],
-    /// Factors that turn the values into SI units and our signs; 1 where there are none.
-    factors: &'static [f64],
+/// Variables that hold one quantity: their names with the differing parts in braces, and the factors
+/// that turn their values into SI units and our signs (1 where there are none).
+struct Source(PositionSource, &'static str, &'static [f64]);
+
+impl Source {
+    fn names(&self) -> impl Iterator<Item = String> {
+        let (before, rest) = self.1.split_once('{').expect("a name has parts in braces");
+        let (parts, after) = rest.split_once('}').expect("braces are closed");
+        parts.split(' ').map(move |part| format!("{before}{part}{after}"))
+    }
 }
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
-
-const fn source(
-    kind: PositionSource,
-    names: &'static [&'static str],
-    factors: &'static [f64],
-) -> Source {
-    Source { kind, names, factors }
-}
 
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
 /// World position, m. Lighthouse comes last: its raw fixes do not move between sweeps and drop out,
 /// and the estimators filter them (reference flight: 5 mm r.m.s. apart).
 const POSITION: &[Source] = &[
-    source(Mocap, &["mocap.x", "mocap.y", "mocap.z"], &[]),
-    source(Mocap, &["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"], &[]),
-    source(Best, &["x_m", "y_m", "z_m"], &[]),
-    source(Custom, &["ae483log.o_x", "ae483log.o_y", "ae483log.o_z"], &[]),
-    source(Custom, &["ae483log.p_x", "ae483log.p_y", "ae483log.p_z"], &[]),
-    source(Firmware, &["stateEstimate.x", "stateEstimate.y", "stateEstimate.z"], &[]),
-    source(Firmware, &["stateEstimateZ.x", "stateEstimateZ.y", "stateEstimateZ.z"], &[1e-3; 3]),
-    source(Firmware, &["kalman.stateX", "kalman.stateY", "kalman.stateZ"], &[]),
-    source(Mocap, &["locSrv.x", "locSrv.y", "locSrv.z"], &[]),
-    source(Mocap, &["locSrvZ.x", "locSrvZ.y", "locSrvZ.z"], &[1e-3; 3]),
-    source(Lighthouse, &["lighthouse.x", "lighthouse.y", "lighthouse.z"], &[]),
-    source(Lighthouse, &["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"], &[]),
+    Source(Mocap, "mocap.{x y z}", &[]),
+    Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
+    Source(Best, "{x y z}_m", &[]),
+    Source(Custom, "ae483log.o_{x y z}", &[]),
+    Source(Custom, "ae483log.p_{x y z}", &[]),
+    Source(Firmware, "stateEstimate.{x y z}", &[]),
+    Source(Firmware, "stateEstimateZ.{x y z}", &[1e-3; 3]),
+    Source(Firmware, "kalman.state{X Y Z}", &[]),
+    Source(Mocap, "locSrv.{x y z}", &[]),
+    Source(Mocap, "locSrvZ.{x y z}", &[1e-3; 3]),
+    Source(Lighthouse, "lighthouse.{x y z}", &[]),
+    Source(Lighthouse, "ae483log.lh_{x y z}", &[]),
 ];
 
 /// Setpoint, m in the world.
 const DESIGN: &[Source] = &[
-    source(Custom, &["ae483log.o_x_des", "ae483log.o_y_des", "ae483log.o_z_des"], &[]),
-    source(Custom, &["ae483log.p_x_des", "ae483log.p_y_des", "ae483log.p_z_des"], &[]),
-    source(Firmware, &["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], &[]),
-    source(Firmware, &["ctrltargetZ.x", "ctrltargetZ.y", "ctrltargetZ.z"], &[1e-3; 3]),
-    source(Firmware, &["posCtl.targetX", "posCtl.targetY", "posCtl.targetZ"], &[]),
-    source(Best, &["x_design_m", "y_design_m", "z_design_m"], &[]),
+    Source(Custom, "ae483log.o_{x y z}_des", &[]),
+    Source(Custom, "ae483log.p_{x y z}_des", &[]),
+    Source(Firmware, "ctrltarget.{x y z}", &[]),
+    Source(Firmware, "ctrltargetZ.{x y z}", &[1e-3; 3]),
+    Source(Firmware, "posCtl.target{X Y Z}", &[]),
+    Source(Best, "{x y z}_design_m", &[]),
 ];
 
 /// Yaw, pitch and roll, rad. The firmware's pitch is inverted.
 const ATTITUDE: &[Source] = &[
-    source(Mocap, &["mocap.yaw", "mocap.pitch", "mocap.roll"], &[]),
-    source(Mocap, &["ae483log.psi_mocap", "ae483log.theta_mocap", "ae483log.phi_mocap"], &[]),
-    source(Best, &["yaw_rad", "pitch_rad", "roll_rad"], &[]),
-    source(Custom, &["ae483log.psi", "ae483log.theta", "ae483log.phi"], &[]),
-    source(
-        Firmware,
-        &["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"],
-        &[DEG, -DEG, DEG],
-    ),
-    source(Firmware, &["stabilizer.yaw", "stabilizer.pitch", "stabilizer.roll"], &[DEG, -DEG, DEG]),
+    Source(Mocap, "mocap.{yaw pitch roll}", &[]),
+    Source(Mocap, "ae483log.{psi theta phi}_mocap", &[]),
+    Source(Best, "{yaw pitch roll}_rad", &[]),
+    Source(Custom, "ae483log.{psi theta phi}", &[]),
+    Source(Firmware, "stateEstimate.{yaw pitch roll}", &[DEG, -DEG, DEG]),
+    Source(Firmware, "stabilizer.{yaw pitch roll}", &[DEG, -DEG, DEG]),
 ];
 
 /// Quaternions of the attitude in the order w x y z, for logs without angles.
 const QUATERNIONS: &[Source] = &[
-    source(Best, &["qw", "qx", "qy", "qz"], &[]),
-    source(
-        Firmware,
-        &["stateEstimate.qw", "stateEstimate.qx", "stateEstimate.qy", "stateEstimate.qz"],
-        &[],
-    ),
-    source(Firmware, &["kalman.q0", "kalman.q1", "kalman.q2", "kalman.q3"], &[]),
+    Source(Best, "q{w x y z}", &[]),
+    Source(Firmware, "stateEstimate.q{w x y z}", &[]),
+    Source(Firmware, "kalman.q{0 1 2 3}", &[]),
 ];
 
 /// The attitude in 32 bits, for logs without any other.
@@ -93,36 +81,32 @@ const COMPRESSED_QUATERNION: &str = "stateEstimateZ.quat";
 
 /// Velocity in the body frame, m/s.
 const VELOCITY_BODY: &[Source] = &[
-    source(Best, &["vx_body_m_s", "vy_body_m_s", "vz_body_m_s"], &[]),
-    source(Custom, &["ae483log.v_x", "ae483log.v_y", "ae483log.v_z"], &[]),
-    source(Firmware, &["kalman.statePX", "kalman.statePY", "kalman.statePZ"], &[]),
+    Source(Best, "v{x y z}_body_m_s", &[]),
+    Source(Custom, "ae483log.v_{x y z}", &[]),
+    Source(Firmware, "kalman.stateP{X Y Z}", &[]),
 ];
 
 /// Velocity in the world frame, m/s.
 const VELOCITY_WORLD: &[Source] = &[
-    source(Best, &["vx_world_m_s", "vy_world_m_s", "vz_world_m_s"], &[]),
-    source(Firmware, &["stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"], &[]),
-    source(Firmware, &["stateEstimateZ.vx", "stateEstimateZ.vy", "stateEstimateZ.vz"], &[1e-3; 3]),
+    Source(Best, "v{x y z}_world_m_s", &[]),
+    Source(Firmware, "stateEstimate.v{x y z}", &[]),
+    Source(Firmware, "stateEstimateZ.v{x y z}", &[1e-3; 3]),
 ];
 
 /// Angular velocity in the body frame, rad/s.
 const RATE: &[Source] = &[
-    source(Best, &["wx_body_rad_s", "wy_body_rad_s", "wz_body_rad_s"], &[]),
-    source(Custom, &["ae483log.w_x", "ae483log.w_y", "ae483log.w_z"], &[]),
-    source(Firmware, &["gyro.x", "gyro.y", "gyro.z"], &[DEG; 3]),
-    source(
-        Firmware,
-        &["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"],
-        &[1e-3, -1e-3, 1e-3],
-    ),
+    Source(Best, "w{x y z}_body_rad_s", &[]),
+    Source(Custom, "ae483log.w_{x y z}", &[]),
+    Source(Firmware, "gyro.{x y z}", &[DEG; 3]),
+    Source(Firmware, "stateEstimateZ.rate{Roll Pitch Yaw}", &[1e-3, -1e-3, 1e-3]),
 ];
 
 /// Motor commands, 0…65535.
 const MOTORS: &[Source] = &[
-    source(Firmware, &["motor.m1", "motor.m2", "motor.m3", "motor.m4"], &[]),
-    source(Custom, &["ae483log.m_1", "ae483log.m_2", "ae483log.m_3", "ae483log.m_4"], &[]),
-    source(Firmware, &["pwm.m1_pwm", "pwm.m2_pwm", "pwm.m3_pwm", "pwm.m4_pwm"], &[]),
-    source(Best, &["m1", "m2", "m3", "m4"], &[]),
+    Source(Firmware, "motor.m{1 2 3 4}", &[]),
+    Source(Custom, "ae483log.m_{1 2 3 4}", &[]),
+    Source(Firmware, "pwm.m{1 2 3 4}_pwm", &[]),
+    Source(Best, "m{1 2 3 4}", &[]),
 ];
 
 /// The quantities of a recording.
@@ -147,7 +131,7 @@ pub(super) enum VelocityFrame {
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut used = BTreeSet::new();
     let mut take = |table: &[Source], kinds: &[PositionSource]| {
-        let sources = table.iter().filter(|source| kinds.contains(&source.kind));
+        let sources = table.iter().filter(|source| kinds.contains(&source.0));
         first(recording, sources, &mut used)
     };
     let truth: &[PositionSource] = match wanted {
@@ -174,7 +158,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ];
     // The source of the position is preferred for the attitude as well.
     let (preferred, others): (Vec<_>, Vec<_>) =
-        ATTITUDE.iter().partition(|source| truth.contains(&source.kind));
+        ATTITUDE.iter().partition(|source| truth.contains(&source.0));
     let attitude = first(recording, preferred.into_iter().chain(others), &mut used)
         .or_else(|| angles_from_quaternions(recording, &mut used))
         .map(|mut angles| {
@@ -194,7 +178,7 @@ fn first<'a>(
     used: &mut BTreeSet<String>,
 ) -> Option<Vec<Channel>> {
     let channels = |source: &Source| -> Option<Vec<Channel>> {
-        source.names.iter().map(|name| recording.channel(name)).collect()
+        source.names().map(|name| recording.channel(&name)).collect()
     };
     let logged = sources.filter_map(|source| Some((source, channels(source)?)));
     let alive = |(_, channels): &(&Source, Vec<Channel>)| {
@@ -203,8 +187,8 @@ fn first<'a>(
     let mut logged = logged.peekable();
     let zeros = logged.next_if(|found| !alive(found));
     let (source, mut channels) = logged.find(alive).or(zeros)?;
-    used.extend(source.names.iter().map(|&name| name.to_owned()));
-    for (channel, factor) in channels.iter_mut().zip(source.factors) {
+    used.extend(source.names());
+    for (channel, factor) in channels.iter_mut().zip(source.2) {
         channel.values.iter_mut().for_each(|value| *value *= factor);
     }
     Some(channels)

@@ -28,10 +28,6 @@ const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
 /// Reads a µSD log.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the byte where the header or a record is broken, or where the CRC is.
 pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recording> {
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
