@@ -87,7 +87,7 @@ impl Table {
         while reader.read_record(&mut record).map_err(|e| broken(&e))? {
             if columns.first().is_some_and(|column| column.len() == max_rows) {
                 let what = format!("more than {max_rows} rows of {} columns", header.len());
-                let mib = max_numbers * size_of::<f64>() >> 20;
+                let mib = (max_numbers * size_of::<f64>()) >> 20;
                 let most = format!("at most {MAX_ROWS} rows and {max_numbers} numbers, {mib} MiB");
                 return Err(too_large(what, most));
             }

@@ -15,11 +15,13 @@ fn imported(bytes: &[u8]) -> Flight {
     parse(bytes, "log", &ImportOptions::default()).unwrap()
 }
 
-/// A JSON log of four seconds from 40 s on: variables of 100 Hz, each with the phase of its block in
-/// milliseconds and its value over time since 40 s.
-fn json(variables: &[(&str, u32, &dyn Fn(f64) -> f64)]) -> String {
+/// Name, phase of its block in ms, and value over time since 40 s.
+type Variable = (&'static str, u32, fn(f64) -> f64);
+
+/// A JSON log of four seconds from 40 s on: variables of 100 Hz.
+fn json(variables: &[Variable]) -> String {
     let list = |cells: Vec<String>| cells.join(",");
-    let variable = |(name, phase_ms, value): &(&str, u32, &dyn Fn(f64) -> f64)| {
+    let variable = |(name, phase_ms, value): &Variable| {
         let stamps = || (0..400).map(|i| 10 * i + phase_ms);
         let time = list(stamps().map(|ms| (40_000 + ms).to_string()).collect());
         let data = list(stamps().map(|ms| value(f64::from(ms) / 1e3).to_string()).collect());
@@ -30,24 +32,26 @@ fn json(variables: &[(&str, u32, &dyn Fn(f64) -> f64)]) -> String {
 
 /// Straight lines, which interpolation leaves exact, in the firmware's units and signs.
 fn straight_flight() -> String {
-    let degrees = |rad: f64| (rad.to_degrees() + 180.0).rem_euclid(360.0) - 180.0;
+    fn degrees(rad: f64) -> f64 {
+        (rad.to_degrees() + 180.0).rem_euclid(360.0) - 180.0
+    }
     json(&[
-        ("stateEstimate.x", 0, &|s| 0.2 * s),
-        ("stateEstimate.y", 0, &|_| -0.25),
-        ("stateEstimate.z", 0, &|_| 0.5),
-        ("stateEstimate.yaw", 3, &|s| degrees(3.0 + 0.1 * s)),
-        ("stateEstimate.pitch", 3, &|_| degrees(-0.1)),
-        ("stateEstimate.roll", 3, &|_| degrees(-0.05)),
-        ("gyro.x", 3, &|_| 90.0),
-        ("gyro.y", 3, &|_| 0.0),
-        ("gyro.z", 3, &|_| -180.0),
-        ("ctrltarget.x", 6, &|s| (2.0 * s).floor() / 10.0),
-        ("ctrltarget.y", 6, &|_| 0.0),
-        ("ctrltarget.z", 6, &|_| 0.5),
-        ("motor.m1", 9, &|_| 41_000.0),
-        ("motor.m2", 9, &|_| 42_000.0),
-        ("motor.m3", 9, &|_| 43_000.0),
-        ("motor.m4", 9, &|_| 44_000.0),
+        ("stateEstimate.x", 0, |s| 0.2 * s),
+        ("stateEstimate.y", 0, |_| -0.25),
+        ("stateEstimate.z", 0, |_| 0.5),
+        ("stateEstimate.yaw", 3, |s| degrees(3.0 + 0.1 * s)),
+        ("stateEstimate.pitch", 3, |_| degrees(-0.1)),
+        ("stateEstimate.roll", 3, |_| degrees(-0.05)),
+        ("gyro.x", 3, |_| 90.0),
+        ("gyro.y", 3, |_| 0.0),
+        ("gyro.z", 3, |_| -180.0),
+        ("ctrltarget.x", 6, |s| (2.0 * s).floor() / 10.0),
+        ("ctrltarget.y", 6, |_| 0.0),
+        ("ctrltarget.z", 6, |_| 0.5),
+        ("motor.m1", 9, |_| 41_000.0),
+        ("motor.m2", 9, |_| 42_000.0),
+        ("motor.m3", 9, |_| 43_000.0),
+        ("motor.m4", 9, |_| 44_000.0),
     ])
 }
 
