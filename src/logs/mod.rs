@@ -76,18 +76,25 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following in this order that is logged and not constantly zero.
+        /// The first of the following that is logged and not constantly zero.
         "best" => Best,
-        /// Motion capture: its own block, its echo in the drone's log, `locSrv`.
+        /// Motion capture.
+        ///
+        /// Its own block, its echo in the drone's log, or `locSrv`.
         "mocap" => Mocap,
-        /// The observer of the AE483 course: `ae483log.o_x` or `ae483log.p_x`.
+        /// The observer of the AE483 course.
+        ///
+        /// `ae483log.o_x` or `ae483log.p_x`.
         "custom" => Custom,
-        /// The firmware's estimator: `stateEstimate`, `stateEstimateZ`, `kalman`.
+        /// The estimator of the firmware.
+        ///
+        /// `stateEstimate`, `stateEstimateZ` or `kalman`.
         "firmware" => Firmware,
-        /// Raw fixes of the Lighthouse: `lighthouse` or `ae483log.lh_x`.
+        /// Raw fixes of the Lighthouse.
+        ///
+        /// `lighthouse` or `ae483log.lh_x`.
         "lighthouse" => Lighthouse,
-        /// The estimate of the drone in flight: the custom observer, else the firmware's estimator;
-        /// in a flight file of ours its estimate.
+        /// The estimate in flight: custom, else firmware, or that of a flight file.
         "estimate" => Estimate,
     }
 

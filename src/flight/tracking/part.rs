@@ -7,8 +7,9 @@ use crate::settings::settings;
 settings! {
     /// Part of a flight.
     pub enum Part {
-        /// From take-off to landing, as [`airborne`] finds them; so the figures of the reference
-        /// flight.
+        /// From take-off to landing.
+        ///
+        /// As [`airborne`] finds them: the part of the reference flight's figures.
         "airborne" => Airborne,
         /// Samples that write letters.
         "letters" => Letters,
