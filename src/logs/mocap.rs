@@ -5,7 +5,7 @@
 //! explains most of their variance is taken.
 
 use super::PositionSource;
-use super::recording::{Block, Channel, Clock, Recording};
+use super::recording::{Channel, Clock, Recording};
 use super::sources::quantities;
 use crate::flight::Quantity;
 
@@ -29,39 +29,29 @@ pub(super) fn align(recording: &mut Recording) {
     if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return;
     }
-    let mocap = three(recording, ["mocap.x", "mocap.y", "mocap.z"]);
-    let echo = ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"];
-    let position = |source| quantities(recording, source).channels.remove(&Quantity::Position);
-    let estimate =
-        || position(PositionSource::Firmware).or_else(|| position(PositionSource::Custom));
-    let path = three(recording, echo).or_else(estimate);
-    let found = mocap.zip(path).and_then(|(mocap, path)| Search::new(mocap, path).shift());
-    let drop_all = |blocks: &mut Vec<Block>| blocks.retain(|block| block.clock == Clock::Drone);
-    match found {
-        Some(shift) => {
-            for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
-                for time_s in &mut block.time_s {
-                    *time_s = shift.drone_s(*time_s);
-                }
-            }
-            recording.warnings.extend(shift.warnings());
-        }
-        None => {
-            drop_all(&mut recording.blocks);
-            recording.warnings.push(
-                "the motion capture's clock could not be aligned with the drone's (no common path): \
-                 its columns are left out"
-                    .into(),
-            );
-        }
-    }
-}
-
-fn three(recording: &Recording, names: [&str; 3]) -> Option<Vec<Channel>> {
-    let channels: Vec<Channel> =
-        names.iter().map(|name| recording.channel(name)).collect::<Option<_>>()?;
     let moves = |channel: &Channel| channel.values.iter().any(|v| *v != channel.values[0]);
-    channels.iter().any(moves).then_some(channels)
+    let moving = |pattern| {
+        recording.channels(pattern).filter(|channels: &Vec<_>| channels.iter().any(moves))
+    };
+    let position = |source| quantities(recording, source).channels.remove(&Quantity::Position);
+    let path = moving("ae483log.p_{x y z}_mocap")
+        .or_else(|| position(PositionSource::Firmware))
+        .or_else(|| position(PositionSource::Custom));
+    let mocap = moving("mocap.{x y z}");
+    let found = mocap.zip(path).and_then(|(mocap, path)| Search { mocap, path }.shift());
+    if let Some(shift) = found {
+        for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+            for time_s in &mut block.time_s {
+                *time_s = shift.drone_s(*time_s);
+            }
+        }
+        recording.warnings.extend(shift.warnings());
+    } else {
+        recording.blocks.retain(|block| block.clock == Clock::Drone);
+        let text = "the motion capture's clock could not be aligned with the drone's (no common \
+                    path): its columns are left out";
+        recording.warnings.push(text.into());
+    }
 }
 
 /// Relation of the two clocks.
@@ -112,10 +102,6 @@ struct Fit {
 }
 
 impl Search {
-    fn new(mocap: Vec<Channel>, path: Vec<Channel>) -> Self {
-        Self { mocap, path }
-    }
-
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
@@ -151,7 +137,7 @@ impl Search {
             for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
                 *time_s = shift.drone_s(*time_s) - fine_s;
             }
-            let paced = Self::new(mocap, self.path.clone());
+            let paced = Self { mocap, path: self.path.clone() };
             let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
@@ -239,7 +225,7 @@ mod tests {
     fn the_shift_of_the_clocks_is_found_to_milliseconds() {
         let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
         let mocap = path(3000, 0.01, |t| t + 4097.3, 0.2);
-        let shift = Search::new(mocap, drone).shift().unwrap();
+        let shift = Search { mocap, path: drone }.shift().unwrap();
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
         assert!((shift.frame_offset_m[0] + 0.2).abs() < 0.01, "and the frames' offset: {shift:?}");
     }
@@ -249,7 +235,7 @@ mod tests {
         let ratio = 84.0 / 85.0;
         let drone = path(3000, 0.02, |t| t * ratio + 50.0, 0.0);
         let mocap = path(6000, 0.01, |t| t + 9000.0, 0.0);
-        let shift = Search::new(mocap, drone).shift().unwrap();
+        let shift = Search { mocap, path: drone }.shift().unwrap();
         assert!((shift.ratio - ratio).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(9010.0) - (10.0 * ratio + 50.0)).abs() < 0.02, "{shift:?}");
     }
@@ -258,6 +244,6 @@ mod tests {
     fn other_paths_have_no_shift() {
         let drone = path(1000, 0.02, |t| t, 0.0);
         let still = vec![Channel::new(vec![0.0, 30.0], vec![1.0; 2]); 3];
-        assert!(Search::new(still, drone).shift().is_none());
+        assert!(Search { mocap: still, path: drone }.shift().is_none());
     }
 }

@@ -76,6 +76,12 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
+    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`; `None` where one
+    /// is missing.
+    pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
+        names(pattern).map(|name| self.channel(&name)).collect()
+    }
+
     /// The names of all columns, in the order of the file.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
@@ -114,6 +120,13 @@ impl Recording {
             }
         }
     }
+}
+
+/// The names of a pattern with their differing parts in braces.
+pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
+    let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
+    let (parts, after) = rest.split_once('}').expect("braces are closed");
+    parts.split(' ').map(move |part| format!("{before}{part}{after}"))
 }
 
 /// Whether a cell holds a finite number of a size that a drone may log.

@@ -87,7 +87,13 @@ impl Sheet {
                     let text = format!("line {line} has no end: it may be cut off and is left out");
                     sheet.warnings.push(text);
                 }
-                Ok(row) => sheet.push(file, row)?,
+                Ok(_) if sheet.columns.first().is_some_and(|column| column.len() == MAX_ROWS) => {
+                    let found = format!("more than {MAX_ROWS} rows");
+                    return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
+                }
+                Ok(row) => {
+                    sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));
+                }
                 Err((column, found)) => {
                     let place = format!("{file}:{line}: {column}");
                     return Err(Error::input(place, found, "a number in every column", HINT));
@@ -112,17 +118,6 @@ impl Sheet {
                     .ok_or_else(|| (format!("column {name}"), format!("{cell:?}")))
             })
             .collect()
-    }
-
-    fn push(&mut self, file: &str, row: Vec<f64>) -> Result<()> {
-        if self.columns.first().is_some_and(|column| column.len() == MAX_ROWS) {
-            let found = format!("more than {MAX_ROWS} rows");
-            return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
-        }
-        for (column, value) in self.columns.iter_mut().zip(row) {
-            column.push(value);
-        }
-        Ok(())
     }
 }
 

@@ -12,21 +12,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::PositionSource;
-use super::recording::{Channel, Recording};
+use super::recording::{Channel, Recording, names};
 use crate::flight::Quantity;
 use crate::geometry::Attitude;
 
-/// Variables that hold one quantity: their names with the differing parts in braces, and the factors
-/// that turn their values into SI units and our signs (1 where there are none).
+/// Variables that hold one quantity: the pattern of their names, and the factors that turn their
+/// values into SI units and our signs (1 where there are none).
 struct Source(PositionSource, &'static str, &'static [f64]);
-
-impl Source {
-    fn names(&self) -> impl Iterator<Item = String> {
-        let (before, rest) = self.1.split_once('{').expect("a name has parts in braces");
-        let (parts, after) = rest.split_once('}').expect("braces are closed");
-        parts.split(' ').map(move |part| format!("{before}{part}{after}"))
-    }
-}
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
@@ -177,17 +169,14 @@ fn first<'a>(
     sources: impl Iterator<Item = &'a Source>,
     used: &mut BTreeSet<String>,
 ) -> Option<Vec<Channel>> {
-    let channels = |source: &Source| -> Option<Vec<Channel>> {
-        source.names().map(|name| recording.channel(&name)).collect()
-    };
-    let logged = sources.filter_map(|source| Some((source, channels(source)?)));
+    let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
     let alive = |(_, channels): &(&Source, Vec<Channel>)| {
         channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0))
     };
     let mut logged = logged.peekable();
     let zeros = logged.next_if(|found| !alive(found));
     let (source, mut channels) = logged.find(alive).or(zeros)?;
-    used.extend(source.names());
+    used.extend(names(source.1));
     for (channel, factor) in channels.iter_mut().zip(source.2) {
         channel.values.iter_mut().for_each(|value| *value *= factor);
     }
