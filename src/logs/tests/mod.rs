@@ -101,7 +101,7 @@ fn read_back(flight: &Flight) -> Flight {
     let mut file = Vec::new();
     flight.write_csv(&mut file).unwrap();
     std::fs::write(&path, file).unwrap();
-    Flight { warnings: vec![], ..import(&path, &ImportOptions::default()).unwrap() }
+    Flight { warnings: vec![], ..Flight::read_csv(&path).unwrap() }
 }
 
 #[test]
@@ -214,14 +214,17 @@ fn short_logs() -> [Vec<u8>; 6] {
         usd.extend([&[7, 0, i, 200, i, 0, 0, 0, 0, 0], &[0, 0, 128, i, i, 0, i, 60][..]].concat());
     }
     usd.extend(crc32fast::hash(&usd).to_le_bytes());
-    let mocap = br#"{"drone": {"stateEstimate.x": {"time": [1, 2, 3], "data": [1, 2, 3]}},
+    let mocap = br#"{"drone": {"stateEstimate.x": {"time": [1, 2, 3], "data": [1, 2, 3]},
+        "stateEstimate.y": {"time": [1, 2, 3], "data": [1, 2, 3]},
+        "stateEstimate.z": {"time": [1, 2, 3], "data": [0, 0, 1]}},
         "mocap": {"time": [5, 6, 7], "x": [1, NaN, 3], "y": [1, 2, 3], "z": [0, 0, 1]}}"#;
     [
         straight_flight().into_bytes(),
         usd,
         mocap.to_vec(),
         b"Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n10,1,2,3\n20,2,3,4\n".to_vec(),
-        b"i,timestamp,ranging.distance0\n0,2023-05-04 12:00:00,1\n1,12:00:01,2\n".to_vec(),
+        b"i,timestamp,ranging.distance0\n0,2023-05-04 12:00:00,1\n1,2023-05-04 12:00:01,2\n"
+            .to_vec(),
         b"t,x,y,z,yaw,r\n0,1,2,3,4,5\n0.1,2,3,4,5,6\n".to_vec(),
     ]
 }
