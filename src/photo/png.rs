@@ -1,15 +1,20 @@
 //! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
 
-use std::io::Write;
+use std::io::{BufReader, Cursor, Read, Write};
+use std::path::Path;
 
 use super::{Metadata, Photo, Readout, Tone};
-use crate::camera::Camera;
+use crate::camera::{Camera, MAX_PIXELS, check_size};
+use crate::error::{Error, Result};
 
 /// Keyword of the text chunk of the scene.
-pub(super) const SCENE_KEYWORD: &str = "noctograph.scene";
+const SCENE_KEYWORD: &str = "noctograph.scene";
 
 /// Keyword of the text chunk of XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
+
+/// Largest image file: a photo of [`MAX_PIXELS`] without compression.
+const MAX_FILE_BYTES: u64 = 4 * MAX_PIXELS;
 
 impl Photo {
     /// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
@@ -29,9 +34,56 @@ impl Photo {
         let metadata = camera.map(|camera| Metadata::new(camera, &self.rgb8));
         let size_px = [self.width_px, self.height_px];
         let scene = self.scene_toml.as_deref();
-        let depth = png::BitDepth::Eight;
-        write(out, size_px, (depth, &self.rgb8), metadata.as_ref(), notes, scene)
+        let levels = (png::BitDepth::Eight, &*self.rgb8);
+        write(out, size_px, levels, metadata.as_ref(), notes, scene)
     }
+
+    /// Reads the bytes of a PNG file.
+    pub(super) fn from_png(bytes: &[u8], path: &Path) -> Result<Self> {
+        let broken = |source: &dyn std::fmt::Display| {
+            Error::input(path.display().to_string(), source, "a PNG image", "choose another file")
+        };
+        let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(bytes)));
+        decoder.set_limits(png::Limits { bytes: usize::MAX });
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let header = decoder.read_header_info().map_err(|e| broken(&e))?;
+        let (width_px, height_px) = (header.width, header.height);
+        checked_size(path, width_px, height_px)?;
+        let mut reader = decoder.read_info().map_err(|e| broken(&e))?;
+        let mut levels = vec![0; reader.output_buffer_size().ok_or_else(|| broken(&"no size"))?];
+        let frame = reader.next_frame(&mut levels).map_err(|e| broken(&e))?;
+        if frame.bit_depth == png::BitDepth::Sixteen {
+            let nearest = |pair: &[u8; 2]| (u32::from(u16::from_be_bytes(*pair)) + 128) / 257;
+            let nearest = |pair| u8::try_from(nearest(pair)).expect("at most 255");
+            levels = levels.as_chunks::<2>().0.iter().map(nearest).collect();
+        }
+        let texts = &reader.info().utf8_text;
+        let scene = texts.iter().find(|text| text.keyword == SCENE_KEYWORD);
+        let scene_toml = scene.and_then(|text| text.get_text().ok());
+        let rgb8 = rgb8(&levels, frame.color_type.samples());
+        Ok(Self { width_px, height_px, rgb8, scene_toml })
+    }
+}
+
+/// Whether bytes begin as a PNG file.
+pub(super) fn is_png(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
+/// Refuses an image that is too large, before it is decoded.
+pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
+    check_size(width_px, height_px).map_err(|error| match error {
+        Error::Input { found, wanted, .. } => {
+            Error::input(path.display().to_string(), found, wanted, "scale the photo down")
+        }
+        other => other,
+    })
+}
+
+/// Red, green and blue of pixels with so many samples: gray, gray and alpha, RGB, or RGBA.
+pub(super) fn rgb8(levels: &[u8], samples: usize) -> Vec<u8> {
+    let pixels = levels.chunks_exact(samples);
+    pixels.flat_map(|p| if samples < 3 { [p[0]; 3] } else { [p[0], p[1], p[2]] }).collect()
 }
 
 impl Readout {
@@ -53,8 +105,8 @@ impl Readout {
         let bytes: Vec<u8> = rgb16.iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata::new(camera, &bytes);
         let size_px = [self.width_px, self.height_px];
-        let depth = png::BitDepth::Sixteen;
-        write(out, size_px, (depth, &bytes), Some(&metadata), notes, scene_toml)
+        let levels = (png::BitDepth::Sixteen, &*bytes);
+        write(out, size_px, levels, Some(&metadata), notes, scene_toml)
     }
 }
 
@@ -86,10 +138,21 @@ fn write(
     Ok(writer.finish()?)
 }
 
+pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>> {
+    let unreadable = |source| Error::read(path, source);
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        let found = format!("more than {MAX_FILE_BYTES} bytes");
+        let wanted = "a PNG image of at most that";
+        return Err(Error::input(path.display().to_string(), found, wanted, "scale it down"));
+    }
+    Ok(bytes)
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io::Cursor;
-
     use super::*;
     use crate::camera::CameraOptions;
 
@@ -136,6 +199,19 @@ mod tests {
                 assert_eq!(levels, readout.rgb16(Tone::Linear));
                 assert_eq!((levels[0], levels[59]), (0, 65535));
             }
+        }
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut file = Vec::new();
+        photo().write_png(&mut file, None, &[]).unwrap();
+        for broken in [&b"no image"[..], &[], &file[..20], &file[..file.len() / 2]] {
+            std::fs::write(&path, broken).unwrap();
+            let error = Photo::read(&path).unwrap_err().to_string();
+            assert!(error.contains("photo.png") && error.contains("a PNG image"), "{error}");
         }
     }
 }

@@ -1,22 +1,11 @@
 //! Ink of a picture, the light to register, from coarse to fine.
 
-use image::imageops::{self, FilterType};
-use image::{ImageBuffer, Luma};
-
 use super::whole;
-use crate::photo::{Photo, srgb};
-
-type Plane = ImageBuffer<Luma<f32>, Vec<f32>>;
+use crate::photo::{Photo, narrow, srgb};
 
 /// Longer side of the coarsest and of the finest picture.
 const COARSE_PX: usize = 64;
 const FINE_PX: usize = 1024;
-
-/// Standard deviation of the blur that gives the surroundings, as a share of the longer side.
-const AROUND: f32 = 1.0 / 40.0;
-
-/// Standard deviation of the smoothing.
-const SMOOTH_PX: f32 = 0.8;
 
 /// Light that is not ink: a third of level 1, more than rounding leaves of an even picture.
 const LEAST_INK: f32 = 1e-4;
@@ -40,13 +29,12 @@ impl Levels {
     pub(super) fn new(photo: &Photo) -> Self {
         let (width, height) = (photo.width_px as usize, photo.height_px as usize);
         let finest = width.max(height) as f64 / FINE_PX as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "to 1024")]
-        let size = [width, height].map(|side| ((side as f64 / finest).round() as u32).max(1));
+        let size = [width, height].map(|side| whole((side as f64 / finest).round()).max(1));
         let mut ink = Ink::new(photo, size);
-        let mut levels = vec![ink.smoothed()];
+        let mut levels = vec![ink.blurred(1)];
         while ink.width.max(ink.height) > COARSE_PX {
             ink = ink.halved();
-            levels.push(ink.smoothed());
+            levels.push(ink.blurred(1));
         }
         levels.reverse();
         Self { levels, finest }
@@ -68,45 +56,77 @@ impl Levels {
 
 impl Ink {
     /// Luminance of a photo, in linear light, above that of its surroundings.
-    fn new(photo: &Photo, [width, height]: [u32; 2]) -> Self {
+    fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
         let light = srgb::linear_from_level();
+        let full = [photo.width_px as usize, photo.height_px as usize];
         let luminance = |p: &[u8]| {
             let [r, g, b] = [0, 1, 2].map(|c| light[usize::from(p[c])]);
             0.2126 * r + 0.7152 * g + 0.0722 * b
         };
-        let values = photo.rgb8.chunks_exact(3).map(luminance).collect();
-        let plane = Plane::from_raw(photo.width_px, photo.height_px, values);
-        let plane = plane.expect("a photo has all of its pixels");
-        let mut plane = imageops::resize(&plane, width, height, FilterType::Triangle);
-        let around = imageops::blur(&plane, AROUND * width.max(height) as f32);
-        for (value, around) in plane.iter_mut().zip(around.iter()) {
+        // Means over the pixels within each pixel; those of a small picture are repeated.
+        let range = |i: usize, n: usize, all: usize| {
+            let first = i * all / n;
+            first..((i + 1) * all / n).max(first + 1)
+        };
+        let mut values = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let rows = range(y, height, full[1]);
+            for x in 0..width {
+                let columns = range(x, width, full[0]);
+                let n = (rows.len() * columns.len()) as f32;
+                let sum: f32 = rows
+                    .clone()
+                    .map(|y| 3 * y * full[0])
+                    .map(|row| &photo.rgb8[row + 3 * columns.start..row + 3 * columns.end])
+                    .flat_map(|row| row.chunks_exact(3).map(luminance))
+                    .sum();
+                values.push(sum / n);
+            }
+        }
+        let mut ink = Self { width, height, values };
+        let around = ink.blurred(width.max(height) / 32).blurred(width.max(height) / 32);
+        for (value, around) in ink.values.iter_mut().zip(around.values) {
             *value = (*value - around - LEAST_INK).max(0.0);
         }
-        Self::from_plane(&plane)
+        ink
     }
 
-    fn from_plane(plane: &Plane) -> Self {
-        let [width, height] = [plane.width(), plane.height()].map(|side| side as usize);
-        Self { width, height, values: plane.as_raw().clone() }
+    /// Means over squares of `2 radius + 1` pixels, without those outside.
+    fn blurred(&self, radius: usize) -> Self {
+        let along = |ink: &Self| {
+            // Blurs along rows, and transposes.
+            let mut values = vec![0.0; ink.values.len()];
+            for (y, row) in ink.values.chunks_exact(ink.width).enumerate() {
+                let mut sum: f64 = row.iter().take(radius).map(|v| f64::from(*v)).sum();
+                for x in 0..ink.width {
+                    let get = |x: usize| row.get(x).map_or(0.0, |v| f64::from(*v));
+                    sum += get(x + radius);
+                    if x > radius {
+                        sum -= get(x - radius - 1);
+                    }
+                    let inside = (x + radius).min(ink.width - 1) - x.saturating_sub(radius) + 1;
+                    values[x * ink.height + y] = narrow(sum / inside as f64);
+                }
+            }
+            Self { width: ink.height, height: ink.width, values }
+        };
+        along(&along(self))
     }
 
-    fn plane(&self) -> Plane {
-        let [width, height] =
-            [self.width, self.height].map(|side| u32::try_from(side).unwrap_or(1));
-        Plane::from_raw(width, height, self.values.clone()).expect("all of its pixels")
-    }
-
-    /// Smoothed, for the slopes.
-    fn smoothed(&self) -> Self {
-        Self::from_plane(&imageops::blur(&self.plane(), SMOOTH_PX))
-    }
-
-    /// At half the size; an odd last row or column is left out.
+    /// Means of 2 × 2 pixels; an odd last row or column is left out.
     fn halved(&self) -> Self {
-        let plane = self.plane();
-        let [width, height] = [plane.width(), plane.height()].map(|side| (side / 2).max(1));
-        let even = imageops::crop_imm(&plane, 0, 0, 2 * width, 2 * height).to_image();
-        Self::from_plane(&imageops::resize(&even, width, height, FilterType::Triangle))
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let at = |x: usize, y: usize| {
+            self.values[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
+        };
+        let quad = |x: usize, y: usize| {
+            0.25 * (at(2 * x, 2 * y)
+                + at(2 * x + 1, 2 * y)
+                + at(2 * x, 2 * y + 1)
+                + at(2 * x + 1, 2 * y + 1))
+        };
+        let values = (0..height).flat_map(|y| (0..width).map(move |x| quad(x, y))).collect();
+        Self { width, height, values }
     }
 
     /// Value and slopes at a point, bilinear; `None` outside.
