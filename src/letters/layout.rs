@@ -3,7 +3,7 @@
 use super::font::Font;
 use super::options::{Align, LetterOptions};
 use super::shape::Fit;
-use super::{Cell, Glyph, Order, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 
 /// Longest text. At 14 s a letter this is an hour of flight; a Crazyflie's battery ends at 16.
@@ -84,7 +84,13 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes { word, font: Some(font.clone()), glyphs, order: Order::Free, times_s: Vec::new() }
+    Strokes {
+        word,
+        font: Some(font.clone()),
+        glyphs,
+        order: StrokeOrder::Free,
+        times_s: Vec::new(),
+    }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

@@ -34,7 +34,7 @@ pub struct Strokes {
     /// One per drawn character; spaces and line ends have none.
     pub glyphs: Vec<Glyph>,
     /// Whether the moves may be flown in another order.
-    pub order: Order,
+    pub order: StrokeOrder,
     /// When the writer's pen began and ended each move of all glyphs, in seconds from its first;
     /// empty where nobody wrote them.
     pub times_s: Vec<[f64; 2]>,
@@ -42,7 +42,7 @@ pub struct Strokes {
 
 /// Whether strokes may change places.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
+pub enum StrokeOrder {
     /// They may, and may be drawn backward: only the picture counts.
     #[default]
     Free,

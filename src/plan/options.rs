@@ -43,7 +43,7 @@ pub struct PlanOptions {
     /// `even`: how far a rounded corner may lie from the drawn one.
     pub corner_error_m: f64,
     /// `even`: what keeps the exposure even where the drone must slow down.
-    pub exposure: Exposure,
+    pub exposure: LightLevel,
     /// Drones that share the strokes.
     pub drones: u32,
     /// What is sent to controllers.
@@ -96,7 +96,7 @@ pub enum Order {
 /// What happens to the light where a lit stroke is flown slower than the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Exposure {
+pub enum LightLevel {
     /// It is dimmed with the speed, so that every millimetre gets as much light.
     #[default]
     Dimmed,
@@ -148,7 +148,7 @@ impl Default for PlanOptions {
             acceleration_m_s2: 2.0,
             jerk_m_s3: 30.0,
             corner_error_m: 0.01,
-            exposure: Exposure::Dimmed,
+            exposure: LightLevel::Dimmed,
             drones: 1,
             reference: ReferenceKind::Design,
             mean_error_m: [0.0; 3],

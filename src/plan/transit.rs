@@ -1,8 +1,8 @@
-//! Transits: the fastest dark way from one state to another within speed, acceleration and jerk.
+//! Transits: the fastest dark way between two states within limits of speed, acceleration and jerk.
 //!
-//! Time-optimal per axis and synchronised, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
+//! Time-optimal per axis and synchronized, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
 //! along the way and across it, and share the limits of speed and of acceleration by an angle each;
-//! the fastest of a few angles is flown. The drone rolls out of one stroke and into the next: it never stops at their ends.
+//! the fastest of a few angles is taken. The drone does not stop at the ends of strokes.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
@@ -10,12 +10,12 @@ use rsruckig::prelude::{
 };
 
 use super::PlanOptions;
-use super::motion::Moment;
+use super::motion::State;
 
-/// Angles by which along and across share the limits.
+/// Angles by which the two axes share the limits.
 const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
-/// A dark way.
+/// A way in the dark.
 #[derive(Debug)]
 pub(super) struct Transit {
     from_m: Vector2<f64>,
@@ -25,10 +25,10 @@ pub(super) struct Transit {
 
 impl Transit {
     /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
-    /// found, which no pair of states within the limits has shown yet.
+    /// found, which has not happened for states within the limits.
     pub(super) fn new(
-        from: &Moment,
-        to: &Moment,
+        from: &State,
+        to: &State,
         options: &PlanOptions,
         tick_s: f64,
     ) -> Option<Self> {
@@ -46,7 +46,7 @@ impl Transit {
             let way = Self { from_m: from.position_m, world_from_way, trajectory };
             (way.top_speed_m_s() > limit_m_s, way)
         });
-        // A way that is too fast where both axes meet is taken only where there is no other.
+        // The axes together may be too fast; such a way is taken only where there is no other.
         ways.min_by(|(fast, way), (other_fast, other)| {
             fast.cmp(other_fast).then(way.duration_s().total_cmp(&other.duration_s()))
         })
@@ -62,14 +62,14 @@ impl Transit {
         self.trajectory.get_duration()
     }
 
-    /// Where the drone is `time_s` after the beginning.
-    pub(super) fn at(&self, time_s: f64) -> Moment {
+    /// The state `time_s` after the beginning.
+    pub(super) fn at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
         let (p_out, v_out, a_out) = (&mut Some(&mut p), &mut Some(&mut v), &mut Some(&mut a));
         self.trajectory.at_time(time_s, p_out, v_out, a_out, &mut None, &mut None);
         let world = |x: &DataArrayOrVec<f64, 2>| self.world_from_way * Vector2::new(x[0], x[1]);
-        Moment {
+        State {
             position_m: self.from_m + world(&p),
             velocity_m_s: world(&v),
             acceleration_m_s2: world(&a),
@@ -78,8 +78,8 @@ impl Transit {
 }
 
 fn input(
-    from: &Moment,
-    to: &Moment,
+    from: &State,
+    to: &State,
     world_from_way: &Rotation2<f64>,
     options: &PlanOptions,
     [speed_rad, force_rad]: [f64; 2],
@@ -91,7 +91,7 @@ fn input(
     let states = [way(from.velocity_m_s), way(to.velocity_m_s)];
     let accelerations = [way(from.acceleration_m_s2), way(to.acceleration_m_s2)];
     let target = way(to.position_m - from.position_m);
-    // What is flown at either end is allowed all along.
+    // The limits are at least the values at either end.
     let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
     let along_m_s = (options.dark_speed_m_s * along).max(most(&states, 0));
     let across_m_s = (options.dark_speed_m_s * across).max(most(&states, 1));
@@ -144,7 +144,7 @@ mod tests {
                 let x = rng.random_range(-most..most);
                 Vector2::new(x, rng.random_range(-most..most))
             };
-            let [from, to] = [(); 2].map(|()| Moment {
+            let [from, to] = [(); 2].map(|()| State {
                 position_m: vector(1.0),
                 velocity_m_s: vector(0.14),
                 acceleration_m_s2: Vector2::zeros(),
@@ -157,7 +157,7 @@ mod tests {
             assert!((end.position_m - to.position_m).norm() < 1e-6, "case {case}");
             assert!((end.velocity_m_s - to.velocity_m_s).norm() < 1e-6, "case {case}");
             for k in 0..=200 {
-                let Moment { velocity_m_s: v, acceleration_m_s2: a, .. } =
+                let State { velocity_m_s: v, acceleration_m_s2: a, .. } =
                     transit.at(duration_s * f64::from(k) / 200.0);
                 assert!(v.norm() < 1.0 + 1e-6 && a.norm() < 2.0 + 1e-6, "case {case}: {v} {a}");
             }
@@ -165,16 +165,13 @@ mod tests {
     }
 
     #[test]
-    fn a_metre_from_rest_to_rest_takes_the_time_of_the_limits() {
-        let rest = |x: f64| Moment { position_m: Vector2::new(x, 0.0), ..Moment::default() };
+    fn a_meter_from_rest_to_rest_takes_the_time_of_the_limits() {
+        let rest = |x: f64| State { position_m: Vector2::new(x, 0.0), ..State::default() };
         let options = PlanOptions { jerk_m_s3: 1e4, ..PlanOptions::even() };
         let transit = Transit::new(&rest(0.0), &rest(1.0), &options, 1e-4).unwrap();
         // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
         let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));
-        assert!(
-            (transit.duration_s() - (1.0 / v + v / a)).abs() < 2e-3,
-            "{}",
-            transit.duration_s()
-        );
+        let found_s = transit.duration_s();
+        assert!((found_s - (1.0 / v + v / a)).abs() < 2e-3, "{found_s} s");
     }
 }

@@ -25,7 +25,6 @@ mod planned;
 mod preset;
 mod text;
 
-pub use planned::Planned;
 pub use preset::Preset;
 
 /// Everything that a photo depends on.

@@ -10,7 +10,7 @@ use super::font::{read_bytes, read_text};
 use super::options::{Align, LetterOptions};
 use super::shape::{Run, pen_moves};
 use super::smooth::{smooth, thin};
-use super::{Cell, Glyph, Order, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 
 mod handwriting;
@@ -64,7 +64,7 @@ pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
             let runs = lines.into_iter().map(|line| placing.run(&line));
-            Ok(placing.strokes(runs.collect(), Order::Free, Vec::new()))
+            Ok(placing.strokes(runs.collect(), StrokeOrder::Free, Vec::new()))
         }
         Some("json") => {
             write(handwriting::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
@@ -109,7 +109,7 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
         }
         runs.push(Run { lit: true, points: line });
     }
-    Ok(placing.strokes(runs, Order::Kept, times_s))
+    Ok(placing.strokes(runs, StrokeOrder::Kept, times_s))
 }
 
 /// A stroke smoothed and thinned, with the times of its points, where it has some. A tap becomes a
@@ -222,7 +222,7 @@ impl Placing {
         Run { lit: true, points }
     }
 
-    fn strokes(&self, runs: Vec<Run>, order: Order, times_s: Vec<[f64; 2]>) -> Strokes {
+    fn strokes(&self, runs: Vec<Run>, order: StrokeOrder, times_s: Vec<[f64; 2]>) -> Strokes {
         let cell = Cell {
             left_m: self.left_m,
             baseline_m: self.bottom_m,

@@ -3,7 +3,7 @@
 
 use super::{Finding, Profile, Severity};
 use crate::flight::{Flight, FlightSample};
-use crate::plan::lamp::StrokeEnd;
+use crate::plan::StrokeEnd;
 
 /// What became of a plan in a simulated flight.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{Plan, Setpoint, nearest_meeting};
+use super::{Plan, Setpoint, conflict};
 
 mod flown;
 mod letters;
@@ -87,11 +87,14 @@ pub fn check_plans(plans: &[Plan], profile: &Profile) -> Vec<Finding> {
     }
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
-    let close: Vec<_> = pairs.filter_map(|(a, b)| nearest_meeting(a, b)).collect();
+    let close: Vec<_> = pairs.filter_map(|(a, b)| conflict(a, b)).collect();
     if plans.len() > 1 {
-        let nearest = close.iter().min_by(|a, b| a.sideways_m.total_cmp(&b.sideways_m));
+        let nearest = close.iter().min_by(|a, b| a.horizontal_m.total_cmp(&b.horizontal_m));
         let found = nearest.map_or("apart all the time".to_owned(), |m| {
-            format!("{:.2} m beside, {:.2} m above at {:.1} s", m.sideways_m, m.upward_m, m.time_s)
+            format!(
+                "{:.2} m beside, {:.2} m above at {:.1} s",
+                m.horizontal_m, m.vertical_m, m.time_s
+            )
         });
         let wanted = "0.3 m sideways, or 0.9 m above".to_owned();
         let change = "let the later drone wait (plan.floor_wait_s), or plan with --drones";
@@ -254,7 +257,7 @@ fn headlights(plan: &Plan) -> Finding {
 mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
-    use crate::plan::{Exposure, PlanOptions, fleet, plan};
+    use crate::plan::{LightLevel, PlanOptions, fleet, plan};
 
     fn of<'a>(findings: &'a [Finding], check: &str) -> &'a Finding {
         findings.iter().find(|finding| finding.check == check).unwrap()
@@ -299,13 +302,13 @@ mod tests {
             let findings = check_plans(&[plan(&strokes, &options).unwrap()], &Profile::indoor());
             of(&findings, "headlights").clone()
         };
-        let dimmed = of_exposure(Exposure::Dimmed);
+        let dimmed = of_exposure(LightLevel::Dimmed);
         assert_eq!(dimmed.severity, Severity::Warning);
         assert!(
             dimmed.found.contains("dimmed") && dimmed.change.contains("switched"),
             "{dimmed:?}"
         );
-        assert_eq!(of_exposure(Exposure::Switched).severity, Severity::Fine);
+        assert_eq!(of_exposure(LightLevel::Switched).severity, Severity::Fine);
     }
 
     #[test]
