@@ -88,6 +88,7 @@ pub mod plan;
 pub mod report;
 pub mod scene;
 pub mod score;
+mod settings;
 pub mod sim;
 mod statistics;
 pub mod study;

@@ -10,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 use super::motion::{Motion, State};
 use super::pen::PenStroke;
 use super::transit::Transit;
-use super::{Extent, LightLevel, Plan, PlanOptions, Setpoint};
+use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 
@@ -53,11 +53,12 @@ impl Path {
 pub(super) fn plan(
     drawn: &[PenStroke],
     options: &PlanOptions,
+    style: &EvenStyle,
     home_x_m: Option<f64>,
 ) -> Result<Plan> {
     let home_x_m = home_x_m.filter(|_| options.extent == Extent::Whole);
     let mut course =
-        Course { options, home_x_m, segments: Vec::new(), end_s: 0.0, at: State::default() };
+        Course { options, style, home_x_m, segments: Vec::new(), end_s: 0.0, at: State::default() };
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -69,6 +70,7 @@ pub(super) fn plan(
 /// A flight under construction.
 struct Course<'a> {
     options: &'a PlanOptions,
+    style: &'a EvenStyle,
     home_x_m: Option<f64>,
     segments: Vec<Segment>,
     end_s: f64,
@@ -77,7 +79,7 @@ struct Course<'a> {
 
 impl Course<'_> {
     fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
-        let first = Motion::new(&drawn[0].points_m, self.options, TICK_S).at(0.0);
+        let first = self.motion(&drawn[0]).at(0.0);
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
@@ -90,7 +92,7 @@ impl Course<'_> {
     }
 
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
-        let motion = Motion::new(&stroke.points_m, self.options, TICK_S);
+        let motion = self.motion(stroke);
         let drawing = self.segments.iter().any(|segment| matches!(segment.path, Path::Lit(_)));
         let letter = Some(stroke.letter).filter(|_| drawing);
         self.go(letter, &motion.at(0.0))?;
@@ -113,14 +115,18 @@ impl Course<'_> {
         Ok(())
     }
 
+    fn motion(&self, stroke: &PenStroke) -> Motion {
+        Motion::new(&stroke.points_m, self.options.stroke_speed_m_s, self.style, TICK_S)
+    }
+
     /// A transit to a state.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
-        let transit = Transit::new(&self.at, to, self.options, TICK_S)
-            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), self.options, TICK_S));
+        let transit = Transit::new(&self.at, to, self.style, TICK_S)
+            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), self.style, TICK_S));
         let transit = transit.ok_or_else(|| Error::Infeasible {
             what: format!("no transit was found after {:.2} s", self.end_s),
-            hint: "raise plan.dark_speed_m_s above plan.stroke_speed_m_s, or plan.jerk_m_s3".into(),
+            hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
         })?;
         let duration_s = transit.duration_s();
         self.push(letter, Path::Dark(transit), duration_s);
@@ -173,7 +179,7 @@ impl Course<'_> {
     /// Light level from a setpoint to the next: the mean speed over the nominal one.
     fn level(&self, segment: &Segment, from_s: f64, until_s: f64) -> f64 {
         let Path::Lit(motion) = &segment.path else { return 0.0 };
-        if self.options.exposure == LightLevel::Switched {
+        if self.style.exposure == LightLevel::Switched {
             return 1.0;
         }
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
@@ -193,7 +199,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 #[cfg(test)]
 mod tests {
     use crate::letters::{LetterOptions, write};
-    use crate::plan::{Plan, PlanOptions, plan};
+    use crate::plan::{EvenStyle, Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
         plan(&write("NOOR", &LetterOptions::default()).unwrap(), options).unwrap()
@@ -211,9 +217,11 @@ mod tests {
         // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
-            dark_speed_m_s: 0.5,
-            corner_error_m: 0.03,
-            ..PlanOptions::even()
+            ..PlanOptions::even_with(EvenStyle {
+                dark_speed_m_s: 0.5,
+                corner_error_m: 0.03,
+                ..EvenStyle::default()
+            })
         };
         let fast_s = noor(&fast).duration_s();
         assert!(fast_s < 0.4 * 56.9, "{fast_s} s");

@@ -5,7 +5,7 @@
 
 use super::order::{as_drawn, is_kept, shortest};
 use super::pen::PenStroke;
-use super::{Plan, PlanOptions, Setpoint, Style, adjusted, even};
+use super::{EvenStyle, Plan, PlanOptions, Setpoint, Style, adjusted, even};
 use crate::error::{Error, Result};
 use crate::geometry::bounds;
 use crate::letters::Strokes;
@@ -43,22 +43,22 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         return Ok(vec![super::plan(strokes, options)?]);
     }
     options.check()?;
-    if options.style == Style::Team {
+    let Style::Even(style) = &options.style else {
         let found = format!("{} drones in style team", options.drones);
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
-    }
+    };
     let mut plans: Vec<Plan> = Vec::new();
-    for share in shares(strokes, options)? {
-        plans.push(adjusted(apart_from(&plans, &share, options)?, options));
+    for share in shares(strokes, options, style)? {
+        plans.push(adjusted(apart_from(&plans, &share, options, style)?, options));
     }
     Ok(plans)
 }
 
 /// The strokes from left to right, in stretches of about equal length, each in its own order.
-fn shares(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Vec<PenStroke>>> {
-    let mut all = as_drawn(strokes, options)?;
-    let kept = is_kept(strokes, options);
+fn shares(strokes: &Strokes, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Vec<PenStroke>>> {
+    let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
+    let kept = is_kept(strokes, style);
     if !kept {
         let sides = |stroke: &PenStroke| extent_x_m(std::slice::from_ref(stroke));
         let middle = |stroke: &PenStroke| sides(stroke)[0] + sides(stroke)[1];
@@ -78,7 +78,7 @@ fn shares(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Vec<PenStroke>
         drawn_m += length_m;
         shares.last_mut().expect("one at least").push(stroke);
     }
-    let in_order = |share: Vec<PenStroke>| if kept { share } else { shortest(&share, options) };
+    let in_order = |share: Vec<PenStroke>| if kept { share } else { shortest(&share, options.stroke_speed_m_s, style) };
     Ok(shares.into_iter().map(in_order).collect())
 }
 
@@ -91,14 +91,14 @@ fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
 
 /// The plan of a share, started as soon as it keeps apart from the plans before. The drone starts
 /// and lands below the middle of its share, clear of the others.
-fn apart_from(plans: &[Plan], share: &[PenStroke], options: &PlanOptions) -> Result<Plan> {
+fn apart_from(plans: &[Plan], share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Result<Plan> {
     let [left_m, right_m] = extent_x_m(share);
     let home_x_m = 0.5 * (left_m + right_m);
     let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
     let mut delay_s = 0.0;
     loop {
         let later = PlanOptions { floor_wait_s: options.floor_wait_s + delay_s, ..options.clone() };
-        let plan = even::plan(share, &later, Some(home_x_m))?;
+        let plan = even::plan(share, &later, style, Some(home_x_m))?;
         let Some(closest) = plans.iter().find_map(|other| conflict(&plan, other)) else {
             return Ok(plan);
         };

@@ -44,7 +44,9 @@ pub use drone::{DroneModel, Planned, plan_for};
 pub use fleet::{Conflict, MIN_HORIZONTAL_M, MIN_VERTICAL_M, conflict, fleet};
 pub use lamp::LampTiming;
 pub use light_timing::{Between, time_lights};
-pub use options::{Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style};
+pub use options::{
+    EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
+};
 pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};
@@ -175,9 +177,12 @@ const MAX_DURATION_S: f64 = 3600.0;
 /// more than 10 000 strokes.
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
-    let plan = match options.style {
-        Style::Team => team::plan(strokes, options)?,
-        Style::Even => even::plan(&order::in_order(strokes, options)?, options, None)?,
+    let plan = match &options.style {
+        Style::Team(style) => team::plan(strokes, options, style)?,
+        Style::Even(style) => {
+            let strokes = order::in_order(strokes, options.stroke_speed_m_s, style)?;
+            even::plan(&strokes, options, style, None)?
+        }
     };
     Ok(adjusted(plan, options))
 }

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector2;
 
-use super::PlanOptions;
+use super::EvenStyle;
 use super::smoothing::Smoothing;
 use super::speed::profile;
 
@@ -43,11 +43,11 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion along a polyline, lasting a multiple of `tick_s`.
-    pub(super) fn new(points_m: &[Vector2<f64>], options: &PlanOptions, tick_s: f64) -> Self {
-        let smoothing = Smoothing::new(options);
+    /// The motion along a polyline at a speed, lasting a multiple of `tick_s`.
+    pub(super) fn new(points_m: &[Vector2<f64>], speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
+        let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = points_m[0];
-        let nodes = profile(points_m, &smoothing, options);
+        let nodes = profile(points_m, &smoothing, speed_m_s);
         let mut pen = Pen::default();
         // The pen starts before the stroke and ends beyond it: the ends are no corners.
         let reach_s = smoothing.reach_s();
@@ -146,9 +146,10 @@ mod tests {
     use super::*;
     use crate::geometry::segment_distance;
 
-    fn motion(points: &[[f64; 2]], options: &PlanOptions) -> Motion {
+    fn motion(points: &[[f64; 2]], speed_m_s: f64, corner_error_m: f64) -> Motion {
+        let style = EvenStyle { corner_error_m, ..EvenStyle::default() };
         let points: Vec<_> = points.iter().map(|p| Vector2::from(*p)).collect();
-        Motion::new(&points, options, 0.05)
+        Motion::new(&points, speed_m_s, &style, 0.05)
     }
 
     /// Largest distance from the motion to a polyline, speed, acceleration and jerk.
@@ -182,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_straight_stroke_is_flown_at_one_speed_from_end_to_end() {
-        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], &PlanOptions::even());
+        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], 0.2, 0.01);
         assert!((line.duration_s() - 2.5).abs() < 1e-12, "0.5 m at 0.2 m/s");
         for k in 0..=50 {
             let found = line.at(0.05 * f64::from(k));
@@ -197,12 +198,7 @@ mod tests {
     fn corners_keep_within_error_and_limits_at_any_speed() {
         for (speed, error_m) in [(0.2, 0.01), (0.2, 0.002), (0.5, 0.01), (0.5, 0.0005), (1.0, 0.02)]
         {
-            let options = PlanOptions {
-                stroke_speed_m_s: speed,
-                corner_error_m: error_m,
-                ..PlanOptions::even()
-            };
-            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, &options), &N);
+            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, speed, error_m), &N);
             assert!(off_m < error_m * 1.02 + 1e-9, "{speed} m/s, {error_m} m: {off_m} m off");
             assert!(m_s < speed * (1.0 + 1e-6), "{speed} m/s: {m_s} m/s");
             assert!(m_s2 < 2.0 * 1.04, "{speed} m/s, {error_m} m: {m_s2} m/s²");
@@ -212,7 +208,7 @@ mod tests {
 
     #[test]
     fn corners_cost_no_time_at_the_reference_speed() {
-        let n = motion(&N, &PlanOptions::even());
+        let n = motion(&N, 0.2, 0.01);
         let length_m = 1.0 + libm::hypot(0.3, 0.5);
         assert!(n.duration_s() - length_m / 0.2 < 0.05, "{} s", n.duration_s());
     }
@@ -225,14 +221,14 @@ mod tests {
                 [0.05 * cos, 0.05 * sin]
             })
             .collect();
-        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, &PlanOptions::even()), &points);
+        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, 0.2, 0.01), &points);
         assert!(off_m < 0.003 && m_s < 0.2001, "{off_m} m, {m_s} m/s");
         assert!(m_s2 < 2.0 * 0.2 * 0.2 / 0.05, "centripetal: {m_s2} m/s²");
     }
 
     #[test]
     fn velocity_and_acceleration_are_the_derivatives() {
-        let n = motion(&N, &PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() });
+        let n = motion(&N, 0.5, 0.01);
         let h = 1e-5;
         for k in 1..100 {
             let t = n.duration_s() * f64::from(k) / 100.0;

@@ -7,7 +7,7 @@
 //! `Δv (T1/8 + T2²/(24 T1))`. Acceleration, jerk and corner error determine T1, T2 and the largest
 //! change of velocity within T1.
 
-use super::PlanOptions;
+use super::EvenStyle;
 
 /// Lengths of the two averages, and the change of velocity that they allow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,9 +19,9 @@ pub(super) struct Smoothing {
 }
 
 impl Smoothing {
-    pub(super) fn new(options: &PlanOptions) -> Self {
-        let (a, j) = (options.acceleration_m_s2, options.jerk_m_s3);
-        let error_m = options.corner_error_m;
+    pub(super) fn new(stroke_speed_m_s: f64, style: &EvenStyle) -> Self {
+        let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
+        let error_m = style.corner_error_m;
         let short_s = a / j;
         // With T1 = T2 = T the jerk alone counts, and the corner is cut by j T³ / 6.
         let equal_s = libm::cbrt(6.0 * error_m / j);
@@ -31,7 +31,7 @@ impl Smoothing {
         }
         let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
         // No pen turns by more than twice its speed: a longer average would only cut corners more.
-        let enough_s = (2.0 * options.stroke_speed_m_s / a).max(short_s);
+        let enough_s = (2.0 * stroke_speed_m_s / a).max(short_s);
         let long_s = by_error_s.min(enough_s);
         Self { long_s, short_s, turn_m_s: a * long_s }
     }

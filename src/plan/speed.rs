@@ -7,7 +7,6 @@
 
 use nalgebra::Vector2;
 
-use super::PlanOptions;
 use super::smoothing::Smoothing;
 
 /// A point of the path and the speed there; between two of them the acceleration is constant.
@@ -31,9 +30,9 @@ const MAX_SLOWER: usize = 90;
 pub(super) fn profile(
     points_m: &[Vector2<f64>],
     smoothing: &Smoothing,
-    options: &PlanOptions,
+    stroke_speed_m_s: f64,
 ) -> Vec<Node> {
-    let fastest_m_s = options.stroke_speed_m_s;
+    let fastest_m_s = stroke_speed_m_s;
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
     let node = |position_m: Vector2<f64>| Node { position_m, speed_m_s: fastest_m_s };
@@ -148,11 +147,11 @@ fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::EvenStyle;
 
     #[test]
     fn only_a_corner_that_turns_too_far_is_slowed_and_no_more_than_needed() {
-        let options = PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() };
-        let smoothing = Smoothing::new(&options);
+        let smoothing = Smoothing::new(0.5, &EvenStyle::default());
         let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.01], [0.0, 0.02]].map(Vector2::from);
         let caps = Corners::new(&points).caps_m_s(0.5, &smoothing);
         assert_eq!(caps[1], 0.5, "a degree and a half is no corner");
@@ -162,9 +161,8 @@ mod tests {
 
     #[test]
     fn speeds_rise_and_fall_with_the_acceleration() {
-        let options = PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() };
         let points = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]].map(Vector2::from);
-        let nodes = profile(&points, &Smoothing::new(&options), &options);
+        let nodes = profile(&points, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
         let mut fastest = 0.0_f64;
         for pair in nodes.windows(2) {
             let length_m = (pair[1].position_m - pair[0].position_m).norm();

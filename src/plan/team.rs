@@ -7,15 +7,15 @@
 
 use nalgebra::Vector3;
 
-use super::{Extent, MAX_DURATION_S, Plan, PlanOptions, Setpoint};
+use super::{Extent, MAX_DURATION_S, Plan, PlanOptions, Setpoint, TeamStyle};
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::geometry::polyline_length_m;
 use crate::letters::{Glyph, Strokes};
 
 /// Plans the flight that writes `strokes`.
-pub(super) fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
-    let duration_s = longest_duration_s(strokes, options);
+pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
+    let duration_s = longest_duration_s(strokes, options, style);
     if duration_s > MAX_DURATION_S {
         return Err(Error::Infeasible {
             what: format!("the flight would take up to {duration_s:.0} s, more than an hour"),
@@ -23,7 +23,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
         });
     }
     let plan = Plan::with_channels(&options.lights);
-    let mut script = Script { options, plan, time_s: 0.0, letter: None };
+    let mut script = Script { options, style, plan, time_s: 0.0, letter: None };
     let whole = options.extent == Extent::Whole;
     if whole {
         script.take_off(strokes);
@@ -42,20 +42,21 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 }
 
 /// Upper bound of the duration: all strokes, waits, and the ways to and from the word.
-fn longest_duration_s(strokes: &Strokes, options: &PlanOptions) -> f64 {
+fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| polyline_length_m(&[m.from_m, m.to_m])).sum();
     let [left, bottom, right, top] = strokes.bounds_m();
-    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + options.step_m)
-        + options.approach_height_m
+    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
+        + style.approach_height_m
         + options.landing_height_m;
-    let waits_s: f64 = strokes.glyphs.iter().map(|_| options.letter_wait_s).sum();
+    let waits_s: f64 = strokes.glyphs.iter().map(|_| style.letter_wait_s).sum();
     (strokes_m + ways_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
 /// A plan under construction.
 struct Script<'a> {
     options: &'a PlanOptions,
+    style: &'a TeamStyle,
     plan: Plan,
     time_s: f64,
     letter: Option<usize>,
@@ -66,8 +67,8 @@ impl Script<'_> {
     fn take_off(&mut self, strokes: &Strokes) {
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
         self.wait(Vector3::zeros(), self.options.floor_wait_s);
-        let lift_off = Vector3::new(0.0, 0.0, self.options.lift_off_height_m);
-        let approach = Vector3::new(x_start_m, 0.0, self.options.approach_height_m);
+        let lift_off = Vector3::new(0.0, 0.0, self.style.lift_off_height_m);
+        let approach = Vector3::new(x_start_m, 0.0, self.style.approach_height_m);
         self.fly(lift_off, approach, false);
     }
 
@@ -82,9 +83,9 @@ impl Script<'_> {
             self.fly(in_word_plane(leg.from_m), last, leg.lit);
         }
         let cell = glyph.cell;
-        let beside_m = cell.left_m + cell.width_m + self.options.step_m;
+        let beside_m = cell.left_m + cell.width_m + self.style.step_m;
         let beside = Vector3::new(beside_m, 0.0, last.z.min(cell.baseline_m));
-        self.wait(beside, self.options.letter_wait_s);
+        self.wait(beside, self.style.letter_wait_s);
     }
 
     /// Straight down, back to below the middle of the word, motors off.

@@ -9,7 +9,7 @@ use rsruckig::prelude::{
     DataArrayOrVec, IgnoreErrorHandler, InputParameter, Ruckig, RuckigResult, Trajectory,
 };
 
-use super::PlanOptions;
+use super::EvenStyle;
 use super::motion::State;
 
 /// Angles by which the two axes share the limits.
@@ -29,7 +29,7 @@ impl Transit {
     pub(super) fn new(
         from: &State,
         to: &State,
-        options: &PlanOptions,
+        style: &EvenStyle,
         tick_s: f64,
     ) -> Option<Self> {
         let way = to.position_m - from.position_m;
@@ -37,10 +37,10 @@ impl Transit {
         let world_from_way = Rotation2::new(angle_rad);
         let shares = SHARES_RAD.iter().flat_map(|a| SHARES_RAD.iter().map(move |v| [*v, *a]));
         let shared = shares.filter_map(|shares_rad| {
-            let mut input = input(from, to, &world_from_way, options, shares_rad);
+            let mut input = input(from, to, &world_from_way, style, shares_rad);
             calculate(&mut input, tick_s)
         });
-        let fastest_m_s = options.dark_speed_m_s.max(from.velocity_m_s.norm());
+        let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
         let ways = shared.map(|trajectory| {
             let way = Self { from_m: from.position_m, world_from_way, trajectory };
@@ -81,7 +81,7 @@ fn input(
     from: &State,
     to: &State,
     world_from_way: &Rotation2<f64>,
-    options: &PlanOptions,
+    style: &EvenStyle,
     [speed_rad, force_rad]: [f64; 2],
 ) -> InputParameter<2> {
     let way = |v: Vector2<f64>| world_from_way.inverse() * v;
@@ -93,8 +93,8 @@ fn input(
     let target = way(to.position_m - from.position_m);
     // The limits are at least the values at either end.
     let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
-    let along_m_s = (options.dark_speed_m_s * along).max(most(&states, 0));
-    let across_m_s = (options.dark_speed_m_s * across).max(most(&states, 1));
+    let along_m_s = (style.dark_speed_m_s * along).max(most(&states, 0));
+    let across_m_s = (style.dark_speed_m_s * across).max(most(&states, 1));
     for (axis, (speed_m_s, share)) in [(along_m_s, cos), (across_m_s, sin)].into_iter().enumerate()
     {
         input.current_velocity[axis] = states[0][axis];
@@ -103,9 +103,9 @@ fn input(
         input.target_velocity[axis] = states[1][axis];
         input.target_acceleration[axis] = accelerations[1][axis];
         input.max_velocity[axis] = speed_m_s * (1.0 + 1e-9);
-        let limit_m_s2 = options.acceleration_m_s2 * share;
+        let limit_m_s2 = style.acceleration_m_s2 * share;
         input.max_acceleration[axis] = limit_m_s2.max(most(&accelerations, axis)) * (1.0 + 1e-9);
-        input.max_jerk[axis] = options.jerk_m_s3 * share;
+        input.max_jerk[axis] = style.jerk_m_s3 * share;
     }
     input
 }
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_transit_meets_both_ends_on_a_tick_within_the_limits() {
-        let options = PlanOptions::even();
+        let style = EvenStyle::default();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         for case in 0..500 {
             let mut vector = |most: f64| {
@@ -149,7 +149,7 @@ mod tests {
                 velocity_m_s: vector(0.14),
                 acceleration_m_s2: Vector2::zeros(),
             });
-            let transit = Transit::new(&from, &to, &options, 0.05).unwrap();
+            let transit = Transit::new(&from, &to, &style, 0.05).unwrap();
             let duration_s = transit.duration_s();
             assert!((duration_s / 0.05 - (duration_s / 0.05).round()).abs() < 1e-6, "case {case}");
             let end = transit.at(duration_s);
@@ -167,8 +167,8 @@ mod tests {
     #[test]
     fn a_meter_from_rest_to_rest_takes_the_time_of_the_limits() {
         let rest = |x: f64| State { position_m: Vector2::new(x, 0.0), ..State::default() };
-        let options = PlanOptions { jerk_m_s3: 1e4, ..PlanOptions::even() };
-        let transit = Transit::new(&rest(0.0), &rest(1.0), &options, 1e-4).unwrap();
+        let style = EvenStyle { jerk_m_s3: 1e4, ..EvenStyle::default() };
+        let transit = Transit::new(&rest(0.0), &rest(1.0), &style, 1e-4).unwrap();
         // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
         let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));
         let found_s = transit.duration_s();

@@ -15,7 +15,7 @@ use super::even::TICK_S;
 use super::motion::State;
 use super::pen::{PenStroke, Way, pen_strokes};
 use super::transit::Transit;
-use super::{MAX_DURATION_S, Order, PlanOptions};
+use super::{EvenStyle, MAX_DURATION_S, Order};
 use crate::error::{Error, Result};
 use crate::letters::{StrokeOrder, Strokes};
 
@@ -33,24 +33,28 @@ type Leg = (usize, usize);
 
 /// The strokes of a drawing in the order and direction in which they are flown; handwriting keeps
 /// the writer's.
-pub(super) fn in_order(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<PenStroke>> {
-    let drawn = as_drawn(strokes, options)?;
-    Ok(if is_kept(strokes, options) { drawn } else { shortest(&drawn, options) })
+pub(super) fn in_order(
+    strokes: &Strokes,
+    speed_m_s: f64,
+    style: &EvenStyle,
+) -> Result<Vec<PenStroke>> {
+    let drawn = as_drawn(strokes, speed_m_s)?;
+    Ok(if is_kept(strokes, style) { drawn } else { shortest(&drawn, speed_m_s, style) })
 }
 
 /// Whether strokes keep their order and direction.
-pub(super) fn is_kept(strokes: &Strokes, options: &PlanOptions) -> bool {
-    options.order == Order::Drawn || strokes.order == StrokeOrder::Kept
+pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
+    style.order == Order::Drawn || strokes.order == StrokeOrder::Kept
 }
 
 /// The strokes as they were drawn.
-pub(super) fn as_drawn(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<PenStroke>> {
+pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStroke>> {
     let drawn = pen_strokes(strokes);
     if drawn.is_empty() {
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    let lit_s = drawn.iter().map(PenStroke::length_m).sum::<f64>() / options.stroke_speed_m_s;
+    let lit_s = drawn.iter().map(PenStroke::length_m).sum::<f64>() / speed_m_s;
     if lit_s > MAX_DURATION_S || drawn.len() > MAX_STROKES {
         let n = drawn.len();
         return Err(Error::Infeasible {
@@ -62,21 +66,21 @@ pub(super) fn as_drawn(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<P
 }
 
 /// Strokes in the order and direction with the least time in the dark.
-pub(super) fn shortest(drawn: &[PenStroke], options: &PlanOptions) -> Vec<PenStroke> {
-    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(options.stroke_speed_m_s)).collect();
-    let flown = shortest_legs(&ways, options).into_iter().map(|(stroke, way)| PenStroke {
+pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
+    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    let flown = shortest_legs(&ways, style).into_iter().map(|(stroke, way)| PenStroke {
         letter: drawn[stroke].letter,
         points_m: drawn[stroke].points_along(way),
     });
     flown.collect()
 }
 
-fn shortest_legs(ways: &[Vec<Way>], options: &PlanOptions) -> Vec<Leg> {
+fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle) -> Vec<Leg> {
     if ways.len() <= EXACT_STROKES {
         let measured = ways.iter().map(Vec::len).sum::<usize>() <= MEASURED_WAYS;
-        return Tour { ways, options, measured }.exact();
+        return Tour { ways, style, measured }.exact();
     }
-    let tour = Tour { ways, options, measured: false };
+    let tour = Tour { ways, style, measured: false };
     let mut legs = tour.nearest();
     tour.improve(&mut legs);
     tour.best_ways(&legs)
@@ -85,7 +89,7 @@ fn shortest_legs(ways: &[Vec<Way>], options: &PlanOptions) -> Vec<Leg> {
 /// Strokes, and the time in the dark between them.
 struct Tour<'a> {
     ways: &'a [Vec<Way>],
-    options: &'a PlanOptions,
+    style: &'a EvenStyle,
     /// Whether transits are planned, not estimated.
     measured: bool,
 }
@@ -114,11 +118,11 @@ impl Tour<'_> {
                 ..State::default()
             };
             let (from, to) = (state(Vector2::zeros(), from), state(way_m, to));
-            let transit = Transit::new(&from, &to, self.options, TICK_S);
+            let transit = Transit::new(&from, &to, self.style, TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
-        let limit = self.options.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
-        let axis = |i: usize| axis_s(way_m[i], from[i], to[i], self.options.dark_speed_m_s, limit);
+        let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
+        let axis = |i: usize| axis_s(way_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
         axis(0).max(axis(1))
     }
 
@@ -261,10 +265,10 @@ mod tests {
 
     #[test]
     fn the_order_of_a_small_word_is_the_optimum() {
-        let options = PlanOptions::even();
+        let style = EvenStyle::default();
         for seed in 0..5 {
             let ways = drawing(5, seed);
-            let tour = Tour { ways: &ways, options: &options, measured: false };
+            let tour = Tour { ways: &ways, style: &style, measured: false };
             let mut best = f64::INFINITY;
             brute(&tour, &mut Vec::new(), &mut best);
             let found = tour.total_s(&tour.exact());
@@ -274,10 +278,10 @@ mod tests {
 
     #[test]
     fn the_heuristic_comes_near_the_optimum_and_draws_each_stroke_once() {
-        let options = PlanOptions::even();
+        let style = EvenStyle::default();
         for seed in 0..8 {
             let ways = drawing(9, seed);
-            let tour = Tour { ways: &ways, options: &options, measured: false };
+            let tour = Tour { ways: &ways, style: &style, measured: false };
             let best = tour.total_s(&tour.exact());
             let mut legs = tour.nearest();
             tour.improve(&mut legs);
@@ -291,11 +295,11 @@ mod tests {
 
     #[test]
     fn two_thousand_strokes_take_less_than_half_the_time_of_their_drawn_order() {
-        let options = PlanOptions::even();
+        let style = EvenStyle::default();
         let ways = drawing(2000, 7);
-        let tour = Tour { ways: &ways, options: &options, measured: false };
+        let tour = Tour { ways: &ways, style: &style, measured: false };
         let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
-        let found = shortest_legs(&ways, &options);
+        let found = shortest_legs(&ways, &style);
         let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
     }
