@@ -21,7 +21,7 @@ fn noor() -> (Film, Camera) {
     let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
     let strokes = letters::write("NOOR", &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
+    let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), 0), &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };

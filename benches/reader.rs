@@ -19,7 +19,7 @@ fn preview(word: &str, size_px: [u32; 2]) -> (letters::Strokes, Photo, View) {
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     let strokes = letters::write(word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
+    let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), 0), &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, 0, 0).unwrap();
     let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };

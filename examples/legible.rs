@@ -67,7 +67,8 @@ fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
     let mut trace = light::LightTrace::default();
     let mut end_s = 0.0_f64;
     for (drone, planned) in (0_u64..).zip(scene.plans(&strokes)?) {
-        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {})?;
+        let flight =
+            sim::fly(&planned.plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_| {})?;
         trace.append(light::light(&flight, &scene.light, scene.seed, drone)?);
         end_s = end_s.max(planned.plan.duration_s());
     }

@@ -17,7 +17,7 @@
 //! (scene.camera.width_px, scene.camera.height_px) = (480, 270);
 //! let strokes = letters::write("NO", &scene.letters)?;
 //! let plan = plan::plan(&strokes, &scene.plan)?;
-//! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
+//! let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_done| {})?;
 //! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
 //! let trace = light::light(&flight, &scene.light, scene.seed, 0)?;
 //! let exposure = expose::expose(&trace, &camera, &scene.expose)?;

@@ -227,7 +227,8 @@ impl Setting {
         self.lose_light(&mut plan);
         let seed = actual.seed;
         let (drone, lamps) = self.conditions.draw(seed).apply(actual);
-        let flight = sim::fly_unlike(&plan, &known.sim(), &drone, seed, &mut |_| {})?;
+        let drone = sim::Drone { believed: &known.sim(), actual: &drone, seed, index: 0 };
+        let flight = sim::fly(&plan, &drone, &mut |_| {})?;
         let trace = light::light(&flight, &lamps, seed, 0)?;
         let camera = actual.camera.camera(strokes.bounds_m(), plan.duration_s())?;
         let film = expose::project(&trace, &camera, &actual.expose)?

@@ -16,7 +16,7 @@ use crate::plan::check::{
     Finding, Flown, Profile, Severity, check_flown, check_letters, check_plans,
 };
 use crate::scene::Scene;
-use crate::sim::{coverage, fly};
+use crate::sim::{Drone, coverage, fly};
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
@@ -96,7 +96,7 @@ fn plans(args: &CheckArgs, scene: &mut Scene) -> Result<(Option<Strokes>, Vec<Pl
 
 /// What becomes of a plan in the scene's simulator.
 fn flown(plan: &Plan, scene: &Scene, profile: &Profile) -> Result<Vec<Finding>> {
-    let flight = match fly(plan, &scene.sim(), scene.seed, &mut |_| {}) {
+    let flight = match fly(plan, &Drone::new(&scene.sim(), scene.seed), &mut |_| {}) {
         Ok(flight) => flight,
         Err(Error::Infeasible { what, hint }) => {
             let (check, wanted) = ("flight", "a flight to its end".to_owned());

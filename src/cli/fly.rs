@@ -64,7 +64,9 @@ pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
 /// Flies with a progress bar, and tells the flight's warnings.
 pub(super) fn fly(plan: &Plan, scene: &Scene) -> Result<Flight> {
     let mut progress = Progress::new("flying");
-    let flight = sim::fly(plan, &scene.sim(), scene.seed, &mut |done| progress.update(done))?;
+    let flight = sim::fly(plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |done| {
+        progress.update(done)
+    })?;
     for warning in &flight.warnings {
         tell(&format!("warning: {warning}"));
     }

@@ -56,7 +56,11 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
 }
 
 /// The strokes from left to right, in stretches of about equal length, each in its own order.
-fn shares(strokes: &Strokes, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Vec<PenStroke>>> {
+fn shares(
+    strokes: &Strokes,
+    options: &PlanOptions,
+    style: &EvenStyle,
+) -> Result<Vec<Vec<PenStroke>>> {
     let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
     let kept = is_kept(strokes, style);
     if !kept {
@@ -78,7 +82,9 @@ fn shares(strokes: &Strokes, options: &PlanOptions, style: &EvenStyle) -> Result
         drawn_m += length_m;
         shares.last_mut().expect("one at least").push(stroke);
     }
-    let in_order = |share: Vec<PenStroke>| if kept { share } else { shortest(&share, options.stroke_speed_m_s, style) };
+    let in_order = |share: Vec<PenStroke>| {
+        if kept { share } else { shortest(&share, options.stroke_speed_m_s, style) }
+    };
     Ok(shares.into_iter().map(in_order).collect())
 }
 
@@ -91,7 +97,12 @@ fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
 
 /// The plan of a share, started as soon as it keeps apart from the plans before. The drone starts
 /// and lands below the middle of its share, clear of the others.
-fn apart_from(plans: &[Plan], share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Result<Plan> {
+fn apart_from(
+    plans: &[Plan],
+    share: &[PenStroke],
+    options: &PlanOptions,
+    style: &EvenStyle,
+) -> Result<Plan> {
     let [left_m, right_m] = extent_x_m(share);
     let home_x_m = 0.5 * (left_m + right_m);
     let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);

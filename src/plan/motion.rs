@@ -44,7 +44,12 @@ pub(super) struct Motion {
 
 impl Motion {
     /// The motion along a polyline at a speed, lasting a multiple of `tick_s`.
-    pub(super) fn new(points_m: &[Vector2<f64>], speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
+    pub(super) fn new(
+        points_m: &[Vector2<f64>],
+        speed_m_s: f64,
+        style: &EvenStyle,
+        tick_s: f64,
+    ) -> Self {
         let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = points_m[0];
         let nodes = profile(points_m, &smoothing, speed_m_s);

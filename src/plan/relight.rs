@@ -88,14 +88,14 @@ mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{SimOptions, fly};
+    use crate::sim::{Drone, SimOptions, fly};
 
     #[test]
     fn letters_and_lights_are_recovered_from_setpoints() {
         for word in ["NOOR", "WAX", "QUIZ"] {
             let strokes = write(word, &LetterOptions::default()).unwrap();
             let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-            let flown = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+            let flown = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
             let mut bare = flown.clone();
             bare.lights.clear();
             bare.samples.iter_mut().for_each(|sample| sample.letter = None);
@@ -112,7 +112,7 @@ mod tests {
     fn the_lights_of_another_word_are_refused() {
         let strokes = |word| write(word, &LetterOptions::default()).unwrap();
         let plan = plan(&strokes("NO"), &PlanOptions::default()).unwrap();
-        let mut flight = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+        let mut flight = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
         let error = relight(&mut flight, &strokes("QUIZZICAL")).unwrap_err().to_string();
         assert!(error.contains("QUIZZICAL"), "{error}");
     }

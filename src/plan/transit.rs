@@ -26,12 +26,7 @@ pub(super) struct Transit {
 impl Transit {
     /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
     /// found, which has not happened for states within the limits.
-    pub(super) fn new(
-        from: &State,
-        to: &State,
-        style: &EvenStyle,
-        tick_s: f64,
-    ) -> Option<Self> {
+    pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let way = to.position_m - from.position_m;
         let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
         let world_from_way = Rotation2::new(angle_rad);

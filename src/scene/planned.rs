@@ -6,7 +6,7 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::plan::{Between, DroneModel, LampTiming, Plan, Planned, StrokeEnd};
 use crate::plan::{plan_for, stroke_ends};
-use crate::sim::{fly, step_responses};
+use crate::sim::{Drone, fly, step_responses};
 
 impl Scene {
     /// Plans the flights that write a drawing, one a drone, as the scene's `[plan]` says.
@@ -33,7 +33,7 @@ impl Scene {
     ///
     /// As [`fly`].
     pub fn rehearse(&self, plan: &Plan) -> Result<Flight> {
-        fly(plan, &self.sim().rehearsal(), self.seed, &mut |_| {})
+        fly(plan, &Drone::new(&self.sim().rehearsal(), self.seed), &mut |_| {})
     }
 
     /// Times a plan's light commands on a flight of it, rehearsed or real.
@@ -155,7 +155,7 @@ mod tests {
         let fly_tipped = |scene: &Scene| {
             let plan = scene.first_plan(&noor()).unwrap();
             let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
-            fly(&plan, &sim, 0, &mut |_| {}).unwrap()
+            fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
         };
         let before = fly_tipped(&tipped);
         let mean_m = mean_error_m(&before).unwrap();

@@ -48,7 +48,7 @@ pub(crate) fn assert_golden(file: &str, found: &str) {
 fn photograph(scene: &Scene) -> Photo {
     let strokes = letters::write(&scene.word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+    let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };

@@ -23,7 +23,7 @@ fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> 
     change(&mut scene);
     let strokes = letters::write(word, &scene.letters).unwrap();
     let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+    let flight = sim::fly(&plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_| {}).unwrap();
     let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
     let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
     let options = ExposeOptions { backend, ..scene.expose };
@@ -167,7 +167,9 @@ fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
         (scene.camera.width_px, scene.camera.height_px) = (640, 360);
         let strokes = letters::write(word, &scene.letters).unwrap();
         let planned = scene.plans(&strokes).unwrap().remove(0);
-        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
+        let flight =
+            sim::fly(&planned.plan, &sim::Drone::new(&scene.sim(), scene.seed), &mut |_| {})
+                .unwrap();
         let camera = scene.camera.camera(strokes.bounds_m(), planned.plan.duration_s()).unwrap();
         let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
         let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
