@@ -20,28 +20,12 @@ pub(super) struct SpecimenArgs {
     font: String,
     /// Characters to show; the font's first 1000 where they are left out
     characters: Option<String>,
-    /// What is followed of a typeface's outlines
-    #[arg(long, value_name = "NAME", default_value = "centre-line")]
-    trace: TraceName,
+    /// Lines that are drawn of a typeface: center-line or outline
+    #[arg(long, value_name = "NAME", default_value = "center-line")]
+    trace: Trace,
     /// Sheet to write: *.png or *.svg
     #[arg(short, long, value_name = "FILE", default_value = "specimen.svg")]
     output: PathBuf,
-}
-
-/// What is followed of a typeface's outlines.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum TraceName {
-    CentreLine,
-    Outline,
-}
-
-impl From<TraceName> for Trace {
-    fn from(name: TraceName) -> Self {
-        match name {
-            TraceName::CentreLine => Self::CentreLine,
-            TraceName::Outline => Self::Outline,
-        }
-    }
 }
 
 pub(super) fn run(args: &SpecimenArgs) -> Result<Outcome> {
@@ -55,7 +39,7 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Outcome> {
             return Err(Error::input("--output", found, "a file *.png or *.svg", hint));
         }
     };
-    let font = Font::open(&args.font, args.trace.into())?;
+    let font = Font::open(&args.font, args.trace)?;
     let wanted = args.characters.clone().unwrap_or_else(|| font.characters());
     let blank = |c: &char| !c.is_whitespace();
     let some: String = wanted.chars().filter(blank).take(MAX_CHARACTERS).collect();

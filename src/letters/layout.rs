@@ -105,7 +105,7 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
         Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.width_m * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|(_, _, width_m)| width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
-        Align::Centre => -0.5 * (begin_m + end_m),
+        Align::Center => -0.5 * (begin_m + end_m),
         Align::Right => -end_m,
     };
     let drawn = cells.into_iter().filter(|(character, ..)| *character != ' ');
@@ -222,7 +222,7 @@ mod tests {
             assert!(l.abs() + m.abs() < 1e-12, "{font}: both begin at 0");
             let [[_, r], [_, s]] = sides(Align::Right);
             assert!(r.abs() + s.abs() < 1e-12, "{font}: both end at 0");
-            for [left, right] in sides(Align::Centre) {
+            for [left, right] in sides(Align::Center) {
                 assert!((left + right).abs() < 1e-12, "{font}: in the middle");
             }
         }

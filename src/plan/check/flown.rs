@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn a_spot_that_is_lit_too_long_is_found() {
         let flight = Flight::default();
-        // A metre at 5 s of light a metre, and 0.3 s on a millimetre.
+        // A metre at 5 s of light a meter, and 0.3 s on a millimeter.
         let mut painted: Vec<(f64, f64, f64)> =
             (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
         let check = |painted: &[(f64, f64, f64)]| {
