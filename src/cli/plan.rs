@@ -11,8 +11,8 @@ use super::{Outcome, print};
 use crate::error::{Error, Result};
 use crate::flight::mean_error_m;
 use crate::plan::Plan;
-use crate::plan::Planned;
 use crate::report::plan_view;
+use crate::scene::Planned;
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {

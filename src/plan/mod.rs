@@ -3,10 +3,9 @@
 //! Product in: [`Strokes`]. Product out: [`Plan`], everything that is sent to one drone. The plane
 //! of the word is the world's x-z plane at y = 0.
 //!
-//! [`plan_for`] is the whole way, for all drones of a word: the strokes are shared out ([`fleet`]),
-//! each share becomes a design path ([`plan()`]), the setpoints are fed through the inverse of the
-//! drone's position loop ([`feedforward`]), and the light commands are timed on a rehearsed flight
-//! ([`light_timing`]).
+//! Method: the strokes are shared out among the drones ([`fleet`]), and each share becomes a design
+//! path ([`plan()`]). For a known drone, setpoints are then fed through the inverse of its position
+//! loop ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
 //!
 //! There are two styles of flying. `team`: letter by letter with waits, as the reference flight of
 //! 2022 went. `even`: strokes in the order with the least dark time (Held–Karp, 2-opt), corners
@@ -22,7 +21,6 @@ use crate::letters::Strokes;
 
 pub mod check;
 pub mod csv;
-mod drone;
 mod even;
 pub mod feedforward;
 mod fleet;
@@ -40,7 +38,6 @@ mod stroke_ends;
 mod team;
 mod transit;
 
-pub use drone::{DroneModel, Planned, plan_for};
 pub use fleet::{Conflict, MIN_HORIZONTAL_M, MIN_VERTICAL_M, conflict, fleet};
 pub use lamp::LampTiming;
 pub use light_timing::{Between, time_lights};
@@ -61,7 +58,7 @@ pub struct Plan {
     /// as `setpoints`.
     pub lights: BTreeMap<String, Vec<f64>>,
     /// Light level of the design at each setpoint, where commands are sent ahead of it
-    /// ([`light_timing`]); as long as `setpoints`, or empty where it equals `lights`. See
+    /// ([`time_lights`]); as long as `setpoints`, or empty where it equals `lights`. See
     /// [`Plan::lit()`].
     pub lit: Vec<f64>,
     /// Positions that are sent in place of the setpoints' own ([`feedforward`]); as long as

@@ -26,6 +26,7 @@ mod planned;
 mod preset;
 mod text;
 
+pub use planned::Planned;
 pub use preset::Preset;
 
 settings! {

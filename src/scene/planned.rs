@@ -1,24 +1,56 @@
-//! Plans of a scene: its word as its drone is to fly it, with its controller and its lamps.
+//! Plans of a scene: its word as it is to be flown by its drone, with its controller and its lamps.
+//!
+//! [`crate::plan`] knows neither a simulator nor lamps. Here it is handed what it reckons with: how
+//! the loop answers a step, the flight that a plan leads to, and how a command becomes light.
 
 use super::Scene;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::letters::Strokes;
-use crate::plan::{Between, DroneModel, LampTiming, Plan, Planned, StrokeEnd};
-use crate::plan::{plan_for, stroke_ends};
+use crate::light::LightOptions;
+use crate::plan::feedforward::{feedforward, learn};
+use crate::plan::{Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd};
+use crate::plan::{fleet, stroke_ends, time_lights};
 use crate::sim::{Drone, fly, step_responses};
 
+/// A plan of one drone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// What is sent.
+    pub plan: Plan,
+    /// What is left at the strokes' ends, where lights were put on the light's clock.
+    pub ends: Vec<StrokeEnd>,
+}
+
 impl Scene {
-    /// Plans the flights that write a drawing, one a drone, as the scene's `[plan]` says.
+    /// Plans the flights that write a drawing, one a drone: as [`fleet`], then led by the inverse of
+    /// the scene's loop, with lights on the light's clock, as the scene's `[plan]` says.
     ///
     /// # Errors
     ///
-    /// As [`plan_for`], [`step_responses`] and [`fly`].
+    /// As [`fleet`], [`step_responses`] and [`fly`].
     pub fn plans(&self, strokes: &Strokes) -> Result<Vec<Planned>> {
-        self.with_drone(|drone| plan_for(strokes, &self.plan, drone))
+        let plans = fleet(strokes, &self.plan)?;
+        let follows_design = self.controller.kind.follows_design();
+        let inverse = self.plan.reference == ReferenceKind::Inverse;
+        let responses = if inverse { Some(step_responses(&self.sim())?) } else { None };
+        let planned = plans.into_iter().map(|plan| {
+            let plan = match &responses {
+                None => plan,
+                Some(responses) if follows_design => {
+                    learn(&plan, &self.rehearse(&plan)?, responses)
+                }
+                Some(responses) => feedforward(&plan, responses),
+            };
+            match self.plan.light_clock {
+                LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
+                LightClock::Light => self.aim(&plan, &self.rehearse(&plan)?),
+            }
+        });
+        planned.collect()
     }
 
-    /// The plan of the scene's first drone.
+    /// The plan of one drone, whichever the scene's first one is.
     ///
     /// # Errors
     ///
@@ -27,7 +59,7 @@ impl Scene {
         Ok(self.plans(strokes)?.swap_remove(0).plan)
     }
 
-    /// Flies a plan without disturbances: [`crate::sim::SimOptions::rehearsal`].
+    /// Flies a plan with nothing that disturbs it: [`crate::sim::SimOptions::rehearsal`].
     ///
     /// # Errors
     ///
@@ -36,44 +68,40 @@ impl Scene {
         fly(plan, &Drone::new(&self.sim().rehearsal(), self.seed), &mut |_| {})
     }
 
-    /// Times a plan's light commands on a flight of it, rehearsed or real.
+    /// Puts a plan's lights where a flight of it, rehearsed or real, had the strokes' ends.
     ///
     /// # Errors
     ///
-    /// As [`crate::plan::time_lights`].
+    /// As [`time_lights`].
     pub fn aim(&self, plan: &Plan, flight: &Flight) -> Result<Planned> {
-        self.with_drone(|drone| drone.time_lights(plan, flight))
+        let between = match self.controller.kind.follows_design() {
+            true => Between::Design,
+            false => Between::Held,
+        };
+        let (plan, ends) = time_lights(plan, flight, &lamp_clock(&self.light), between)?;
+        Ok(Planned { plan, ends })
     }
+}
 
-    /// Errors of a plan's light commands at its strokes' ends in a flight of it.
+impl Scene {
+    /// What a plan's light commands leave at its strokes' ends in a flight of it.
     ///
     /// # Errors
     ///
     /// As [`stroke_ends`].
     pub fn stroke_ends(&self, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
-        stroke_ends(plan, flight, &self.lamp_timing())
+        stroke_ends(plan, flight, &lamp_clock(&self.light))
     }
+}
 
-    /// Calls a function with the scene's drone as planning sees it.
-    fn with_drone<T>(&self, call: impl FnOnce(&DroneModel<'_>) -> T) -> T {
-        let follows_design = self.controller.kind.follows_design();
-        call(&DroneModel {
-            between: if follows_design { Between::Design } else { Between::Held },
-            lamp: self.lamp_timing(),
-            step_responses: &|| step_responses(&self.sim()),
-            rehearse: &|plan| self.rehearse(plan),
-        })
-    }
-
-    /// Delays of the scene's lamps, on average.
-    fn lamp_timing(&self) -> LampTiming {
-        LampTiming {
-            delay_s: self.light.radio_delay_s + 0.5 * self.light.radio_jitter_s,
-            tick_s: self.light.tick_s,
-            phase_s: self.light.tick_phase_s,
-            rise_s: self.light.rise_s,
-            decay_s: self.light.decay_s,
-        }
+/// How a command becomes light, on average.
+fn lamp_clock(options: &LightOptions) -> LampTiming {
+    LampTiming {
+        delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
+        tick_s: options.tick_s,
+        phase_s: options.tick_phase_s,
+        rise_s: options.rise_s,
+        decay_s: options.decay_s,
     }
 }
 
