@@ -1,5 +1,6 @@
 //! Findings of a check in words.
 
+use super::report::wrapped;
 use crate::plan::check::{Check, Finding, Severity};
 
 /// The table of findings, and what to change.
@@ -12,10 +13,11 @@ pub(super) fn table(findings: &[Finding]) -> String {
             Severity::Warning => "warn",
             Severity::Stop => "STOP",
         };
-        text += &format!("{mark:5} {:16} {}\n", name(finding.check), found(finding));
+        text += &wrapped(&format!("{mark:5} {:16} ", name(finding.check)), &found(finding));
         if finding.severity != Severity::Fine {
             let (wanted, change) = wanted(finding);
-            text += &format!("{:22} wanted: {wanted}\n{:22} change: {change}\n", "", "");
+            text += &wrapped(&format!("{:23}wanted: ", ""), &wanted);
+            text += &wrapped(&format!("{:23}change: ", ""), change);
         }
     }
     text
@@ -111,10 +113,9 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             "a dark move at an end".into(),
             "write with --font ae483-fixed, or plan with --style even",
         ),
-        Check::PenJump => (
-            "moves that join".into(),
-            "write with --font ae483-fixed, or plan with --style even",
-        ),
+        Check::PenJump => {
+            ("moves that join".into(), "write with --font ae483-fixed, or plan with --style even")
+        }
         Check::Volume => (
             "inside the profile's volume".into(),
             "write smaller letters or fewer (letters.canvas_m, cap_height_m, baseline_m)",

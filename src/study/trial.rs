@@ -144,7 +144,7 @@ impl Prepared {
         let scene = Scene { word: word.to_owned(), seed: 0, ..contender.scene.clone() };
         scene.check()?;
         let strokes = write(word, &scene.letters)?;
-        let design = scene.first_plan(&strokes)?;
+        let design = crate::shoot::plan(&scene, &strokes)?.swap_remove(0).plan;
         let sent = contender.plans.get(&strokes.word).unwrap_or(&design).clone();
         let digest = digest(&scene, conditions, (sent != design).then_some(&sent));
         let believed = scene.sim();

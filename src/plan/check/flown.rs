@@ -36,7 +36,15 @@ const MAX_SATURATED_S: f64 = 0.5;
 #[must_use]
 pub fn check_flown(flown: &Flown<'_>, profile: &Profile) -> Vec<Finding> {
     let (corridor, tilt) = (corridor(flown, profile), tilt(flown, profile));
-    vec![corridor, tilt, motors(flown), battery(flown), streaks(flown), dwell(flown), evenness(flown)]
+    vec![
+        corridor,
+        tilt,
+        motors(flown),
+        battery(flown),
+        streaks(flown),
+        dwell(flown),
+        evenness(flown),
+    ]
 }
 
 fn corridor(flown: &Flown<'_>, profile: &Profile) -> Finding {
@@ -153,7 +161,10 @@ mod tests {
         assert_eq!(dwell(&painted).severity, Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
         let found = dwell(&painted);
-        assert_eq!(found, Finding::new(Check::LitDwell, false, Severity::Warning, 0.3, 0.1).at(2.5));
+        assert_eq!(
+            found,
+            Finding::new(Check::LitDwell, false, Severity::Warning, 0.3, 0.1).at(2.5)
+        );
         assert!((even_frac(&painted) - 1.0 / 1.001).abs() < 1e-9);
     }
 }

@@ -28,12 +28,7 @@ pub fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
 }
 
 /// The letters whose value is above a limit.
-fn finding(
-    check: Check,
-    strokes: &Strokes,
-    limit: f64,
-    value: impl Fn(&Glyph) -> f64,
-) -> Finding {
+fn finding(check: Check, strokes: &Strokes, limit: f64, value: impl Fn(&Glyph) -> f64) -> Finding {
     let values = strokes.glyphs.iter().map(|glyph| (glyph.character, value(glyph)));
     let mut faulty: Vec<(char, f64)> = values.filter(|(_, value)| *value > limit).collect();
     faulty.sort_by_key(|(character, _)| *character);

@@ -180,8 +180,12 @@ mod tests {
 
     #[test]
     fn dimmed_headlights_are_found() {
-        let severity =
-            |exposure| severity_of(&even("O", EvenStyle { exposure, ..EvenStyle::default() }), Check::Headlights);
+        let severity = |exposure| {
+            severity_of(
+                &even("O", EvenStyle { exposure, ..EvenStyle::default() }),
+                Check::Headlights,
+            )
+        };
         assert_eq!(severity(LightLevel::Dimmed), Severity::Warning);
         assert_eq!(severity(LightLevel::Switched), Severity::Fine);
     }
