@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn noor_at_half_a_metre_a_second_takes_less_than_four_tenths() {
+    fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
         // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
