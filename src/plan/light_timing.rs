@@ -143,7 +143,6 @@ fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
 mod tests {
     use super::*;
     use crate::flight::FlightSample;
-    use crate::geometry::Attitude;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
 
@@ -164,13 +163,9 @@ mod tests {
             FlightSample {
                 time_s,
                 position_m: plan.design_m((time_s - lag_s).max(0.0)) - Vector3::x() * 0.1,
-                attitude: Attitude::default(),
-                velocity_body_m_s: Vector3::zeros(),
-                rate_body_rad_s: Vector3::zeros(),
-                estimate_m: Vector3::zeros(),
                 design_m: plan.design_m(time_s),
-                motors: [0.0; 4],
                 letter: plan.setpoint_at(time_s).and_then(|setpoint| setpoint.letter),
+                ..FlightSample::default()
             }
         };
         Flight { samples: (0..=n).map(sample).collect(), ..Flight::default() }
