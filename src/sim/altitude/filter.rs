@@ -172,7 +172,8 @@ impl AltitudeFilter {
         let mean_m = self.beyond_m.iter().sum::<f64>() / self.beyond_m.len() as f64;
         let bias = State::Ranger as usize;
         self.kalman.state[bias] += mean_m;
-        self.kalman.covariance[(bias, bias)] += self.options.step_sigma_m * self.options.step_sigma_m;
+        self.kalman.covariance[(bias, bias)] +=
+            self.options.step_sigma_m * self.options.step_sigma_m;
         self.beyond_m.clear();
         self.steps += 1;
     }

@@ -44,11 +44,22 @@ settings! {
 }
 
 impl Scenario {
+    /// Whether a table is below the flight.
+    #[must_use]
+    pub fn has_step(self) -> bool {
+        matches!(self, Self::Step | Self::StepSilent)
+    }
+
     /// Height of the floor at a time, m.
     #[must_use]
     pub fn floor_m(self, time_s: f64) -> f64 {
-        let table = matches!(self, Self::Step | Self::StepSilent);
-        if table && (20.0..40.0).contains(&time_s) { 0.5 } else { 0.0 }
+        if self.has_step() && (20.0..40.0).contains(&time_s) { 0.5 } else { 0.0 }
+    }
+
+    /// Whether the floor steps within a span of a time.
+    #[must_use]
+    pub fn is_event(self, time_s: f64, span_s: f64) -> bool {
+        self.has_step() && [20.0, 40.0].iter().any(|step_s| (time_s - step_s).abs() <= span_s)
     }
 
     /// Whether the satellites are heard at a time.
@@ -111,14 +122,8 @@ pub struct Reading {
 }
 
 /// All states, in order.
-const STATES: [State; 6] = [
-    State::Altitude,
-    State::Velocity,
-    State::Offset,
-    State::Gain,
-    State::Ranger,
-    State::Barometer,
-];
+const STATES: [State; 6] =
+    [State::Altitude, State::Velocity, State::Offset, State::Gain, State::Ranger, State::Barometer];
 
 /// Gains of altitude (1/s²) and velocity (1/s): the linear-quadratic regulator of a double integrator
 /// that weighs 0.2 m, 1 m/s and 1.6 m/s² alike.
