@@ -18,6 +18,7 @@ mod compare_photo;
 mod coverage;
 mod coverage_map;
 mod expose;
+mod findings;
 mod flags;
 mod fly;
 mod gains;
