@@ -176,7 +176,6 @@ macro_rules! undeclared {
     )*};
 }
 undeclared!(
-    crate::letters::LetterOptions,
     crate::sim::VehicleOptions,
     crate::sim::BatteryOptions,
     crate::sim::AirOptions,
@@ -184,10 +183,6 @@ undeclared!(
     crate::sim::ControllerOptions,
     crate::sim::ObserverOptions,
     crate::sim::SensorOptions,
-    crate::light::LightOptions,
-    crate::camera::CameraOptions,
-    crate::expose::ExposeOptions,
-    crate::photo::PhotoOptions,
     crate::score::ScoreOptions,
 );
 

@@ -14,7 +14,11 @@ const WIDTH: usize = 80;
 pub(super) const HINT: &str = "the printed scene lists every key with its meaning and range";
 
 /// Keys that had another name in earlier versions, and their present path.
-const RENAMED: &[(&str, &str)] = &[];
+const RENAMED: &[(&str, &str)] = &[
+    ("light.ring_effect", "light.ring"),
+    ("light.ring_color", "light.ring.color"),
+    ("light.ring_fade_s", "light.ring.fade_s"),
+];
 
 /// The whole scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {

@@ -3,7 +3,7 @@
 //! 1. The repeating error: the mean over flights of `flown − design` while letters are written,
 //!    shrunk where flights disagree (positive-part James–Stein), smoothed without phase.
 //! 2. The reference moves against a share of it, through the inverse of the scene's loop
-//!    ([`lead::learn`]).
+//!    ([`feedforward::learn`]).
 //! 3. The light commands are moved to the strokes' ends of such a flight ([`aim`]).
 
 use nalgebra::Vector3;
@@ -13,7 +13,7 @@ use super::{LearnOptions, Prepared};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::flight::comparison::{ComparisonOptions, compare};
-use crate::plan::{Plan, lead, relight};
+use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
 use crate::shoot::{aim, rehearse};
 use crate::sim::step_responses;
@@ -56,7 +56,7 @@ pub fn correct(
         }
     }
     let responses = step_responses(&scene.sim())?;
-    let mut next = lead::learn(sent, &missed, &responses);
+    let mut next = feedforward::learn(sent, &missed, &responses);
     // Take-off and landing stay as they were sent.
     for (row, setpoint) in sent.setpoints.iter().enumerate() {
         if setpoint.letter.is_none() {

@@ -24,6 +24,7 @@
 mod conditions;
 mod correct;
 mod design;
+mod hold;
 mod knobs;
 mod learn;
 mod outcome;
@@ -39,6 +40,7 @@ mod tune;
 pub use conditions::{Conditions, Factor};
 pub use correct::{align, correct};
 pub use design::{Study, Trial, evaluate};
+pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
 pub use learn::{LearnOptions, Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
