@@ -1,4 +1,4 @@
-//! The command as a person meets it: what it writes, what it prints, how it fails.
+//! The command line: its files, its output, its errors.
 
 use std::path::Path;
 
@@ -58,8 +58,8 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!(digest.len(), 64);
     for name in ["photo.png", "verdict.json"] {
         let bytes = std::fs::read(folder.path().join("a").join(name)).unwrap();
-        let told = bytes.windows(64).any(|text| text == digest.as_bytes());
-        assert!(told, "{name} names the flight that it shows");
+        let named = bytes.windows(64).any(|text| text == digest.as_bytes());
+        assert!(named, "{name} names the flight that it shows");
     }
     let again = noctograph(folder.path()).args(["import", "a/flight.csv"]).assert().success();
     again.stdout(predicate::str::contains(format!("digest    {digest}")));
