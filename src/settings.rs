@@ -177,13 +177,6 @@ macro_rules! undeclared {
 }
 undeclared!(
     crate::letters::LetterOptions,
-    crate::sim::VehicleOptions,
-    crate::sim::BatteryOptions,
-    crate::sim::AirOptions,
-    crate::sim::RateOptions,
-    crate::sim::ControllerOptions,
-    crate::sim::ObserverOptions,
-    crate::sim::SensorOptions,
     crate::light::LightOptions,
     crate::camera::CameraOptions,
     crate::expose::ExposeOptions,

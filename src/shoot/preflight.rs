@@ -102,9 +102,10 @@ fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64,
 fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Vec<Finding>> {
     let check = "coverage";
     let wanted = "two Lighthouse stations see every place".to_owned();
-    if scene.sensors.stations.is_empty() {
+    if scene.sensors.lighthouse.stations.is_empty() {
         let found = "the scene has no base stations".to_owned();
-        let change = "set sensors.stations, or read a Lighthouse configuration".to_owned();
+        let change =
+            "set sensors.lighthouse.stations, or read a Lighthouse configuration".to_owned();
         return Ok(vec![Finding { check, severity: Severity::Unknown, found, wanted, change }]);
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
