@@ -72,7 +72,7 @@ pub struct Design {
     /// Largest deviation from hover of each input by itself with all motors in their range, N m
     /// and N.
     pub largest_inputs: [f64; 4],
-    /// Bryson's rule for `controller.r`: 1 / deviation².
+    /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
     pub bryson_r: [f64; 4],
     /// Warnings about the gains.
     pub warnings: Vec<String>,

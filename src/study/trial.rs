@@ -444,7 +444,7 @@ mod tests {
         let moved = ready.sending(sent);
         let x_m = |ready: &Prepared| {
             let flight = ready.fly(1).unwrap();
-            crate::flight::mean_error_m(&flight).unwrap().x
+            track(&flight, Part::Letters).unwrap().mean_error_m.x
         };
         assert!((x_m(&moved) - x_m(&ready) - 0.02).abs() < 2e-3);
         assert_ne!(moved.digest(), ready.digest());
