@@ -176,7 +176,6 @@ macro_rules! undeclared {
     )*};
 }
 undeclared!(
-    crate::letters::LetterOptions,
     crate::light::LightOptions,
     crate::camera::CameraOptions,
     crate::expose::ExposeOptions,
