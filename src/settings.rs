@@ -175,13 +175,7 @@ macro_rules! undeclared {
         }
     )*};
 }
-undeclared!(
-    crate::light::LightOptions,
-    crate::camera::CameraOptions,
-    crate::expose::ExposeOptions,
-    crate::photo::PhotoOptions,
-    crate::score::ScoreOptions,
-);
+undeclared!(crate::score::ScoreOptions,);
 
 impl<T: Described> Described for Option<T> {
     const SHAPE: Shape = T::SHAPE;

@@ -42,6 +42,9 @@ const RENAMED: &[(&str, &str)] = &[
     ("sensors.barometer_noise_m", "sensors.barometer.noise_m"),
     ("sensors.barometer_drift_m_sqrt_s", "sensors.barometer.drift_m_sqrt_s"),
     ("sensors.gnss_noise_m", "sensors.gnss.noise_m"),
+    ("light.ring_effect", "light.ring"),
+    ("light.ring_color", "light.ring.color"),
+    ("light.ring_fade_s", "light.ring.fade_s"),
 ];
 
 /// The whole scene as a commented TOML file.
