@@ -15,13 +15,13 @@ use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::settings::{Described, settings};
 use crate::shoot::Actual;
-use crate::sim::Gusts;
+use crate::sim::{GustOptions, Gusts};
 
 /// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on where the scene
 /// has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
-/// Gusts of a ventilated room, to which [`crate::sim::AirOptions::gust_torque_sigma_n_m`] belongs.
+/// Gusts of a ventilated room, to which [`GustOptions::torque_sigma_n_m`] belongs.
 const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
@@ -182,20 +182,23 @@ impl Conditions {
         body.motor_rise_s += lag_s;
         body.motor_fall_s += lag_s;
 
-        let sensors = &mut sim.sensors;
-        for own in [&mut sensors.lighthouse_distortion_m, &mut sensors.station_position_error_m] {
+        let sensors = &mut sim.sensors.lighthouse;
+        for own in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *own = libm::hypot(*own, self.lighthouse_distortion_m);
         }
         if self.gust_m_s > 0.0 {
-            let had = sim.air.gusts == Gusts::OrnsteinUhlenbeck;
-            for own in &mut sim.air.gust_sigma_m_s {
-                *own = libm::hypot(if had { *own } else { 0.0 }, self.gust_m_s);
+            let still = || GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() };
+            let (mut gusts, had) = match sim.air.gusts {
+                Gusts::OrnsteinUhlenbeck(own) => (own, 1.0),
+                Gusts::None | Gusts::Dryden => (still(), 0.0),
+            };
+            for own in &mut gusts.sigma_m_s {
+                *own = libm::hypot(*own, self.gust_m_s);
             }
-            let room = self.gust_m_s / ROOM_GUST_M_S;
-            for own in &mut sim.air.gust_torque_sigma_n_m {
-                *own *= if had { libm::hypot(1.0, room) } else { room };
+            for own in &mut gusts.torque_sigma_n_m {
+                *own *= libm::hypot(had, self.gust_m_s / ROOM_GUST_M_S);
             }
-            sim.air.gusts = Gusts::OrnsteinUhlenbeck;
+            sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {
                 body.body_drag_n_s_m = DRAG_N_S_M;
             }
