@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::Scene;
 use crate::study::{
-    Candidate, Contender, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, evaluate,
-    rank, tune,
+    Candidate, Contender, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
+    candidates_csv, evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
@@ -126,7 +126,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 
     let paths = [
         scene_file.keep(|out| write!(out, "{}{}", origin(args, &tuned), tuned.scene.to_toml()))?,
-        candidates_file.keep(|out| write_candidates(out, &options, &tuned))?,
+        candidates_file
+            .keep(|out| out.write_all(candidates_csv(&tuned, &options.knobs).as_bytes()))?,
         pareto_file.keep(|out| out.write_all(plot(&tuned).as_bytes()))?,
     ];
     let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
@@ -164,40 +165,6 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
         args.study.seed,
         tuned.best.legibility
     )
-}
-
-fn write_candidates(out: impl Write, options: &TuneOptions, tuned: &Tuned) -> std::io::Result<()> {
-    let mut out = csv::Writer::from_writer(out);
-    let mut header = [
-        "number",
-        "flights",
-        "given_up",
-        "merit",
-        "legibility",
-        "duration_s",
-        "broken",
-        "on_front",
-    ]
-    .map(str::to_owned)
-    .to_vec();
-    header.extend(options.knobs.iter().map(|knob| knob.keys.join("+")));
-    out.write_record(header)?;
-    for c in &tuned.candidates {
-        let mut row = vec![
-            c.number.to_string(),
-            c.n_flights.to_string(),
-            c.given_up.to_string(),
-            c.merit.to_string(),
-            c.legibility.to_string(),
-            c.duration_s.map_or(String::new(), |s| s.to_string()),
-            c.broken.to_string(),
-            tuned.front.contains(&c.number).to_string(),
-        ];
-        let settings = (0..options.knobs.len()).map(|index| c.point.get(index));
-        row.extend(settings.map(|at| at.map_or(String::new(), f64::to_string)));
-        out.write_record(row)?;
-    }
-    out.flush()
 }
 
 fn plot(tuned: &Tuned) -> String {
