@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::message;
 use super::names::{named, names};
-use super::tell;
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
@@ -50,12 +50,12 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with what was typed here and in other flags.
+    /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
         Ok(self.contender(more)?.scene)
     }
 
-    /// The same with the learned plans of a folder.
+    /// The same, with the learned plans if the scene is a folder.
     pub(super) fn contender(&self, more: &[Setting]) -> Result<Contender> {
         let settings = [more, &self.set.set].concat();
         let mut found = match &self.scene {
@@ -334,7 +334,7 @@ pub(super) fn read_flight(path: &Path, options: &ImportOptions) -> Result<Flight
 /// Prints the warnings of a file.
 fn warn_of(path: &Path, warnings: &[String]) {
     for warning in warnings {
-        tell("warning: ", &format!("{}: {warning}", path.display()));
+        message("warning: ", &format!("{}: {warning}", path.display()));
     }
 }
 

@@ -7,10 +7,10 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SetFlag, find_scene};
+use super::message;
 use super::output::Output;
 use super::report::{Report, line};
 use super::studies::open_store;
-use super::tell;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::flight::comparison::{ComparisonOptions, compare};
@@ -82,7 +82,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         let mut watch = |round: &Round| {
             let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
             let number = rounds.len();
-            tell("", &format!("round {number}: read with probability {p:.3}"));
+            message("", &format!("round {number}: read with probability {p:.3}"));
             let note = if kept { "" } else { "  not significantly better" };
             let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
             text += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
@@ -121,7 +121,7 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
     let flights = flights.collect::<Result<Vec<Flight>>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";
-        tell("warning: ", text);
+        message("warning: ", text);
     }
     correct(&sent, ready.scene(), &flights, options)
 }
@@ -140,7 +140,7 @@ fn on_the_plans_clock(
         relight(&mut flight, &strokes)?;
     }
     let sending = ready.sending(sent.clone());
-    // The log's design is what was sent; so must be that of the flight whose clock it is set by.
+    // The log's design holds the setpoints that were sent. So must the flight that sets its clock.
     let mut planned = crate::shoot::rehearse(ready.scene(), sent)?;
     let mut at = 0;
     for sample in &mut planned.samples {

@@ -52,7 +52,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     Ok(Report::new(table(&found, args.target_stops), json(&found, args.target_stops)))
 }
 
-/// Exposures of the lamps and of what they and the room light.
+/// Exposures of the lamps, of the room and of the floor.
 struct Found {
     camera: Camera,
     readings: Vec<Reading>,

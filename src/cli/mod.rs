@@ -113,7 +113,7 @@ enum Verb {
     Generate(generate::GenerateArgs),
 }
 
-/// The verbs by what people do with them, in the order of the help.
+/// The verbs by their use, in the order of the help.
 const GROUPS: [(&str, &[&str]); 7] = [
     ("See it", &["preview"]),
     ("Stage by stage", &["plan", "fly", "expose", "score"]),
@@ -156,14 +156,14 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
         Err(error) => {
-            tell("error: ", &error.to_string());
-            tell("hint: ", error.hint());
+            message("error: ", &error.to_string());
+            message("hint: ", error.hint());
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {
                 (verb, matches) = (verb.find_subcommand(name).expect("it was matched"), below);
             }
             for advice in advice::advice(&error, verb) {
-                tell("hint: ", &advice);
+                message("hint: ", &advice);
             }
             ExitCode::from(2)
         }
@@ -223,13 +223,13 @@ fn print(text: &str) -> Result<()> {
 }
 
 /// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
-fn tell(head: &str, text: &str) {
+fn message(head: &str, text: &str) {
     let _ = std::io::stderr().write_all(wrapped(head, text).as_bytes());
 }
 
 /// Prints warnings.
 fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| tell("warning: ", warning));
+    warnings.iter().for_each(|warning| message("warning: ", warning));
 }
 
 #[cfg(test)]

@@ -42,7 +42,7 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let bar = counter("flying", n_each * options.times.len() * (Factor::ALL.len() + 1));
     let found = robustness(&options, Some(&store), &bar)?;
     drop(bar);
-    let title = format!("{}: what breaks the word", options.contender.name);
+    let title = format!("{}: disturbances that break the word", options.contender.name);
     let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
     let files = [
         csv.keep(|out| out.write_all(robustness_csv(&found).as_bytes()))?,

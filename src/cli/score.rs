@@ -9,7 +9,7 @@ use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
 use super::output::{Output, is_svg};
 use super::report::{Outcome, Report};
 use super::square_on::Corners;
-use super::{show, tell};
+use super::{message, show};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -111,7 +111,7 @@ fn by_ink(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",
     };
-    tell("note: ", text);
+    message("note: ", text);
     Ok(view)
 }
 

@@ -8,10 +8,10 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{SetFlag, find_scene};
+use super::message;
 use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
-use super::tell;
 use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::study::statistics::Estimate;
@@ -105,7 +105,7 @@ pub(super) fn open_store(folder: &Path) -> Result<Store> {
     let store = Store::open(folder)?;
     if store.n_known() > 0 {
         let text = format!("{}: {} flights are there already", folder.display(), store.n_known());
-        tell("note: ", &text);
+        message("note: ", &text);
     }
     Ok(store)
 }

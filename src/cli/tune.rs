@@ -209,7 +209,7 @@ fn test(
     let others: Vec<_> =
         others.filter(|word| !seen(word)).map(|word| (word, args.test_seeds)).collect();
     let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds)).collect();
-    for (what, words) in [("seeds", again), ("words and seeds", others)] {
+    for (new, words) in [("seeds", again), ("words and seeds", others)] {
         if words.is_empty() || args.test_seeds == 0 {
             continue;
         }
@@ -224,8 +224,8 @@ fn test(
         let bar = counter("testing", trials.len());
         let records = evaluate(&study, &trials, Some(store), &bar)?;
         let ranking = rank(&study, &records);
-        text += &format!("\ntested on new {what}: {}", ranking_table(&study, &ranking));
-        json.push(json!({ "new": what, "measures": ranking.measures, "pairs": ranking.pairs }));
+        text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
+        json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
     }
     Ok((text, json))
 }

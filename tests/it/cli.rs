@@ -1,4 +1,4 @@
-//! The command as a person meets it: what it writes, what it prints, how it fails.
+//! The command line: files, output and errors.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub(crate) fn names_in(folder: &Path) -> Vec<String> {
 const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
 
 #[test]
-fn preview_writes_five_files_and_says_what_it_read() {
+fn preview_writes_five_files_and_prints_the_verdict() {
     let folder = tempfile::tempdir().unwrap();
     let run = noctograph(folder.path()).args(["preview", "noor"]).args(SMALL).assert().success();
     run.stdout(predicate::str::contains("NOOR reads as NOOR: legible").and(
@@ -58,8 +58,8 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!(digest.len(), 64);
     for name in ["photo.png", "verdict.json"] {
         let bytes = std::fs::read(folder.path().join("a").join(name)).unwrap();
-        let told = bytes.windows(64).any(|text| text == digest.as_bytes());
-        assert!(told, "{name} names the flight that it shows");
+        let named = bytes.windows(64).any(|text| text == digest.as_bytes());
+        assert!(named, "{name} names the flight that it shows");
     }
     let again = noctograph(folder.path()).args(["import", "a/flight.csv"]).assert().success();
     again.stdout(predicate::str::contains(format!("digest    {digest}")));
