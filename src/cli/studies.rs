@@ -14,9 +14,10 @@ use super::progress::Progress;
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
 use crate::report::study_sheet;
+use crate::scene::NamedScene;
 use crate::study::statistics::Estimate;
 use crate::study::{
-    Conditions, Contender, Ranking, Record, Store, Study, flights_csv, ranking_csv,
+    Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv,
 };
 
 /// Words, seeds and conditions of a study.
@@ -54,7 +55,7 @@ impl StudyFlags {
     }
 
     /// A scene with the keys that were set.
-    pub(super) fn scene(&self, named: &str) -> Result<Contender> {
+    pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
         find_scene(named, &self.set.set)
     }
 

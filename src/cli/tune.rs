@@ -14,9 +14,9 @@ use super::report::{Report, wrapped};
 use super::studies::{StudyFlags, counter, open_store, ranking_table};
 use crate::error::{Error, Result};
 use crate::report::pareto;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::study::{
-    Candidate, Contender, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
+    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
     candidates_csv, evaluate, rank, tune,
 };
 
@@ -199,7 +199,7 @@ fn report(options: &TuneOptions, tuned: &Tuned) -> String {
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,
-    base: &Contender,
+    base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
 ) -> Result<(String, Vec<Value>)> {
@@ -214,7 +214,7 @@ fn test(
             continue;
         }
         let study = Study {
-            contenders: vec![base.clone(), Contender::new("tuned", tuned.scene.clone())],
+            contenders: vec![base.clone(), NamedScene::new("tuned", tuned.scene.clone())],
             words,
             conditions: options.conditions.clone(),
             // Neither the search's seeds nor the finals'.

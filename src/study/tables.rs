@@ -3,21 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{Endurance, Factor, Knob, Ranking, Record, Tuned};
-
-/// Figures of a flight, in the order of the columns.
-const FLOWN: [&str; 10] = [
-    "contour_m",
-    "lag_s",
-    "rmse_x_m",
-    "rmse_y_m",
-    "rmse_z_m",
-    "drift_y_m",
-    "tilt_rad",
-    "saturated_frac",
-    "duration_s",
-    "energy_j",
-];
+use super::{Endurance, Factor, Flown, Knob, Ranking, Record, Tuned};
 
 /// A column: its name, and the path of its values in a row's JSON.
 type Column = (String, String);
@@ -26,7 +12,7 @@ type Column = (String, String);
 #[must_use]
 pub fn flights_csv(records: &[Record]) -> String {
     let verdict = "contender word seed read all_read legible probability log_odds similarity";
-    let names = verdict.split(' ').chain(FLOWN).chain(["lost"]);
+    let names = verdict.split(' ').chain(Flown::<f64>::NAMES).chain(["lost"]);
     let columns: Vec<Column> = names.map(|name| column(name, name)).collect();
     table(&columns, records.iter().map(value))
 }
@@ -47,7 +33,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     for name in ["legibility", "worst_decile", "all_read"] {
         columns.extend(estimate(name, name));
     }
-    for name in FLOWN {
+    for name in Flown::<f64>::NAMES {
         columns.extend(estimate(name, &format!("flown/{name}")));
     }
     table(&columns, ranking.measures.iter().map(value))
