@@ -16,9 +16,7 @@ use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::study::statistics::Estimate;
-use crate::study::{
-    Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv,
-};
+use crate::study::{Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]

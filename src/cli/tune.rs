@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::{NamedScene, Scene};
 use crate::study::{
-    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
-    candidates_csv, evaluate, rank, tune,
+    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, candidates_csv,
+    evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
