@@ -60,9 +60,9 @@ pub(super) struct LearnArgs {
 }
 
 pub(super) fn run(args: &LearnArgs) -> Result<Report> {
-    crate::error::within("--gain", args.gain, 0.0, 1.0)?;
-    crate::error::within("--smooth", args.smooth, 0.0, 10.0)?;
-    crate::error::within("--repeats", args.repeats.into(), 1.0, 1e4)?;
+    crate::error::within("gain", args.gain, 0.0, 1.0)?;
+    crate::error::within("smooth", args.smooth, 0.0, 10.0)?;
+    crate::error::within("repeats", args.repeats.into(), 1.0, 1e4)?;
     let contender = find_scene(&args.scene, &args.set.set)?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
     let options = LearnOptions {

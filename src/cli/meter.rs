@@ -31,7 +31,7 @@ pub(super) struct MeterArgs {
 }
 
 pub(super) fn run(args: &MeterArgs) -> Result<Report> {
-    crate::error::within("--target-stops", args.target_stops, -30.0, 30.0)?;
+    crate::error::within("target_stops", args.target_stops, -30.0, 30.0)?;
     let shoot = match args.flight.as_slice() {
         [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
         paths => {

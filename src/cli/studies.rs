@@ -15,6 +15,7 @@ use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
+use crate::settings::similar;
 use crate::study::statistics::Estimate;
 use crate::study::{Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
@@ -62,7 +63,14 @@ impl StudyFlags {
         match self.conditions.as_str() {
             "room" => Ok(Conditions::default()),
             "still" => Ok(Conditions::still()),
-            file => Conditions::parse(&read_text(file)?, file),
+            file if Path::new(file).exists() => Conditions::parse(&read_text(file)?, file),
+            name => {
+                let hint = match similar(name, ["room", "still"]) {
+                    Some(similar) => format!("did you mean {similar}?"),
+                    None => "name a file that exists".into(),
+                };
+                Err(Error::input("conditions", name, "room, still, or a TOML file", hint))
+            }
         }
     }
 
@@ -89,7 +97,7 @@ impl StudyFlags {
         };
         let n = n.parse().map_err(|_not_a_number| {
             let wanted = "WORD:N with a whole number of seeds";
-            Error::input("--words", text, wanted, "for example --words NOOR:200,LOG:20")
+            Error::input("words", text, wanted, "for example NOOR:200,LOG:20")
         })?;
         Ok((word.to_owned(), n))
     }

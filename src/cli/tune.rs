@@ -75,7 +75,7 @@ impl std::str::FromStr for Budget {
 
     fn from_str(text: &str) -> Result<Self> {
         let wanted = "a number of flights, or minutes such as 5min";
-        let broken = || Error::input("--budget", text, wanted, "for example --budget 2000");
+        let broken = || Error::input("budget", text, wanted, "for example 2000, or 5min");
         if let Some(minutes) = text.strip_suffix("min") {
             let minutes: f64 = minutes.trim().parse().map_err(|_not_a_number| broken())?;
             let time = Duration::try_from_secs_f64(60.0 * minutes);
