@@ -11,10 +11,12 @@ use super::{Plan, Setpoint, nearest_meeting};
 mod flown;
 mod letters;
 mod profile;
+mod written;
 
 pub use flown::{Flown, check_flown, even_frac};
 pub use letters::check_letters;
 pub use profile::Profile;
+pub use written::check_written;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
