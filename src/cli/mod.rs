@@ -16,6 +16,7 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
+mod coverage_map;
 mod expose;
 mod flags;
 mod fly;
