@@ -91,7 +91,6 @@ fn lamp_clock(options: &LightOptions) -> LampClock {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::mean_error_m;
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::PlanOptions;
@@ -169,7 +168,7 @@ mod tests {
             fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
         };
         let before = fly_tipped(&tipped);
-        let mean_m = mean_error_m(&before).unwrap();
+        let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;
         assert!(mean_m.x < -0.05, "the centre of mass stands off: {mean_m}");
         tipped.plan.mean_error_m = mean_m.into();
         let after = fly_tipped(&tipped);

@@ -191,7 +191,8 @@ impl SimOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::{Flight, rmse_m};
+    use crate::flight::Flight;
+    use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
     use crate::sim::{ControllerKind, Drone, Gusts, MotorLag, SensorOptions, fly};
@@ -214,7 +215,7 @@ mod tests {
         for (options, bounds) in sets {
             options.check().unwrap();
             let flight = noor(&options);
-            let rmse = rmse_m(&flight).unwrap();
+            let rmse = track(&flight, Part::Letters).unwrap().rmse_m;
             for (found, bound) in rmse.iter().zip(bounds) {
                 assert!(*found < bound, "{rmse} above {bounds:?}");
             }
@@ -232,7 +233,7 @@ mod tests {
                 let mut options = set();
                 options.controller.kind = kind;
                 options.air.gusts = Gusts::OrnsteinUhlenbeck;
-                let rmse_m = rmse_m(&noor(&options)).unwrap().norm();
+                let rmse_m = track(&noor(&options), Part::Letters).unwrap().rmse_m.norm();
                 assert!(rmse_m < bound_m, "{kind:?}: {rmse_m} m");
             }
         }

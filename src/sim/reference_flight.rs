@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{Drone, Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
-use crate::flight::{Flight, FlightSample, airborne, mean_error_m, rmse_m, rmse_over_m};
+use crate::flight::tracking::{Part, track};
+use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 
@@ -67,7 +68,8 @@ fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
         ..*sample
     };
     flight.samples = flight.samples.iter().map(against_design).collect();
-    (rmse_m(&flight).unwrap(), mean_error_m(&flight).unwrap())
+    let tracking = track(&flight, Part::Letters).unwrap();
+    (tracking.rmse_m, tracking.mean_error_m)
 }
 
 #[test]
@@ -86,7 +88,7 @@ fn disturbed_error_is_that_of_an_independent_simulation() {
 #[test]
 fn setpoints_that_begin_anew_with_every_move_change_the_error_little() {
     let flight = flown(&undisturbed(), 0);
-    assert_agrees(rmse_m(&flight).unwrap(), [0.0582, 0.0, 0.0693]);
+    assert_agrees(track(&flight, Part::Letters).unwrap().rmse_m, [0.0582, 0.0, 0.0693]);
     assert!(flight.warnings.is_empty(), "{:?}", flight.warnings);
 }
 
@@ -125,9 +127,8 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
     };
     let mean_sq = (0..8).map(|seed| {
         let mut flight = fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
-        let air = airborne(&flight).unwrap();
         flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s));
-        let rmse_m = rmse_over_m(&flight.samples[air]).unwrap();
+        let rmse_m = track(&flight, Part::Airborne).unwrap().rmse_m;
         rmse_m.component_mul(&rmse_m)
     });
     (mean_sq.sum::<Vector3<f64>>() / 8.0).map(f64::sqrt)

@@ -233,6 +233,7 @@ fn digest(scene: &Scene, conditions: &Conditions, learned: &[Planned]) -> String
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flight::tracking::{Part, track};
     use crate::plan::PlanOptions;
 
     fn prepared(word: &str, change: impl FnOnce(&mut Scene)) -> Prepared {
@@ -292,7 +293,7 @@ mod tests {
         let moved = ready.sending(&sent);
         let x_m = |ready: &Prepared| {
             let flights = ready.fly(1).unwrap();
-            crate::flight::mean_error_m(&flights[0]).unwrap().x
+            track(&flights[0], Part::Letters).unwrap().mean_error_m.x
         };
         assert!((x_m(&moved) - x_m(&ready) - 0.02).abs() < 2e-3);
         assert_ne!(moved.digest(), ready.digest());
