@@ -73,6 +73,7 @@ pub mod cli;
 pub mod control;
 mod digest;
 pub mod error;
+pub mod export;
 pub mod expose;
 pub mod flight;
 pub mod geometry;

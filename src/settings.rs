@@ -176,7 +176,6 @@ macro_rules! undeclared {
     )*};
 }
 undeclared!(
-    crate::letters::LetterOptions,
     crate::sim::VehicleOptions,
     crate::sim::BatteryOptions,
     crate::sim::AirOptions,

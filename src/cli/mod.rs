@@ -18,10 +18,12 @@ mod compare_photo;
 mod coverage;
 mod coverage_map;
 mod expose;
+mod findings;
 mod flags;
 mod fly;
 mod gains;
 mod generate;
+mod hold;
 mod identify;
 mod import;
 mod learn;
@@ -139,6 +141,8 @@ verbs! {
         /// Split a ranking's flights over many processes or machines
         #[command(subcommand)]
         Sweep(sweep::SweepVerb),
+        /// Hold an altitude on three imperfect sensors: figures and plots
+        Hold(hold::HoldArgs),
     }
     "Show" {
         /// Print a scene file: every key with its meaning and unit

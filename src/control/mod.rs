@@ -17,6 +17,7 @@
 //! Not modelled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
 
+mod kalman;
 mod linear;
 mod lqr;
 mod margins;
@@ -24,6 +25,7 @@ mod poles;
 mod response;
 mod riccati;
 
+pub use kalman::{Innovation, Kalman};
 pub use linear::{
     is_hurwitz, linearise, linearise_finely, observability_rank, unobservable_states,
 };

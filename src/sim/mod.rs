@@ -20,6 +20,7 @@
 //! room share; whole-number motor commands; filters and offsets of the inertial sensors,
 //! reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
 
+pub mod altitude;
 mod avionics;
 mod controller;
 mod coverage;

@@ -23,6 +23,7 @@
 
 mod conditions;
 mod design;
+mod hold;
 mod knobs;
 mod learn;
 mod outcome;
@@ -38,6 +39,7 @@ mod tune;
 
 pub use conditions::{Conditions, Departure, Factor};
 pub use design::{Study, Trial, evaluate};
+pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
 pub use learn::{LearnOptions, Learned, Round, align, correct, learn};
 pub use outcome::{Flown, Outcome};

@@ -1,37 +1,40 @@
-//! Spurs: what the medial axis shows of corners and ripples of the rim, and no pen would draw.
+//! Spurs: branches of the medial axis into corners and ripples of the rim, which no pen would draw.
 
+use super::super::vector::dot;
 use super::axis::{Axis, Branch};
+use crate::statistics::median;
 
-/// Protrusion of a spur by the radius at its root, below which it is a ripple of the rim. What a
-/// stroke's square end shows is 0.41, a round end 0.
+/// Protrusion of a spur by the radius at its root, below which it is a ripple of the rim, and below
+/// which it is a stroke's end: a square end has 0.41, a round end 0.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
-/// A spur whose radius falls below this share of its root's ends in a corner of the rim.
+/// A spur whose radius falls below this share of its root's radius ends in a corner of the rim.
 const SHARP: f64 = 0.45;
 
 /// Longest spur into a corner, by the radius at its root: 1 / sin of half the corner's angle. At
-/// this it is 32°, sharper than what a slanted stroke cut level shows (K, X: 35° to 50°), blunter
-/// than a pen stroke that tapers.
+/// this value it is 32°: sharper than a slanted stroke that is cut level (K, X: 35° to 50°), blunter
+/// than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
 /// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
 const BENDS: f64 = 0.1;
 
-/// A branch's end is a tip where its radius falls below the first, by the branch's usual radius; it
-/// is cut off up to where the radius has come up to the second.
+/// A branch's end is a tip where its radius falls below the first value, by the branch's median
+/// radius; it is cut off up to where the radius has risen to the second.
 const TIP: [f64; 2] = [0.6, 0.92];
 
 /// Longest stub between a crotch and the tip above it (A, M, N, V, W), by the radius at its root;
-/// and the cosine of the widest angle between the legs of such a crotch, 75°. Wider ones are where an
-/// arch leaves a stem (n, u), whose stub is the stem's end.
+/// and the cosine of the widest angle between the legs of such a crotch, 75°. At wider ones an arch
+/// leaves a stem (n, u), and the stub is the stem's end.
 const STUB: f64 = 1.8;
 const CROTCH: f64 = 0.26;
 
-/// Cuts off all spurs, and tells which nodes lost one that led into a corner: there the line bends.
+/// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
+/// the line bends.
 pub(super) fn prune(axis: &mut Axis) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples first: once they are gone, what is left of a branch is its whole.
+    // Ripples first: they split branches.
     while cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
     while cut_spurs(axis, &mut bends, is_spur) {}
     while cut_spurs(axis, &mut bends, is_stub) {}
@@ -44,10 +47,8 @@ pub(super) fn prune(axis: &mut Axis) -> Vec<bool> {
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
-        let way = axis.way(end, axis.neighbours[end][0], &|node| axis.degree(node) != 2);
-        let mut radii: Vec<f64> = way.iter().map(|node| axis.radii[*node]).collect();
-        radii.sort_by(f64::total_cmp);
-        let usual = radii[radii.len() / 2];
+        let way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        let usual = median(way.iter().map(|node| axis.radii[*node]))?;
         let whole = way.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
         let tip = way[..=whole].to_vec();
         let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
@@ -58,7 +59,7 @@ fn cut_tips(axis: &mut Axis) {
     }
 }
 
-/// Cuts off, all at once, the ways from a junction to a loose end that `unwanted` tells.
+/// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
 fn cut_spurs(
     axis: &mut Axis,
     bends: &mut [bool],
@@ -66,7 +67,7 @@ fn cut_spurs(
 ) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = ends.filter_map(|end| {
-        let mut way = axis.way(end, axis.neighbours[end][0], &|node| axis.degree(node) != 2);
+        let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
         way.reverse();
         (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
     });
@@ -93,8 +94,8 @@ fn is_spur(axis: &Axis, spur: &Branch) -> bool {
 fn is_stub(axis: &Axis, spur: &Branch) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let end = axis.radii[spur[spur.len() - 1]];
-    let legs = axis.neighbours[root].iter().filter(|node| **node != spur[1]);
+    let legs = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
     let legs: Vec<[f64; 2]> = legs.map(|leg| axis.heading(root, *leg, 2.5 * radius)).collect();
-    let [a, b] = legs[..] else { return false };
-    end < radius && axis.length(spur) < STUB * radius && a[0] * b[0] + a[1] * b[1] > CROTCH
+    let [a, b] = &legs[..] else { return false };
+    end < radius && axis.length(spur) < STUB * radius && dot(*a, *b) > CROTCH
 }

@@ -1,46 +1,49 @@
-//! Centre lines: what a pen would draw to leave an outline's ink.
+//! Center lines: the strokes of a pen that would leave an outline's ink.
 //!
-//! The medial axis of the ink ([`axis`]), rid of the spurs that corners show ([`prune`]); at
-//! junctions the strokes' middle lines are led on straight until they meet, and what goes straight
-//! through is one stroke ([`junctions`]); between corners lines are smoothed within a stated error.
-//! A blob without a line, such as a full stop, becomes a small ring.
+//! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions the
+//! center lines are extended straight until they meet, and two that are nearly in line are one stroke
+//! ([`junctions`]); between corners lines are smoothed within a stated error. A blob without a line,
+//! such as a full stop, becomes a small ring.
 
 use super::outline::{Contour, Ink, mean_stroke_width, rim};
-use super::smooth::{smooth, thinned};
+use super::smooth::{simplified, smooth};
+use crate::geometry::distance;
+use crate::statistics::median;
 use axis::Axis;
-use junctions::Knot;
+use limbs::Knot;
 
 mod axis;
 mod junctions;
+mod limbs;
 mod prune;
 
-/// Farthest that smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
+/// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
 const ERROR: f64 = 0.004;
 
-/// Farthest that a line lies from the polyline that comes out, in cap heights.
+/// Largest distance of the resulting polyline from the line, in cap heights.
 pub(super) const FLATNESS: f64 = 0.0015;
 
-/// Distance of the points that are smoothed, in cap heights.
+/// Spacing of the points that are smoothed, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Samples of the rim are at most so far apart: in mean widths of a stroke, and in cap heights.
+/// Largest spacing of samples of the rim, in mean widths of a stroke, and in cap heights.
 const SAMPLING: [f64; 2] = [0.15, 0.01];
 
-/// What keeps less length than this by its radius is a dot.
+/// A part with less length than this by its radius is a dot.
 const BLOB: f64 = 0.8;
 
-/// Smallest ring that a dot becomes, in cap heights: what Hershey draws.
+/// Radius of the smallest ring for a dot, in cap heights, as in the Hershey fonts.
 const DOT: f64 = 0.035;
 
-/// A drawing's lines, and the usual half width of its strokes.
+/// Center lines, and the median half width of the strokes.
 #[derive(Debug)]
-pub(super) struct CentreLines {
+pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
     pub(super) half_width: f64,
 }
 
-/// The centre lines of an outline in cap heights.
-pub(super) fn centre_lines(contours: &[Contour]) -> CentreLines {
+/// The center lines of an outline in cap heights.
+pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
     let ink = Ink::new(contours);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let mut axis = Axis::new(&rim(contours, &ink, spacing), &ink);
@@ -49,30 +52,27 @@ pub(super) fn centre_lines(contours: &[Contour]) -> CentreLines {
     let lines = junctions::lines(&axis, &bends, &ink);
     let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line)).collect();
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
-    let mut radii: Vec<f64> = kept.map(|node| axis.radii[node]).collect();
-    radii.sort_by(f64::total_cmp);
-    let half_width = radii.get(radii.len() / 2).copied().unwrap_or(0.0);
+    let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
     for part in parts {
         let by_radius = |a: &&usize, b: &&usize| axis.radii[**a].total_cmp(&axis.radii[**b]);
         let fattest = *part.iter().max_by(by_radius).expect("a part has nodes");
         let (middle, radius) = (axis.middles[fattest], axis.radii[fattest]);
-        let links = part.iter().flat_map(|node| axis.neighbours[*node].iter().map(|n| (*node, *n)));
+        let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
         let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
         if length < BLOB * radius && radius > 0.1 * half_width {
-            let off = |p: &[f64; 2]| libm::hypot(p[0] - middle[0], p[1] - middle[1]);
-            lines.retain(|line| !line.iter().all(|p| off(p) < radius));
+            lines.retain(|line| !line.iter().all(|p| distance(middle, *p) < radius));
             lines.push(ring(middle, DOT.max(0.5 * radius)));
         }
     }
-    CentreLines { lines, half_width }
+    CenterLines { lines, half_width }
 }
 
-/// What a dot is drawn as.
+/// A ring of four sides, which stands for a dot.
 pub(super) fn ring([x, y]: [f64; 2], r: f64) -> Vec<[f64; 2]> {
     vec![[x, y + r], [x - r, y], [x, y - r], [x + r, y], [x, y + r]]
 }
 
-/// Nodes that hang together.
+/// Connected sets of nodes.
 fn parts(axis: &Axis) -> Vec<Vec<usize>> {
     let mut seen = vec![false; axis.middles.len()];
     let mut parts = Vec::new();
@@ -84,7 +84,7 @@ fn parts(axis: &Axis) -> Vec<Vec<usize>> {
         let mut part = vec![start];
         let mut next = 0;
         while next < part.len() {
-            for node in &axis.neighbours[part[next]] {
+            for node in &axis.neighbors[part[next]] {
                 if !seen[*node] {
                     seen[*node] = true;
                     part.push(*node);
@@ -97,12 +97,12 @@ fn parts(axis: &Axis) -> Vec<Vec<usize>> {
     parts
 }
 
-/// A line between its corners smoothed, and thinned.
+/// A line smoothed between its corners, and simplified.
 fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].at == line[line.len() - 1].at;
     let mut line = line.to_vec();
     if closed {
-        // A closed line begins at a corner, where it has one.
+        // A closed line begins at a corner if it has one.
         line.pop();
         if let Some(corner) = line.iter().position(|knot| knot.corner) {
             line.rotate_left(corner);
@@ -114,7 +114,7 @@ fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
     let mut fitted: Vec<[f64; 2]> = Vec::new();
     for span in cuts.windows(2) {
         let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
-        let piece = thinned(&smooth(&points, SPACING, ERROR), FLATNESS);
+        let piece = simplified(&smooth(&points, SPACING, ERROR), FLATNESS);
         fitted.extend(piece.iter().skip(usize::from(!fitted.is_empty())));
     }
     fitted
@@ -124,13 +124,13 @@ fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
 
-    /// The lines of shapes made of rectangles (left, bottom, right, top), rounded to hundredths, in
-    /// an order of their own; each from its lower left end, a closed one from its lower left corner.
+    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from its
+    /// lower left end, a closed one from its lower left corner.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();
         let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
-        for line in centre_lines(&contours).lines {
+        for line in center_lines(&contours).lines {
             #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
             let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
             let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
@@ -153,13 +153,13 @@ mod tests {
     }
 
     #[test]
-    fn strokes_end_as_far_from_the_rim_as_they_lie_from_it() {
+    fn strokes_end_half_their_width_before_the_rim() {
         assert_eq!(traced(&[[0.0, 0.0, 0.2, 1.0]]), [[[10, 10], [10, 90]]]);
         assert_eq!(traced(&[[0.0, 0.0, 1.0, 0.06]]), [[[3, 3], [97, 3]]]);
     }
 
     #[test]
-    fn overlapping_strokes_meet_where_their_middle_lines_do() {
+    fn overlapping_strokes_meet_where_their_center_lines_do() {
         let stem = [0.0, 0.0, 0.2, 1.0];
         let foot = [0.0, 0.0, 0.8, 0.2];
         assert_eq!(traced(&[stem, foot]), [[[10, 90], [10, 10], [70, 10]]], "L: a sharp corner");
@@ -177,12 +177,12 @@ mod tests {
     }
 
     #[test]
-    fn a_dot_is_a_ring_in_its_middle_and_nothing_is_nothing() {
+    fn a_dot_becomes_a_ring_and_no_ink_no_line() {
         let dot = traced(&[[0.4, 0.4, 0.6, 0.6]]);
         assert_eq!(dot, [[[45, 50], [50, 45], [55, 50], [50, 55], [45, 50]]]);
-        assert!(centre_lines(&[]).lines.is_empty());
+        assert!(center_lines(&[]).lines.is_empty());
         assert!(
-            centre_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]).lines.is_empty(),
+            center_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]).lines.is_empty(),
             "no ink"
         );
     }

@@ -1,53 +1,74 @@
-//! The reference team's tour: up, letter by letter at constant speed, down.
+//! Style `team`: up, letter by letter at constant speed, down.
 //!
-//! Every leg sends a setpoint when it begins and then at a fixed interval; positions run evenly
-//! along the leg. Steps are sent as one setpoint. Source: the team's flight script, whose
-//! setpoints the log of their flight holds (2022; 0.2 m/s, 0.1 s, 2 s of waiting after a letter).
+//! Every leg sends a setpoint at its start and then at a fixed interval; positions advance evenly
+//! along the leg. Steps between letters are sent as one setpoint. Source: the flight script of the
+//! reference team, whose setpoints are in the log of their flight (2022; 0.2 m/s, 0.1 s, 2 s of
+//! waiting after a letter).
 
 use nalgebra::Vector3;
 
-use super::{Extent, Plan, PlanOptions, Setpoint};
+use super::{Extent, MAX_DURATION_S, Plan, PlanOptions, Setpoint, TeamStyle};
+use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
+use crate::geometry::polyline_length_m;
 use crate::letters::{Glyph, Strokes};
 
-/// A plan while it is being written.
-struct Tour<'a> {
+/// Plans the flight that writes `strokes`.
+pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
+    let duration_s = longest_duration_s(strokes, options, style);
+    if duration_s > MAX_DURATION_S {
+        return Err(Error::Infeasible {
+            what: format!("the flight would take up to {duration_s:.0} s, more than an hour"),
+            hint: "raise plan.stroke_speed_m_s, or write a shorter or smaller word".into(),
+        });
+    }
+    let plan = Plan::with_channels(&options.lights);
+    let mut script = Script { options, style, plan, time_s: 0.0, letter: None };
+    let whole = options.extent == Extent::Whole;
+    if whole {
+        script.take_off(strokes);
+    }
+    for (index, glyph) in strokes.glyphs.iter().enumerate() {
+        script.letter = Some(index);
+        script.write(glyph);
+    }
+    script.letter = None;
+    if whole {
+        script.land();
+    } else {
+        script.send(script.position_m(), Vector3::zeros(), false);
+    }
+    Ok(script.plan)
+}
+
+/// Upper bound of the duration: all strokes, waits, and the ways to and from the word.
+fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
+    let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
+    let strokes_m: f64 = moves.map(|m| polyline_length_m(&[m.from_m, m.to_m])).sum();
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
+        + style.approach_height_m
+        + options.landing_height_m;
+    let waits_s: f64 = strokes.glyphs.iter().map(|_| style.letter_wait_s).sum();
+    (strokes_m + ways_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
+}
+
+/// A plan under construction.
+struct Script<'a> {
     options: &'a PlanOptions,
+    style: &'a TeamStyle,
     plan: Plan,
     time_s: f64,
     letter: Option<usize>,
 }
 
-/// Plans the flight that writes `strokes`.
-pub(super) fn tour(strokes: &Strokes, options: &PlanOptions) -> Plan {
-    let channels = options.lights.iter().map(|channel| (channel.clone(), Vec::new()));
-    let plan = Plan { lights: channels.collect(), ..Plan::default() };
-    let mut tour = Tour { options, plan, time_s: 0.0, letter: None };
-    let whole = options.extent == Extent::Whole;
-    if whole {
-        tour.take_off(strokes);
-    }
-    for (index, glyph) in strokes.glyphs.iter().enumerate() {
-        tour.letter = Some(index);
-        tour.write(glyph);
-    }
-    tour.letter = None;
-    if whole {
-        tour.land();
-    } else {
-        tour.send(tour.position_m(), Vector3::zeros(), false);
-    }
-    tour.plan
-}
-
-impl Tour<'_> {
+impl Script<'_> {
     /// From the floor below the middle of the word to below its first letter.
     fn take_off(&mut self, strokes: &Strokes) {
-        let floor = Vector3::zeros();
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
-        self.wait(floor, self.options.floor_wait_s);
-        let lift_off = Vector3::new(0.0, 0.0, self.options.team_style().lift_off_height_m);
-        let approach = Vector3::new(x_start_m, 0.0, self.options.team_style().approach_height_m);
+        self.wait(Vector3::zeros(), self.options.floor_wait_s);
+        let lift_off = Vector3::new(0.0, 0.0, self.style.lift_off_height_m);
+        let approach = Vector3::new(x_start_m, 0.0, self.style.approach_height_m);
         self.fly(lift_off, approach, false);
     }
 
@@ -62,9 +83,9 @@ impl Tour<'_> {
             self.fly(in_word_plane(leg.from_m), last, leg.lit);
         }
         let cell = glyph.cell;
-        let beside_m = cell.left_m + cell.width_m + self.options.team_style().step_m;
+        let beside_m = cell.left_m + cell.width_m + self.style.step_m;
         let beside = Vector3::new(beside_m, 0.0, last.z.min(cell.baseline_m));
-        self.wait(beside, self.options.team_style().letter_wait_s);
+        self.wait(beside, self.style.letter_wait_s);
     }
 
     /// Straight down, back to below the middle of the word, motors off.
@@ -72,8 +93,7 @@ impl Tour<'_> {
         let above = self.position_m();
         let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
         self.fly(above, down, false);
-        let home = Vector3::new(0.0, 0.0, self.options.landing_height_m);
-        self.fly(down, home, false);
+        self.fly(down, Vector3::new(0.0, 0.0, down.z), false);
         self.wait(Vector3::zeros(), self.options.floor_wait_s);
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
@@ -95,7 +115,7 @@ impl Tour<'_> {
     fn leg(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let (start_s, mut since_s) = (self.time_s, 0.0);
         let mut n = 0.0;
-        // A setpoint a hair before the leg's end would only repeat the next leg's first.
+        // A setpoint just before the leg's end would only repeat the next leg's first.
         while since_s < duration_s - 1e-6 {
             self.time_s = start_s + since_s;
             self.send(from + velocity * since_s, velocity, lit);
@@ -106,16 +126,14 @@ impl Tour<'_> {
     }
 
     fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
-        self.plan.setpoints.push(Setpoint {
+        let setpoint = Setpoint {
             time_s: on_grid(self.time_s),
             position_m: position.map(on_grid),
             velocity_m_s: velocity.map(on_grid),
             acceleration_m_s2: Vector3::zeros(),
             letter: self.letter,
-        });
-        for levels in self.plan.lights.values_mut() {
-            levels.push(f64::from(lit));
-        }
+        };
+        self.plan.push(setpoint, f64::from(lit));
     }
 
     fn position_m(&self) -> Vector3<f64> {

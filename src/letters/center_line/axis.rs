@@ -1,27 +1,28 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the rim are triangulated (Delaunay). The circumcentres of the triangles in the ink are
-//! the nodes, joined where triangles share a side: as samples grow dense this is the set of middles
-//! of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). Each node knows its
-//! disc's radius, half the stroke's width there.
+//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink are
+//! the nodes, joined where triangles share a side. As samples become dense this is the set of centers
+//! of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of a node's
+//! disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::super::outline::Ink;
+use super::super::vector::direction;
+use crate::geometry::distance;
 
-/// Samples nearer than about this, in cap heights, are one.
+/// Grid of the samples, in cap heights: nearer ones are one.
 const WELD: f64 = 1e-6;
 
-/// A graph of disc middles. Nodes that were cut off stay, without neighbours.
+/// A graph of disc centers. Nodes that were cut off remain, without neighbors.
 #[derive(Debug, Default)]
 pub(super) struct Axis {
     pub(super) middles: Vec<[f64; 2]>,
     pub(super) radii: Vec<f64>,
-    pub(super) neighbours: Vec<Vec<usize>>,
+    pub(super) neighbors: Vec<Vec<usize>>,
 }
 
-/// A way between two nodes that are not merely passed, both included; or a loop, whose first node is
-/// repeated at its end.
+/// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
 pub(super) type Branch = Vec<usize>;
 
 impl Axis {
@@ -39,26 +40,26 @@ impl Axis {
             let (middle, square) = face.circumcircle();
             // Samples on a straight side are not quite in line: their slivers' discs lie far off.
             let middle = [middle.x, middle.y];
-            let centre = face.center();
-            if ink.holds([centre.x, centre.y]) && ink.holds(middle) {
+            let center = face.center();
+            if ink.holds([center.x, center.y]) && ink.holds(middle) {
                 node_of[face.fix().index()] = Some(axis.middles.len());
                 axis.middles.push(middle);
                 axis.radii.push(square.sqrt());
             }
         }
-        axis.neighbours = vec![Vec::new(); axis.middles.len()];
+        axis.neighbors = vec![Vec::new(); axis.middles.len()];
         for side in mesh.undirected_edges() {
             let faces = [side.as_directed().face(), side.as_directed().rev().face()];
             if let [Some(a), Some(b)] = faces.map(|face| node_of[face.fix().index()]) {
-                axis.neighbours[a].push(b);
-                axis.neighbours[b].push(a);
+                axis.neighbors[a].push(b);
+                axis.neighbors[b].push(a);
             }
         }
         axis
     }
 
     pub(super) fn degree(&self, node: usize) -> usize {
-        self.neighbours[node].len()
+        self.neighbors[node].len()
     }
 
     pub(super) fn length(&self, way: &[usize]) -> f64 {
@@ -66,11 +67,10 @@ impl Axis {
     }
 
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
-        let (a, b) = (self.middles[a], self.middles[b]);
-        libm::hypot(b[0] - a[0], b[1] - a[1])
+        distance(self.middles[a], self.middles[b])
     }
 
-    /// The way from a node on through a neighbour, until a node that `ends` it.
+    /// The way from a node through a neighbor, up to a node for which `ends` is true.
     pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Branch {
         let mut way = vec![from, through];
         loop {
@@ -78,14 +78,14 @@ impl Axis {
             if ends(at) || at == from {
                 return way;
             }
-            match self.neighbours[at].iter().find(|next| **next != before) {
+            match self.neighbors[at].iter().find(|next| **next != before) {
                 Some(next) => way.push(*next),
                 None => return way,
             }
         }
     }
 
-    /// Direction from a node to where the way through a neighbour is after a length, or ends.
+    /// Direction from a node to the point of the way through a neighbor after a length, or its end.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let way = self.way(from, through, &|node| self.degree(node) != 2);
         let mut gone = 0.0;
@@ -94,18 +94,16 @@ impl Axis {
             gone >= length
         });
         let end = self.middles[step.map_or(way[way.len() - 1], |step| step[1])];
-        let (dx, dy) = (end[0] - self.middles[from][0], end[1] - self.middles[from][1]);
-        let reach = libm::hypot(dx, dy).max(f64::MIN_POSITIVE);
-        [dx / reach, dy / reach]
+        direction(self.middles[from], end)
     }
 
-    /// All branches between nodes that `ends` says, and all loops without such a node.
+    /// All branches between nodes for which `ends` is true, and all loops without such a node.
     pub(super) fn branches(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Branch> {
         let mut seen = vec![false; self.middles.len()];
         let mut branches = Vec::new();
         for node in (0..self.middles.len()).filter(|node| ends(*node)) {
             seen[node] = true;
-            for next in &self.neighbours[node] {
+            for next in &self.neighbors[node] {
                 let way = self.way(node, *next, ends);
                 way[1..way.len() - 1].iter().for_each(|inner| seen[*inner] = true);
                 let end = way[way.len() - 1];
@@ -118,7 +116,7 @@ impl Axis {
         }
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
-                let way = self.way(node, self.neighbours[node][0], &|_| false);
+                let way = self.way(node, self.neighbors[node][0], &|_| false);
                 way.iter().for_each(|inner| seen[*inner] = true);
                 branches.push(way);
             }
@@ -126,11 +124,11 @@ impl Axis {
         branches
     }
 
-    /// Cuts a way off: all its links, so that its first node loses a neighbour.
+    /// Cuts a way off: all its links, so that its first node loses a neighbor.
     pub(super) fn cut(&mut self, way: &[usize]) {
         for step in way.windows(2) {
-            self.neighbours[step[0]].retain(|node| *node != step[1]);
-            self.neighbours[step[1]].retain(|node| *node != step[0]);
+            self.neighbors[step[0]].retain(|node| *node != step[1]);
+            self.neighbors[step[1]].retain(|node| *node != step[0]);
         }
     }
 }
