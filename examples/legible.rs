@@ -59,14 +59,14 @@ fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     // The board's own lights are no part of the letters.
     scene.light.led_bitmask = 128;
-    scene.light.ring_effect = RingEffect::Off;
+    scene.light.ring = RingEffect::Off;
     scene
 }
 
 fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
-    let mut scene = Scene { word: word.to_owned(), ..scene.clone() };
-    scene.expose.backend = BackendChoice::Cpu;
-    let shoot = Shoot { judging: Judging::Scored, ..Shoot::new(scene)? };
+    let scene = Scene { word: word.to_owned(), ..scene.clone() };
+    let shoot =
+        Shoot { judging: Judging::Scored, backend: BackendChoice::Cpu, ..Shoot::new(scene)? };
     let shot = shoot.take(&|_, _| {})?;
     Ok((shot.verdict.ok_or("a word is read")?, shot.photo))
 }

@@ -170,7 +170,7 @@ fn rate(folder: &Path) -> Outcome<()> {
     let mut table = String::from("file,p,loss,read,reason,letters\n");
     for line in list.lines().skip(1) {
         let file = line.split(',').next().ok_or("a file in every line")?;
-        let photo = Photo::read_png(&folder.join(file))?;
+        let photo = Photo::read(&folder.join(file))?;
         let scene = Scene::parse(photo.scene_toml.as_deref().ok_or("a scene inside")?, file)?;
         let strokes = letters::write(&scene.word, &scene.letters)?;
         let camera = scene.camera.camera(strokes.bounds_m(), 1.0)?;

@@ -1,4 +1,4 @@
-//! Photographs from elsewhere: PNG or JPEG, turned upright according to their EXIF.
+//! Photos from PNG and JPEG files, turned upright by their EXIF.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::png::{checked_size, read_bounded};
 use crate::error::{Error, Result};
 
 impl Photo {
-    /// Reads a photo from a PNG or JPEG file: one of ours, with its scene, or a camera's.
+    /// Reads a photo from a PNG or JPEG file. One that Noctograph wrote has its scene.
     ///
     /// The header is checked before anything is decoded.
     ///
@@ -21,8 +21,8 @@ impl Photo {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = read_bounded(path)?;
         let broken = |source: &dyn std::fmt::Display| {
-            let hint = "name a photo: a PNG or JPEG file";
-            Error::input(path.display().to_string(), source, "a PNG image or a JPEG photo", hint)
+            let wanted = "a PNG image or a JPEG photo";
+            Error::input(path.display().to_string(), source, wanted, "choose another file")
         };
         let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
         let reader = reader.map_err(|e| broken(&e))?;

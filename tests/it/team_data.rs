@@ -163,7 +163,7 @@ fn the_teams_flight_is_flown_again_as_it_was() {
 #[ignore = "needs ../shared/data"]
 fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     let mut mean_sq = Vector3::<f64>::zeros();
     for seed in 0..8 {
         let (flown, _) = flown_again(&options, seed);

@@ -1,8 +1,11 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
 //!
-//! Every sensor draws a fixed number of them at each of its measurements, whether or not it needs
-//! them all, so that each is a function of the seed, the drone, the sensor and the count of its
-//! measurements: nothing that another sensor does, or sees, can shift it.
+//! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
+//! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
+//! measurements alone; no other sensor can shift it.
+
+mod elementary;
+mod normals;
 
 use std::f64::consts::TAU;
 
@@ -11,14 +14,15 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use super::lanes::cos;
+use self::elementary::cos;
+pub(super) use self::normals::Normals;
 use crate::digest::fnv_1a;
 
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
 const WAVES: usize = 8;
 
-/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone,
-/// so that a sensor more or a drone more changes nobody else's noise.
+/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
+/// a further sensor or drone leaves it as it is.
 #[derive(Debug)]
 pub(super) struct Noise {
     rng: ChaCha8Rng,
@@ -47,11 +51,6 @@ impl Noise {
     /// Three independent normals.
     pub(super) fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
-    }
-
-    /// What it draws from, for [`super::normals::Normals`].
-    pub(super) fn into_rng(self) -> ChaCha8Rng {
-        self.rng
     }
 
     /// Uniform in `[0, 1)`.
@@ -98,7 +97,7 @@ impl<const N: usize> Field<N> {
     }
 }
 
-/// How high plane waves stand at a place.
+/// Heights of plane waves at a place.
 struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 
 impl NullaryFnOnce for Heights<'_> {
