@@ -1,9 +1,9 @@
 //! Which letters read, and how small NOOR may be: every character of three fonts, planned, flown,
-//! photographed and read, in the team's way and in the even way; then NOOR smaller and smaller for
-//! each controller.
+//! photographed and read, in the styles `team` and `even`; then NOOR at falling sizes for each
+//! controller.
 //!
 //! ```sh
-//! cargo run --release --example legible -- characters   # a table of what reads
+//! cargo run --release --example legible -- characters   # a table of all characters
 //! cargo run --release --example legible -- heights      # a table and legible.png, a contact sheet
 //! ```
 //!
@@ -36,7 +36,7 @@ fn main() -> Outcome<()> {
     match std::env::args().nth(1).as_deref() {
         Some("characters") => characters(),
         Some("heights") => heights(),
-        _ => Err("name what to find out: characters or heights".into()),
+        _ => Err("name a table: characters or heights".into()),
     }
 }
 

@@ -1,10 +1,9 @@
 //! The faults bench: ten faults at six levels each, as flights, lamps and cameras make them. The
 //! example beside it photographs them, `tests/it/faults.rs` holds the score's answer to a golden table.
 //!
-//! What the planner knows is one scene, what flies and is photographed another: faults are in the
-//! second. Each is made by a knob of the simulator, the lamps or the camera. Two are not quite: light
-//! commands that go missing are taken out of the plan, and less light is dimmer lamps, since an
-//! exposure cannot be shorter than its flight.
+//! The planner uses one scene, the flight and the photograph another, which has the fault: a setting of
+//! the simulator, the lamps or the camera. Two faults have no setting: lost light commands are removed
+//! from the plan, and less light is dimmer lamps, since an exposure cannot be shorter than its flight.
 
 use std::num::NonZero;
 

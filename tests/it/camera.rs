@@ -1,4 +1,4 @@
-//! Cameras as a person sets them: what is refused, what is warned of, what the meter says.
+//! Cameras on the command line: errors, warnings, and the meter.
 
 use predicates::prelude::*;
 
@@ -72,8 +72,8 @@ fn what_falls_outside_is_told_by_side_and_centimetres_and_auto_mends_it() {
         command.args(arguments);
         command
     };
-    let told = predicate::str::contains("light is outside the picture: 30 cm on the left");
-    run().assert().success().stderr(told);
+    let warning = predicate::str::contains("light is outside the picture: 30 cm on the left");
+    run().assert().success().stderr(warning);
     let outside = predicate::str::contains("word is outside");
     run().args(["--camera", "auto"]).assert().success().stderr(outside.not());
 }

@@ -1,4 +1,4 @@
-//! The command line: files, output and errors.
+//! The command line: its files, its output, its errors.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub(crate) fn names_in(folder: &Path) -> Vec<String> {
 const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
 
 #[test]
-fn preview_writes_five_files_and_prints_the_verdict() {
+fn preview_writes_five_files_and_says_what_it_read() {
     let folder = tempfile::tempdir().unwrap();
     let run = noctograph(folder.path()).args(["preview", "noor"]).args(SMALL).assert().success();
     run.stdout(predicate::str::contains("NOOR reads as NOOR: legible").and(
@@ -128,7 +128,7 @@ fn a_learned_folder_is_previewed_with_its_plan() {
     run(&["scene", "-o", "learned/scene.toml"]);
     run(&["plan", "I", "--set", "plan.stroke_speed_m_s=0.3", "-o", "learned/plan-I.csv"]);
     let preview = ["preview", "I", "--scene", "learned"];
-    noctograph(folder.path()).args(preview).args(SMALL).output().unwrap();
+    noctograph(folder.path()).args(preview).args(SMALL).assert().code(predicates::ord::le(1));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(read("noctograph-out/plan.csv") == read("learned/plan-I.csv"), "another plan");
 }

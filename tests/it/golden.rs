@@ -1,9 +1,9 @@
-//! Golden files, under `golden/`: what the program made when a person last looked at it.
+//! Golden files, under `golden/`: results that a person has inspected.
 //!
 //! One golden a stage, each from an input that no other stage makes, so that a change of one stage
 //! moves its own golden alone: flights (`digests`), films (`twins`), plots (`compare_flights`), the
 //! verdict (`faults`). One picture, `golden/photo/noor.png`, holds the whole road. The pictures of
-//! the documentation are illustrations: they must look like what the program makes.
+//! the documentation are illustrations: they must look like the results.
 //!
 //! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` writes the goldens anew.
 

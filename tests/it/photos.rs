@@ -29,7 +29,7 @@ fn write_streaks(folder: &Path) {
 }
 
 #[test]
-fn several_flights_are_one_photo_and_the_meter_tells_the_drones_apart() {
+fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     let folder = tempfile::tempdir().unwrap();
     write_streaks(folder.path());
     let flags = ["--word", "NO", "--backend", "cpu", "--size", "320x180", "-o"];
@@ -117,9 +117,9 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     no_exif.write_png(file, None, &[]).unwrap();
     let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];
     let output = noctograph(folder.path()).args(bare).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("no EXIF") && told.contains("hint: "), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("no EXIF") && stderr.contains("hint: "), "{stderr}");
 }
 
 #[test]
