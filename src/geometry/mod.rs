@@ -7,8 +7,10 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+mod chord;
 mod polyline;
 
+pub(crate) use chord::Chords;
 pub use polyline::{arc_lengths, bounds, distance, polyline_length_m, segment_distance, simplify};
 
 /// Attitude of a body as yaw, pitch and roll.

@@ -100,7 +100,7 @@ fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64,
 
 /// Whether two base stations see the box of the whole flight.
 fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Vec<Finding>> {
-    if scene.sensors.stations.is_empty() {
+    if scene.sensors.lighthouse.stations.is_empty() {
         return Ok(vec![Finding::without_value(Check::Coverage, Severity::Unknown, 1.0)]);
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());

@@ -1,17 +1,12 @@
-//! Functions of `libm` written out without branches, so that a processor's wide registers take
-//! several arguments at once: bit for bit what `libm` (after FreeBSD's msun) says of each, but for
-//! [`cos`]. No product is fused with a sum, so that every machine rounds alike.
+//! Elementary functions without branches, so that the compiler vectorizes loops over them.
 //!
-//! Each is for the arguments that occur here; [`is_hard`] and the others tell those that must go to
-//! `libm` themselves.
+//! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is fused
+//! with a sum, so that every machine rounds alike. Each is valid for the arguments that occur here;
+//! [`is_hard`] finds those that `libm` itself must compute.
 
-use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::FRAC_2_PI;
 
-use pulp::{Arch, NullaryFnOnce};
-
-use crate::geometry::Attitude;
-
-/// A high word, at which msun changes its way, as a number.
+/// The number with a high word at which msun changes its method.
 const fn high(word: u64) -> f64 {
     f64::from_bits(word << 32)
 }
@@ -124,128 +119,9 @@ pub(super) fn cos(x: f64) -> f64 {
     if (which == 1.0) | (which.abs() == 2.0) { -size } else { size }
 }
 
-/// Yaw, pitch and roll: the angles of two points `(y, x)`, and between them an arcsine.
-pub(super) fn euler_angles(yaw: [f64; 2], sin_pitch: f64, roll: [f64; 2]) -> Attitude {
-    Arch::new().dispatch(EulerAngles { yaw, sin_pitch, roll })
-}
-
-struct EulerAngles {
-    yaw: [f64; 2],
-    sin_pitch: f64,
-    roll: [f64; 2],
-}
-
-impl NullaryFnOnce for EulerAngles {
-    type Output = Attitude;
-
-    #[inline(always)]
-    fn call(self) -> Attitude {
-        let Self { yaw, sin_pitch, roll } = self;
-        let turned = atan2(&[yaw[0], roll[0], 0.0, 0.0], &[yaw[1], roll[1], 1.0, 1.0]);
-        let [pitch_rad, ..] = asin(&[sin_pitch, 0.0, 0.0, 0.0]);
-        Attitude { yaw_rad: turned[0], pitch_rad, roll_rad: turned[1] }
-    }
-}
-
-/// Angles of four points `(x, y)`, as `libm::atan2` gives them.
-#[inline(always)]
-pub(super) fn atan2(y: &[f64; 4], x: &[f64; 4]) -> [f64; 4] {
-    let easy = |i: usize| (x[i] > 0.0) & (x[i] < 1e300) & (y[i].abs() < 1e9 * x[i]);
-    if easy(0) & easy(1) & easy(2) & easy(3) {
-        let mut angles = *y;
-        for (angle, x) in angles.iter_mut().zip(x) {
-            *angle = atan(*angle / x);
-        }
-        angles
-    } else {
-        std::array::from_fn(|i| libm::atan2(y[i], x[i]))
-    }
-}
-
-/// Arcsines, as `libm::asin` gives them.
-#[inline(always)]
-pub(super) fn asin(x: &[f64; 4]) -> [f64; 4] {
-    let easy = |i: usize| x[i].abs() < 0.5;
-    if easy(0) & easy(1) & easy(2) & easy(3) {
-        let mut angles = *x;
-        for x in &mut angles {
-            let z = *x * *x;
-            let p = z * (P[0] + z * (P[1] + z * (P[2] + z * (P[3] + z * (P[4] + z * P[5])))));
-            let q = 1.0 + z * (Q[0] + z * (Q[1] + z * (Q[2] + z * Q[3])));
-            *x += *x * (p / q);
-        }
-        angles
-    } else {
-        x.map(libm::asin)
-    }
-}
-
-/// Of msun's `e_asin.c`.
-const P: [f64; 6] = [
-    1.666_666_666_666_666_6e-1,
-    -3.255_658_186_224_009e-1,
-    2.012_125_321_348_629_3e-1,
-    -4.005_553_450_067_941e-2,
-    7.915_349_942_898_145e-4,
-    3.479_331_075_960_212e-5,
-];
-const Q: [f64; 4] = [
-    -2.403_394_911_734_414,
-    2.020_945_760_233_505_7,
-    -6.882_839_716_054_533e-1,
-    7.703_815_055_590_194e-2,
-];
-
-/// The arctangent of a number below 2^66 (msun `s_atan.c`).
-#[inline(always)]
-fn atan(x: f64) -> f64 {
-    const A: [f64; 11] = [
-        3.333_333_333_333_293e-1,
-        -1.999_999_999_987_648_3e-1,
-        1.428_571_427_250_346_6e-1,
-        -1.111_111_040_546_235_6e-1,
-        9.090_887_133_436_507e-2,
-        -7.691_876_205_044_83e-2,
-        6.661_073_137_387_531e-2,
-        -5.833_570_133_790_573_5e-2,
-        4.976_877_994_615_932_4e-2,
-        -3.653_157_274_421_691_6e-2,
-        1.628_582_011_536_578_2e-2,
-    ];
-    // The number above each limit is turned about an arctangent in two parts.
-    const TURNED: [(f64, [f64; 2]); 4] = [
-        (high(0x3fdc_0000), [4.636_476_090_008_061e-1, 2.269_877_745_296_168_7e-17]),
-        (high(0x3fe6_0000), [FRAC_PI_4, 3.061_616_997_868_383e-17]),
-        (high(0x3ff3_0000), [9.827_937_232_473_29e-1, 1.390_331_103_123_099_8e-17]),
-        (high(0x4003_8000), [FRAC_PI_2, 6.123_233_995_736_766e-17]),
-    ];
-    let size = x.abs();
-    let (mut above, mut below, mut about) = (size, 1.0, [0.0; 2]);
-    let quotients = [
-        (2.0 * size - 1.0, 2.0 + size),
-        (size - 1.0, size + 1.0),
-        (size - 1.5, 1.0 + 1.5 * size),
-        (-1.0, size),
-    ];
-    for ((limit, turned), (numerator, denominator)) in TURNED.into_iter().zip(quotients) {
-        let beyond = size >= limit;
-        above = if beyond { numerator } else { above };
-        below = if beyond { denominator } else { below };
-        about[0] = if beyond { turned[0] } else { about[0] };
-        about[1] = if beyond { turned[1] } else { about[1] };
-    }
-    let t = above / below;
-    let z = t * t;
-    let w = z * z;
-    let odd = z * (A[0] + w * (A[2] + w * (A[4] + w * (A[6] + w * (A[8] + w * A[10])))));
-    let even = w * (A[1] + w * (A[3] + w * (A[5] + w * (A[7] + w * A[9]))));
-    let angle = about[0] - ((t * (odd + even) - about[1]) - t);
-    angle.copysign(x)
-}
-
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::TAU;
+    use std::f64::consts::{FRAC_PI_4, TAU};
 
     use super::*;
     use crate::sim::noise::Noise;
@@ -281,34 +157,6 @@ mod tests {
         for x in drawn.flat_map(|x| [x, 10.0 * x, 1000.0 * x]).chain(edges) {
             let (found, want) = (cos(x), libm::cos(x));
             assert!((found - want).abs() < 3e-16, "cos {x}: {found} of {want}");
-        }
-    }
-
-    #[test]
-    fn arctangent_and_arcsine_are_libms_bit_for_bit() {
-        let mut noise = Noise::new(6, 0, "arguments");
-        let mut drawn = || -> [f64; 4] { std::array::from_fn(|_| noise.normal()) };
-        let edges = [0.4375, 0.6875, 1.1875, 2.4375, 1.0, 0.0, -0.0, 1e-9];
-        let near = edges.map(|edge: f64| [edge.next_down(), edge, -edge, edge.next_up()]);
-        for near in near {
-            let (found, want) = (atan2(&near, &[1.0; 4]), near.map(|y| libm::atan2(y, 1.0)));
-            assert_eq!(found.map(f64::to_bits), want.map(f64::to_bits), "{near:?}");
-        }
-        for _ in 0..300_000 {
-            let (y, mut x) = (drawn(), drawn().map(f64::abs));
-            let pairs =
-                |x: &[f64; 4]| std::array::from_fn::<f64, 4, _>(|i| libm::atan2(y[i], x[i]));
-            assert_eq!(atan2(&y, &x).map(f64::to_bits), pairs(&x).map(f64::to_bits), "{y:?} {x:?}");
-            x[2] = -x[2];
-            assert_eq!(atan2(&y, &x).map(f64::to_bits), pairs(&x).map(f64::to_bits), "{y:?} {x:?}");
-            for scale in [0.05, 0.3] {
-                let y = y.map(|y| (y * scale).clamp(-1.0, 1.0));
-                assert_eq!(
-                    asin(&y).map(f64::to_bits),
-                    y.map(libm::asin).map(f64::to_bits),
-                    "{y:?}"
-                );
-            }
         }
     }
 }

@@ -1,8 +1,11 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
 //!
-//! Every sensor draws a fixed number of them at each of its measurements, whether or not it needs
-//! them all, so that each is a function of the seed, the drone, the sensor and the count of its
-//! measurements: nothing that another sensor does, or sees, can shift it.
+//! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
+//! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
+//! measurements alone; no other sensor can shift it.
+
+mod elementary;
+mod normals;
 
 use std::f64::consts::TAU;
 
@@ -11,13 +14,14 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use super::lanes::cos;
+use self::elementary::cos;
+pub(super) use self::normals::Normals;
 
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
 const WAVES: usize = 8;
 
-/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone,
-/// so that a sensor more or a drone more changes nobody else's noise.
+/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
+/// a further sensor or drone leaves it as it is.
 #[derive(Debug)]
 pub(super) struct Noise {
     rng: ChaCha8Rng,
@@ -48,18 +52,13 @@ impl Noise {
         Vector3::from_fn(|_, _| self.normal())
     }
 
-    /// What it draws from, for [`super::normals::Normals`].
-    pub(super) fn into_rng(self) -> ChaCha8Rng {
-        self.rng
-    }
-
     /// Uniform in `[0, 1)`.
     pub(super) fn uniform(&mut self) -> f64 {
         self.rng.random()
     }
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): a hash that stays what it is in every release.
+/// FNV-1a, 64 bits (Fowler, Noll, Vo): a hash that is the same in every release.
 fn fnv_1a(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -104,7 +103,7 @@ impl<const N: usize> Field<N> {
     }
 }
 
-/// How high plane waves stand at a place.
+/// Heights of plane waves at a place.
 struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 
 impl NullaryFnOnce for Heights<'_> {

@@ -2,15 +2,15 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::options::VehicleOptions;
-use super::vehicle::Wrench;
+use super::model::Wrench;
+use crate::sim::options::VehicleOptions;
 
 /// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
 ///
 /// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
 /// m3 back left, m4 front left. m1 and m3 turn counter-clockwise, m2 and m4 clockwise; each pushes
 /// the body the other way.
-pub(super) const SIGNS: Matrix4<f64> = Matrix4::new(
+pub(in crate::sim) const SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //
     -1.0, 1.0, -1.0, 1.0, //
@@ -19,14 +19,14 @@ pub(super) const SIGNS: Matrix4<f64> = Matrix4::new(
 
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
-pub(super) struct Mixer {
+pub(in crate::sim) struct Mixer {
     wrench_from_motors: Matrix4<f64>,
     motors_from_wrench: Matrix4<f64>,
     motor_max: f64,
 }
 
 impl Mixer {
-    pub(super) fn new(options: &VehicleOptions) -> Self {
+    pub(in crate::sim) fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
         // The rows of SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
@@ -38,33 +38,36 @@ impl Mixer {
         }
     }
 
-    /// Commands m1…m4 for a wrench, each cut to what a motor can do, and whether any was cut.
-    pub(super) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
+    /// Commands m1…m4 for a wrench, each clamped to the motors' range, and whether any was clamped.
+    pub(in crate::sim) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
         (motors, motors != wanted)
     }
 
     /// Commands m1…m4 for a wrench as if motors had no limits.
-    pub(super) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
+    pub(in crate::sim) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each cut to what a
-    /// motor can do, and whether any was cut.
+    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each clamped
+    /// to the motors' range, and whether any was clamped.
     ///
     /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust gives
     /// way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy` and
     /// `powerDistributionCap`).
-    pub(super) fn motors_from_commands(&self, commands: &Vector4<f64>) -> (Vector4<f64>, bool) {
+    pub(in crate::sim) fn motors_from_commands(
+        &self,
+        commands: &Vector4<f64>,
+    ) -> (Vector4<f64>, bool) {
         let wanted = SIGNS.transpose() * commands;
         let excess = (wanted.max() - self.motor_max).max(0.0);
         let motors = wanted.map(|m| (m - excess).max(0.0));
         (motors, motors != wanted)
     }
 
-    /// What four commands do to the body, at once and with the centre of mass in the middle.
-    pub(super) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
+    /// Wrench of four commands, with immediate motors and the center of mass in the middle.
+    pub(in crate::sim) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }
 }
