@@ -22,9 +22,11 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
+mod named;
 mod preset;
 mod text;
 
+pub use named::NamedScene;
 pub use preset::Preset;
 
 settings! {
