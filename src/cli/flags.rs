@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::message;
 use super::names::{named, names};
-use super::tell;
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
@@ -49,13 +49,13 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with what was typed here and in other flags.
+    /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        Ok(self.contender(more)?.scene)
+        Ok(self.named(more)?.scene)
     }
 
-    /// The same with the learned plans of a folder.
-    pub(super) fn contender(&self, more: &[Setting]) -> Result<NamedScene> {
+    /// The same, with the learned plans if the scene is a folder.
+    pub(super) fn named(&self, more: &[Setting]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
         let mut found = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
@@ -170,12 +170,12 @@ pub(super) struct SubjectFlags {
 impl SubjectFlags {
     /// The scene.
     pub(super) fn scene(&self) -> Result<Scene> {
-        Ok(self.contender()?.scene)
+        Ok(self.named()?.scene)
     }
 
-    fn contender(&self) -> Result<NamedScene> {
+    fn named(&self) -> Result<NamedScene> {
         let settings = [self.letters.settings(), self.plan.settings()].concat();
-        let mut found = self.scene.contender(&settings)?;
+        let mut found = self.scene.named(&settings)?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
@@ -184,17 +184,16 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let mut named = self.contender()?;
-        let scene = &mut named.scene;
-        change(scene)?;
+        let NamedScene { mut scene, plans: mut learned, .. } = self.named()?;
+        change(&mut scene)?;
         let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
         let plans: Vec<&String> = self.inputs.iter().filter(is_plan).collect();
         match self.inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => set_word(scene, word),
+            [word] if plans.is_empty() => set_word(&mut scene, word),
             all if all.len() == plans.len() => {
                 let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
-                return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);
+                return Shoot::with_plans(scene, plans.collect::<Result<_>>()?);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -202,7 +201,10 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
-        Shoot::named(named)
+        match learned.remove(&scene.strokes()?.word) {
+            Some(plans) => Shoot::with_plans(scene, plans),
+            None => Shoot::new(scene),
+        }
     }
 }
 
@@ -330,7 +332,7 @@ pub(super) fn read_flight(path: &Path, options: &ImportOptions) -> Result<Flight
 /// Prints the warnings of a file.
 fn warn_of(path: &Path, warnings: &[String]) {
     for warning in warnings {
-        tell("warning: ", &format!("{}: {warning}", path.display()));
+        message("warning: ", &format!("{}: {warning}", path.display()));
     }
 }
 

@@ -7,11 +7,12 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SetFlag, find_scene};
+use super::message;
 use super::output::Output;
 use super::report::{Report, line};
 use super::studies::open_store;
-use super::tell;
 use crate::error::{Error, Result};
+use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::scene::NamedScene;
 use crate::study::{Conditions, LearnOptions, Prepared, Round, align, correct, learn};
@@ -59,9 +60,9 @@ pub(super) struct LearnArgs {
 }
 
 pub(super) fn run(args: &LearnArgs) -> Result<Report> {
-    crate::error::within("--gain", args.gain, 0.0, 1.0)?;
-    crate::error::within("--smooth", args.smooth, 0.0, 10.0)?;
-    crate::error::within("--repeats", args.repeats.into(), 1.0, 1e4)?;
+    crate::error::within("gain", args.gain, 0.0, 1.0)?;
+    crate::error::within("smooth", args.smooth, 0.0, 10.0)?;
+    crate::error::within("repeats", args.repeats.into(), 1.0, 1e4)?;
     let contender = find_scene(&args.scene, &args.set.set)?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
     let options = LearnOptions {
@@ -85,7 +86,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         let mut watch = |round: &Round| {
             let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
             let number = rounds.len();
-            tell("", &format!("round {number}: read with probability {p:.3}"));
+            message("", &format!("round {number}: read with probability {p:.3}"));
             let note = if kept { "" } else { "  not significantly better" };
             let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
             text += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
@@ -120,18 +121,16 @@ fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Resu
         (Some(path), _) => Plan::read_csv(path)?,
         (None, [plan]) => plan.clone(),
         (None, plans) => {
-            let hint = "name the plan that was sent with --sent: drones learn one by one";
-            return Err(Error::input("plan.drones", plans.len(), "one drone", hint));
+            let hint = "learn the plans of several drones one by one: name the one that was sent";
+            return Err(Error::input("sent", plans.len(), "one plan", hint));
         }
     };
-    let flights = args
-        .flight
-        .iter()
-        .map(|path| align(args.flights.read(path)?, &sent, ready, &path.display().to_string()));
-    let flights = flights.collect::<Result<Vec<_>>>()?;
+    let read =
+        |path: &PathBuf| align(args.flights.read(path)?, &sent, ready, &path.display().to_string());
+    let flights: Vec<Flight> = args.flight.iter().map(read).collect::<Result<_>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";
-        tell("warning: ", text);
+        message("warning: ", text);
     }
     Ok(vec![correct(&sent, ready.scene(), &flights, options)?])
 }

@@ -34,6 +34,7 @@ mod search;
 pub mod statistics;
 mod store;
 mod sweep;
+mod tables;
 mod trial;
 mod tune;
 
@@ -49,5 +50,6 @@ pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
 pub use search::{Search, SearchKind};
 pub use store::{Record, Store};
 pub use sweep::{Shard, Sweep};
+pub use tables::{candidates_csv, flights_csv, ranking_csv, robustness_csv};
 pub use trial::Prepared;
 pub use tune::{Candidate, Limits, TuneOptions, Tuned, tune};
