@@ -22,6 +22,7 @@
 //! each controller.
 
 mod conditions;
+mod correct;
 mod design;
 mod hold;
 mod knobs;
@@ -37,11 +38,12 @@ mod tables;
 mod trial;
 mod tune;
 
-pub use conditions::{Conditions, Departure, Factor};
+pub use conditions::{Conditions, Factor};
+pub use correct::{align, correct};
 pub use design::{Study, Trial, evaluate};
 pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
-pub use learn::{LearnOptions, Learned, Round, align, correct, learn};
+pub use learn::{LearnOptions, Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
