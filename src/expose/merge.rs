@@ -222,7 +222,7 @@ mod tests {
     fn a_step_in_brightness_ends_a_segment() {
         let mut intervals = path();
         for interval in &mut intervals {
-            interval.at_px = [Px::zeros(); 2];
+            interval.at_px = [Px::ZERO; 2];
             interval.light_lx_px2 = if interval.time_s[0] < 1.0 { [1.0; 2] } else { [1.01; 2] };
         }
         assert_eq!(merged(&intervals, 0.005).len(), 2, "before and after the step");
@@ -233,7 +233,7 @@ mod tests {
     fn a_fade_is_one_segment_and_its_parts_add_up() {
         let mut intervals = path();
         for interval in &mut intervals {
-            interval.at_px = [Px::zeros(); 2];
+            interval.at_px = [Px::ZERO; 2];
             interval.light_lx_px2 = interval.time_s.map(|t| 3.0 - t);
         }
         let segments = merged(&intervals, 0.005);

@@ -213,7 +213,7 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
-    let along = if length > 0.0 { (end - start) / length } else { Px::x() };
+    let along = if length > 0.0 { (end - start) / length } else { Px::X };
     let (u, v) = ((at_px - start).dot(&along) / sigma, along.perp(&(at_px - start)) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
     let below = |x: f64| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2);

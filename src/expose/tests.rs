@@ -73,7 +73,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     for interval in project::intervals(lamp, camera) {
         let ([a, b], sigma) = (interval.at_px, interval.sigma_px);
         let length = (b - a).norm();
-        let along = if length > 0.0 { (b - a) / length } else { project::Px::x() };
+        let along = if length > 0.0 { (b - a) / length } else { project::Px::X };
         let reach = 8.0 * sigma + length;
         let range = |center: f64, n: usize| {
             let near = move |i: &usize| (*i as f64 - center).abs() <= reach;
