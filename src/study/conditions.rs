@@ -1,7 +1,7 @@
 //! Conditions: how much a real drone differs from its scene, flight by flight.
 //!
-//! A controller is made for the scene; what flies departs from it, anew for each
-//! seed and drone. The same seed draws the same departure under every controller (common random
+//! A controller is made for the scene; the flying drone departs from it, anew for
+//! each seed and drone. The same seed draws the same departure under every controller (common random
 //! numbers), and each factor has a stream of its own, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;

@@ -1,5 +1,5 @@
-//! Learning: the reference and the light schedule are corrected by what earlier flights of the same
-//! word missed (iterative learning control).
+//! Learning: reference and light schedule are corrected by the errors of earlier flights of the same
+//! word (iterative learning control).
 //!
 //! Each round flies the plan with the same seeds and corrects it ([`correct`]). Learning stops when
 //! rounds no longer help beyond chance, pair by pair of flights. The best plan is kept, not the last.
