@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{SceneFlags, strokes};
+use super::inputs::{SceneFlags, type_word};
 use super::outputs::Output;
 use super::{Outcome, coverage_map, print};
 use crate::error::Result;
@@ -41,9 +41,8 @@ pub(super) struct CoverageArgs {
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
-    let drawn = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
-    let has_word = args.word.is_some() || drawn;
-    let word = if has_word { Some(strokes(&mut scene, args.word.as_deref())?) } else { None };
+    type_word(&mut scene, args.word.as_deref());
+    let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     let word_m = word.map(|strokes| strokes.bounds_m());
     let around = |[l, b, r, t]: [f64; 4]| {
         [l - MARGIN_M, (b - MARGIN_M).max(0.0), r + MARGIN_M, t + MARGIN_M]

@@ -4,15 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{SceneFlags, read_flight};
+use super::inputs::{SceneFlags, read_flight, tell_all, watch};
 use super::outputs::Output;
-use super::progress::Progress;
 use super::{Outcome, print, show, tell};
 use crate::error::Result;
-use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
-use crate::scene::Scene;
-use crate::sim;
+use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {
@@ -46,10 +43,13 @@ impl FlyArgs {
 }
 
 pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
-    let scene = args.scene.load()?;
+    let mut scene = args.scene.load()?;
+    scene.set_word("");
     let plan = args.plan()?;
     let output = Output::create(&args.output)?;
-    let flight = fly(&plan, &scene)?;
+    let shoot = Shoot::with_plans(scene, vec![plan])?;
+    let flight = shoot.fly(&watch())?.swap_remove(0);
+    tell_all(&flight.warnings);
     let path = output.keep(|out| flight.write_csv(out))?;
     if args.json {
         let json = serde_json::json!({ "flight": show::flight_json(&flight), "files": [path] });
@@ -59,14 +59,4 @@ pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
         print(&format!("{}files     {file}\n", show::flight_lines(&flight)))?;
     }
     Ok(Outcome::Done)
-}
-
-/// Flies with a progress bar, and tells the flight's warnings.
-pub(super) fn fly(plan: &Plan, scene: &Scene) -> Result<Flight> {
-    let mut progress = Progress::new("flying");
-    let flight = sim::fly(plan, &scene.sim(), scene.seed, &mut |done| progress.update(done))?;
-    for warning in &flight.warnings {
-        tell(&format!("warning: {warning}"));
-    }
-    Ok(flight)
 }

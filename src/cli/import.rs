@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{PositionName, SceneFlags, import_flight, strokes};
+use super::inputs::{PositionName, SceneFlags, import_flight, type_word};
 use super::outputs::Output;
 use super::{Outcome, print, show};
 use crate::error::Result;
@@ -57,7 +57,8 @@ pub(super) fn run(args: &ImportArgs) -> Result<Outcome> {
     };
     let mut flight = import_flight(&args.log, &options)?;
     if let Some(word) = &args.word {
-        relight(&mut flight, &strokes(&mut scene, Some(word))?)?;
+        type_word(&mut scene, Some(word));
+        relight(&mut flight, &scene.strokes()?)?;
     }
     let path = output.keep(|out| flight.write_csv(out))?;
     let air_s = airborne(&flight).map(|air| {

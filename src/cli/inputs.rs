@@ -1,21 +1,22 @@
 //! Flags that several verbs share, and the scene they make.
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use clap::Args;
 
+use super::progress::{Busy, Progress};
 use super::tell;
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
-use crate::letters::{self, Strokes};
-use crate::light::{LightTrace, csv::is_light_trace, light};
 use crate::logs::{self, ImportOptions, PositionSource};
 use crate::photo::Photo;
 use crate::plan::PlanOptions;
 use crate::scene::Scene;
 use crate::score::{Homography, View};
+use crate::shoot::{Recording, Shoot, Stage};
 use crate::sim::read_lighthouse_config;
 
 /// Where the scene comes from.
@@ -112,6 +113,7 @@ impl PictureFlags {
         if let CameraName::Auto = self.camera {
             scene.camera.framing = Framing::Word;
         }
+        scene.expose.backend = self.backend.into();
         if let Some((width_px, height_px)) = self.size {
             scene.camera.width_px = width_px;
             scene.camera.height_px = height_px;
@@ -179,28 +181,12 @@ impl PlanFlags {
     }
 }
 
-/// Refuses a scene of several drones where one is shown.
-pub(super) fn one_drone(scene: &Scene) -> Result<()> {
-    if scene.plan.drones == 1 {
-        return Ok(());
-    }
-    let hint = "run `noctograph plan --drones N -o DIR`, `fly` each plan, and `expose` all flights";
-    Err(Error::input("plan.drones", scene.plan.drones, "1", hint))
-}
-
-/// The strokes of a scene's drawing or word; a typed word goes before both. In a typed word `\n`, as a
-/// shell hands it over, begins a new line.
-pub(super) fn strokes(scene: &mut Scene, word: Option<&str>) -> Result<Strokes> {
+/// Puts a typed word into the scene, in place of its word or drawing. In a typed word `\n`, as a shell
+/// hands it over, begins a new line.
+pub(super) fn type_word(scene: &mut Scene, word: Option<&str>) {
     if let Some(word) = word {
-        scene.word = word.replace("\\n", "\n");
-        scene.letters.drawing.clear();
-    } else if !scene.letters.drawing.is_empty() {
-        return letters::draw(scene.letters.drawing.as_ref(), &scene.letters);
-    } else if scene.word.is_empty() {
-        let hint = "name the word on the command line, or as `word = \"NOOR\"` in the scene file";
-        return Err(Error::input("word", "no word", "the word that is written", hint));
+        scene.set_word(&word.replace("\\n", "\n"));
     }
-    letters::write(&scene.word, &scene.letters)
 }
 
 /// A flight from a file, whoever flew it: a flight of ours, or a log.
@@ -252,70 +238,36 @@ pub(super) fn tell_warnings(flight: &Flight, path: &Path) {
     }
 }
 
-/// What shines in front of the camera.
-#[derive(Debug, Default)]
-pub(super) struct Lamps {
-    pub(super) trace: LightTrace,
-    /// Time of the last sample.
-    pub(super) end_s: f64,
-    /// Digests of the flights that carried them, with a space between; `None` where they came from
-    /// light traces.
-    pub(super) flight_sha256: Option<String>,
-}
-
-impl Lamps {
-    /// Those of a flight of the drone with index `drone`, with the scene's emitters.
-    pub(super) fn of(flight: &Flight, scene: &Scene, drone: u64) -> Result<Self> {
-        Ok(Self {
-            trace: light(flight, &scene.light, scene.seed, drone)?,
-            end_s: flight.samples.last().map_or(0.0, |last| last.time_s),
-            flight_sha256: Some(flight.sha256()),
-        })
-    }
-
-    /// Those of another drone as well.
-    pub(super) fn append(&mut self, other: Self) {
-        self.trace.append(other.trace);
-        self.end_s = self.end_s.max(other.end_s);
-        let digests = [self.flight_sha256.take(), other.flight_sha256];
-        let digests: Vec<String> = digests.into_iter().flatten().collect();
-        self.flight_sha256 = (!digests.is_empty()).then(|| digests.join(" "));
-    }
-}
-
-/// The lamps of files, one for each drone: flights with the scene's emitters, or light traces as
-/// they are. Lamps of several drones have the drone's number, from 1, before their name.
-pub(super) fn lamps(paths: &[PathBuf], scene: &Scene) -> Result<Lamps> {
-    let mut all = Lamps::default();
-    for (drone, path) in (0..).zip(paths) {
-        let mut lamps = lamps_of(path, scene, drone)?;
-        if paths.len() > 1 {
-            for lamp in &mut lamps.trace.lamps {
-                lamp.emitter.name = format!("{}: {}", drone + 1, lamp.emitter.name);
-            }
+/// A shoot of recordings: flights, logs or light traces, one for each drone.
+pub(super) fn recorded(scene: Scene, paths: &[PathBuf]) -> Result<Shoot> {
+    let read = |path: &PathBuf| {
+        let recording = Recording::read(path, &ImportOptions::default())?;
+        if let Recording::Flight(flight) = &recording {
+            tell_warnings(flight, path);
         }
-        all.append(lamps);
-    }
-    Ok(all)
+        Ok(recording)
+    };
+    Shoot::with_recordings(scene, paths.iter().map(read).collect::<Result<_>>()?)
 }
 
-fn lamps_of(path: &Path, scene: &Scene, drone: u64) -> Result<Lamps> {
-    if is_light_trace(path) {
-        let trace = LightTrace::read_csv(path)?;
-        let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
-        let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
-        return Ok(Lamps { trace, end_s, flight_sha256: None });
+/// Shows the progress of a shoot.
+pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
+    let shown: Mutex<(Option<Progress>, Option<Busy>)> = Mutex::new((None, None));
+    move |stage, done| {
+        let Ok(mut shown) = shown.lock() else { return };
+        match stage {
+            Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
+            Stage::Exposing if done < 1.0 => *shown = (None, Some(Busy::new("exposing"))),
+            Stage::Exposing => *shown = (None, None),
+        }
     }
-    Lamps::of(&read_flight(path)?, scene, drone)
 }
 
-/// The box of the scene's word, which the camera may frame. A camera that is fixed needs no word.
-pub(super) fn bounds_m(scene: &mut Scene, word: Option<&str>) -> Result<[f64; 4]> {
-    let nothing = scene.word.is_empty() && scene.letters.drawing.is_empty();
-    if word.is_none() && nothing && scene.camera.framing == Framing::Fixed {
-        return Ok([0.0; 4]);
+/// Prints what a person should know about a shot.
+pub(super) fn tell_all(warnings: &[String]) {
+    for warning in warnings {
+        tell(&format!("warning: {warning}"));
     }
-    Ok(strokes(scene, word)?.bounds_m())
 }
 
 fn size(text: &str) -> std::result::Result<(u32, u32), String> {
@@ -367,7 +319,8 @@ pub(super) fn flat(
     let Some(path) = camera else { return Ok(photo) };
     let mut scene = Scene::read(path)?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    let bounds_m = bounds_m(&mut scene, None)?;
+    let fixed = scene.camera.framing == Framing::Fixed && !scene.has_strokes();
+    let bounds_m = if fixed { [0.0; 4] } else { scene.strokes()?.bounds_m() };
     let camera = scene.camera.camera(bounds_m, 0.0)?;
     // Where the rays of the photo's corners meet the plane of the word.
     let [right, bottom] = size_px.map(f64::from);

@@ -125,7 +125,7 @@ fn on_the_plans_clock(path: &Path, ready: &Prepared, sent: &Plan) -> Result<Flig
     }
     let sending = ready.sending(sent.clone());
     // The log's design is what was sent; so must be that of the flight whose clock it is set by.
-    let mut planned = ready.scene().rehearse(sent)?;
+    let mut planned = crate::shoot::rehearse(ready.scene(), sent)?;
     let mut at = 0;
     for sample in &mut planned.samples {
         while sent.setpoints.get(at + 1).is_some_and(|s| s.time_s <= sample.time_s + 1e-6) {

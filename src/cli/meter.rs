@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::fly::fly;
-use super::inputs::{Lamps, PictureFlags, SceneFlags, bounds_m, lamps, one_drone, strokes};
+use super::inputs::{PictureFlags, SceneFlags, recorded, tell_all, type_word, watch};
 use super::{Outcome, print};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{Reading, floor_stops, meter};
 use crate::scene::Scene;
+use crate::shoot::{Lighting, Shoot};
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {
@@ -55,18 +55,16 @@ struct Found {
 }
 
 fn read(args: &MeterArgs, scene: &mut Scene) -> Result<Found> {
-    let (bounds_m, lamps) = if args.flight.is_empty() {
-        let strokes = strokes(scene, args.word.as_deref())?;
-        one_drone(scene)?;
-        let flight = fly(&scene.first_plan(&strokes)?, scene)?;
-        (strokes.bounds_m(), Lamps::of(&flight, scene, 0)?)
-    } else {
-        (bounds_m(scene, args.word.as_deref())?, lamps(&args.flight, scene)?)
+    type_word(scene, args.word.as_deref());
+    let shoot = match args.flight.as_slice() {
+        [] => Shoot::new(scene.clone())?,
+        paths => recorded(scene.clone(), paths)?,
     };
-    let camera = scene.camera.camera(bounds_m, lamps.end_s)?;
-    let readings = meter(&lamps.trace, &camera)?;
+    let Lighting { trace, camera, warnings, .. } = shoot.lighting(&watch())?;
+    tell_all(&warnings);
+    let readings = meter(&trace, &camera)?;
     let ambient_stops = scene.photo.ambient_stops(&camera);
-    let floor_stops = floor_stops(&lamps.trace, &camera, &scene.expose);
+    let floor_stops = floor_stops(&trace, &camera, &scene.expose);
     Ok(Found { camera, readings, ambient_stops, floor_stops })
 }
 

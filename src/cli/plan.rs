@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::{LetterFlags, PlanFlags, SceneFlags, read_flight, strokes};
+use super::inputs::{LetterFlags, PlanFlags, SceneFlags, read_flight, type_word};
 use super::outputs::{Output, OutputFolder};
 use super::{Outcome, print};
 use crate::error::{Error, Result};
 use crate::flight::mean_error_m;
 use crate::plan::Plan;
 use crate::report::plan_view;
-use crate::scene::Planned;
+use crate::shoot::{self, Planned};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -44,7 +44,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
         scene.plan.mean_error_m = mean_error(path)?;
     }
     scene.check()?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
+    type_word(&mut scene, args.word.as_deref());
+    let strokes = scene.strokes()?;
     let drawing = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
     let several = scene.plan.drones > 1 && !drawing;
     let sink = if several {
@@ -52,7 +53,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
     } else {
         Sink::File(Output::create(&args.output)?)
     };
-    let planned = scene.plans(&strokes)?;
+    let planned = shoot::plan(&scene, &strokes)?;
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
     let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
     let files = match sink {

@@ -5,16 +5,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::expose::shoot;
-use super::fly::fly;
-use super::inputs::{Lamps, LetterFlags, PictureFlags, SceneFlags, StyleFlag, one_drone, strokes};
+use super::inputs::{LetterFlags, PictureFlags, SceneFlags, StyleFlag, tell_all, type_word, watch};
 use super::outputs::OutputFolder;
-use super::score::known;
 use super::{Outcome, print, show};
 use crate::digest::sha256;
 use crate::error::Result;
-use crate::expose::Developer;
-use crate::score::Reader;
+use crate::shoot::{Format, Shoot};
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -37,41 +33,38 @@ pub(super) struct PreviewArgs {
     json: bool,
 }
 
-/// What a preview leaves, the photo first.
-const FILES: [&str; 5] = ["photo.png", "flight.csv", "plan.csv", "scene.toml", "verdict.json"];
-
 pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
     let mut scene = args.scene.load()?;
     args.letters.apply(&mut scene)?;
     args.style.apply(&mut scene);
     args.picture.apply(&mut scene)?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
-    one_drone(&scene)?;
-    let plan = scene.first_plan(&strokes)?;
+    type_word(&mut scene, args.word.as_deref());
+    let shoot = Shoot { format: Some(Format::Png), ..Shoot::new(scene)? };
     let folder = OutputFolder::create(&args.output)?;
+    let shot = shoot.take(&watch())?;
+    tell_all(&shot.warnings);
+    let (flights, scene) = (&shot.flights, &shot.scene);
+    let png = shot.file.as_deref().expect("a format was asked for");
 
-    let developer = Developer::start(args.picture.backend.into());
-    // A drawing has no word to read, so nothing is said of its legibility.
-    let reader = || strokes.font.is_some().then(|| Reader::new(&strokes, &scene.score)).transpose();
-    let (flight, reader) = rayon::join(|| fly(&plan, &scene), reader);
-    let (flight, reader) = (flight?, reader?);
-    let lamps = Lamps::of(&flight, &scene, 0)?;
-    let shot = shoot(&lamps, strokes.bounds_m(), &scene, developer)?;
-    let known = known(&flight, &scene.plan);
-    let explain = |reader: &Reader| reader.explain(&shot.photo, &(&shot.camera).into(), &known);
-    let (verdict, png) = rayon::join(|| reader.as_ref().map(explain).transpose(), || shot.png());
-    let verdict = verdict?.map(|(verdict, _)| verdict);
-
-    folder.write("photo.png", |out| out.write_all(&png))?;
-    folder.write("flight.csv", |out| flight.write_csv(out))?;
-    folder.write("plan.csv", |out| plan.write_csv(out))?;
-    folder.write("scene.toml", |out| out.write_all(scene.to_toml().as_bytes()))?;
-    if let Some(verdict) = &verdict {
-        let mut json = show::to_json(verdict);
-        json["flight_sha256"] = lamps.flight_sha256.into();
-        folder.write("verdict.json", |out| writeln!(out, "{json:#}"))?;
+    folder.write("photo.png", |out| out.write_all(png))?;
+    let mut names = vec!["photo.png".to_owned()];
+    for (index, (flight, planned)) in flights.iter().zip(&shot.plans).enumerate() {
+        let number = if flights.len() > 1 { format!("-{}", index + 1) } else { String::new() };
+        let [flown, sent] = ["flight", "plan"].map(|name| format!("{name}{number}.csv"));
+        folder.write(&flown, |out| flight.write_csv(out))?;
+        folder.write(&sent, |out| planned.plan.write_csv(out))?;
+        names.extend([flown, sent]);
     }
-    let files = folder.keep(if verdict.is_some() { &FILES } else { &FILES[..FILES.len() - 1] })?;
+    names.push("scene.toml".to_owned());
+    folder.write("scene.toml", |out| out.write_all(scene.to_toml().as_bytes()))?;
+    let verdict = &shot.verdict;
+    if let Some(verdict) = verdict {
+        let mut json = show::to_json(verdict);
+        json["flight_sha256"] = shot.flight_sha256().into();
+        folder.write("verdict.json", |out| writeln!(out, "{json:#}"))?;
+        names.push("verdict.json".to_owned());
+    }
+    let files = folder.keep(&names.iter().map(String::as_str).collect::<Vec<_>>())?;
 
     let (backend, adapter) = (shot.exposure.backend, &shot.exposure.adapter);
     if args.json {
@@ -83,10 +76,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
             "letters": verdict.as_ref().map(|verdict| &verdict.letters),
             "causes": verdict.as_ref().map(|verdict| &verdict.causes),
             "advice": verdict.as_ref().map(|verdict| &verdict.advice),
-            "flight": show::flight_json(&flight),
+            "flight": show::flight_json(&flights[0]),
             "backend": backend.name(),
             "adapter": adapter,
-            "photo_sha256": sha256(&png),
+            "photo_sha256": sha256(png),
             "files": files,
         });
         print(&format!("{json}\n"))?;
@@ -99,9 +92,9 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
                 || format!("{}: a drawing is not read\n", scene.letters.drawing),
                 show::verdict_table
             ),
-            show::flight_lines(&flight),
+            flights.iter().map(show::flight_lines).collect::<String>(),
             show::exposure_line(backend, adapter),
-            files.replacen("\nfiles     ", "\n          ", FILES.len())
+            files.replacen("\nfiles     ", "\n          ", names.len())
         ))?;
     }
     Ok(verdict.as_ref().map_or(Outcome::Done, Outcome::of))

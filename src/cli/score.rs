@@ -5,18 +5,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{Corners, read_flight, strokes};
+use super::inputs::{Corners, read_flight, type_word};
 use super::outputs::Output;
 use super::{Outcome, print, show, tell};
 use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::flight::tracking::{Part, track};
 use crate::letters::Strokes;
 use crate::photo::Photo;
-use crate::plan::{Plan, PlanOptions};
+use crate::plan::Plan;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, Known, Reader, Reading, View, locate, read};
+use crate::score::{Homography, Reader, Reading, View, locate, read};
+use crate::shoot::known;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
@@ -73,9 +72,9 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, whatever word is looked for now.
-    let framed = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
-    let flown = framed.then(|| strokes(&mut scene, None)).transpose()?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
+    let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+    type_word(&mut scene, args.word.as_deref());
+    let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
         check_plan(&Plan::read_csv(path)?, &strokes, &path.display().to_string())?;
     }
@@ -95,7 +94,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
         },
     };
     let flight = args.flight.as_deref().map(read_flight).transpose()?;
-    let known = flight.map_or(Known::default(), |flight| known(&flight, &scene.plan));
+    let known = known(flight.as_slice(), &scene.plan);
     let reader = Reader::new(&strokes, &scene.score)?;
     let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
     verdict.second_opinion = Some(reading.text);
@@ -115,16 +114,6 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
         print(&show::verdict_table(&verdict))?;
     }
     Ok(Outcome::of(&verdict))
-}
-
-/// What a flight tells about its photo.
-pub(super) fn known(flight: &Flight, plan: &PlanOptions) -> Known {
-    let tracking = track(flight, Part::of(flight)).ok();
-    Known {
-        speed_m_s: Some(plan.stroke_speed_m_s),
-        contour_m: tracking.as_ref().map(|tracking| tracking.contour.mean_m),
-        lag_s: tracking.map(|tracking| tracking.lag_s),
-    }
 }
 
 /// Where a word hangs in a photo without a camera.

@@ -194,11 +194,12 @@ mod tests {
     use crate::flight::{Flight, rmse_m};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{ControllerKind, Gusts, MotorLag, SensorOptions, fly};
+    use crate::sim::{ControllerKind, Drone, Gusts, MotorLag, SensorOptions, fly};
 
     fn noor(options: &SimOptions) -> Flight {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        fly(&plan(&strokes, &PlanOptions::default()).unwrap(), options, 1, &mut |_| {}).unwrap()
+        fly(&plan(&strokes, &PlanOptions::default()).unwrap(), &Drone::new(options, 1), &mut |_| {})
+            .unwrap()
     }
 
     #[test]
@@ -243,7 +244,7 @@ mod tests {
         options.controller.motor_lag = MotorLag::Ignored;
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-        let error = fly(&plan, &options, 1, &mut |_| {}).unwrap_err().to_string();
+        let error = fly(&plan, &Drone::new(&options, 1), &mut |_| {}).unwrap_err().to_string();
         assert!(error.starts_with("the drone "), "{error}");
     }
 

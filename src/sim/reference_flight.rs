@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
+use super::{Drone, Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
 use crate::flight::{Flight, FlightSample, airborne, mean_error_m, rmse_m, rmse_over_m};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
@@ -48,7 +48,7 @@ fn undisturbed() -> SimOptions {
 }
 
 fn flown(options: &SimOptions, seed: u64) -> Flight {
-    fly(&noor(), options, seed, &mut |_| {}).unwrap()
+    fly(&noor(), &Drone::new(options, seed), &mut |_| {}).unwrap()
 }
 
 /// Within 2 % of the figures of an independent simulation (SciPy; no noise, setpoints held).
@@ -60,7 +60,7 @@ fn assert_agrees(found: Vector3<f64>, want: [f64; 3]) {
 
 /// Flies on one grid and holds the errors against the continuous design path.
 fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
-    let mut flight = fly(&noor_on_one_grid(), options, 0, &mut |_| {}).unwrap();
+    let mut flight = fly(&noor_on_one_grid(), &Drone::new(options, 0), &mut |_| {}).unwrap();
     let noor = noor();
     let against_design = |sample: &FlightSample| FlightSample {
         design_m: design_m(&noor, sample.time_s),
@@ -124,7 +124,7 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
         plan.setpoints[next.max(1) - 1].position_m
     };
     let mean_sq = (0..8).map(|seed| {
-        let mut flight = fly(&plan, options, seed, &mut |_| {}).unwrap();
+        let mut flight = fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
         let air = airborne(&flight).unwrap();
         flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s));
         let rmse_m = rmse_over_m(&flight.samples[air]).unwrap();

@@ -9,7 +9,7 @@ use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{LetterOptions, write};
 use noctograph::logs::{Damaged, ImportOptions, import};
 use noctograph::plan::{PlanOptions, plan};
-use noctograph::sim::{SimOptions, fly};
+use noctograph::sim::{Drone, SimOptions, fly};
 
 /// A letter's flight, a hundred samples a second.
 fn flown(letter: &str) -> Flight {
@@ -17,7 +17,7 @@ fn flown(letter: &str) -> Flight {
     let plan = plan(&strokes, &PlanOptions::default()).unwrap();
     let mut options = SimOptions::default();
     options.rates.log_hz = 100;
-    fly(&plan, &options, 3, &mut |_| {}).unwrap()
+    fly(&plan, &Drone::new(&options, 3), &mut |_| {}).unwrap()
 }
 
 type Variable = (&'static str, fn(&FlightSample) -> f64);

@@ -10,7 +10,7 @@ use crate::flight::{Flight, FlightSample, mean_error_m, rmse_m};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 use crate::sim::{
-    ControllerKind, EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions, fly,
 };
 
 const KINDS: [ControllerKind; 5] = [
@@ -42,7 +42,7 @@ fn undisturbed(kind: ControllerKind) -> SimOptions {
 }
 
 fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
-    fly(plan, options, seed, &mut |_| {})
+    fly(plan, &Drone::new(options, seed), &mut |_| {})
 }
 
 /// The drone hangs at one place from the start.

@@ -143,7 +143,7 @@ mod tests {
         let sample = |i: u32| {
             let push = if (i / 25).is_multiple_of(2) { amplitude } else { -amplitude };
             let motors = [0, 1, 2, 3].map(|motor| hover + push * SIGNS[(2, motor)]);
-            let body = *plant.body();
+            let body = plant.body();
             (0..10).for_each(|_| plant.advance(&motors));
             FlightSample {
                 time_s: f64::from(i) * 0.01,
