@@ -32,6 +32,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result, within};
 use crate::flight::{Flight, Quantity};
+use crate::settings::settings;
 
 mod ae483_json;
 mod cfclient_csv;
@@ -76,23 +77,30 @@ pub struct ImportOptions {
     pub damaged: Damaged,
 }
 
-/// Which position is taken for the truth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PositionSource {
-    /// The first of the following in this order that is logged and not constantly zero.
-    #[default]
-    Best,
-    /// Motion capture: its own block, its echo in the drone's log, `locSrv`.
-    Mocap,
-    /// The observer of the AE483 course: `ae483log.o_x` or `ae483log.p_x`.
-    Custom,
-    /// The firmware's estimator: `stateEstimate`, `stateEstimateZ`, `kalman`.
-    Firmware,
-    /// Raw fixes of the Lighthouse: `lighthouse` or `ae483log.lh_x`.
-    Lighthouse,
-    /// What was believed in flight: the custom observer, else the firmware's estimator; in a flight
-    /// file of ours its estimate.
-    Estimate,
+settings! {
+    /// Position that is taken for the truth.
+    pub enum PositionSource {
+        /// The first of the following that is logged and not constantly zero.
+        "best" => Best,
+        /// Motion capture.
+        ///
+        /// Its own block, its echo in the drone's log, or `locSrv`.
+        "mocap" => Mocap,
+        /// The observer of the AE483 course.
+        ///
+        /// `ae483log.o_x` or `ae483log.p_x`.
+        "custom" => Custom,
+        /// The estimator of the firmware.
+        ///
+        /// `stateEstimate`, `stateEstimateZ` or `kalman`.
+        "firmware" => Firmware,
+        /// Raw fixes of the Lighthouse.
+        ///
+        /// `lighthouse` or `ae483log.lh_x`.
+        "lighthouse" => Lighthouse,
+        /// The estimate in flight: custom, else firmware, or that of a flight file.
+        "estimate" => Estimate,
+    }
 }
 
 /// What is done with a log that is damaged, not merely cut off.

@@ -78,6 +78,15 @@ impl Scene {
     /// [`Error::Io`] where it cannot be read, [`Error::Input`] with line and key where it is
     /// broken, holds an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_with(path, &[])
+    }
+
+    /// Reads a scene file and lays single settings over it, as [`Self::parse_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let unreadable = |source| Error::read(path, source);
         let length = std::fs::metadata(path).map_err(unreadable)?.len();
         if length > MAX_FILE_BYTES {
@@ -86,7 +95,7 @@ impl Scene {
             return Err(Error::input(path.display().to_string(), found, wanted, text::HINT));
         }
         let toml = std::fs::read_to_string(path).map_err(unreadable)?;
-        Self::parse(&toml, &path.display().to_string())
+        Self::parse_with(&toml, &path.display().to_string(), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.

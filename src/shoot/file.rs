@@ -9,18 +9,20 @@ use crate::expose::Film;
 use crate::photo::exr::Precision;
 use crate::photo::{Photo, read_out};
 use crate::scene::Scene;
+use crate::settings::settings;
 
-/// Format of a picture file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// PNG, 8 bits a channel, after the tone curve.
-    Png,
-    /// PNG, 16 bits a channel, after the tone curve.
-    Png16,
-    /// OpenEXR, linear light as the sensor read it, 32 bits a channel.
-    Exr,
-    /// The same, 16 bits a channel.
-    ExrHalf,
+settings! {
+    /// Format of a picture file.
+    pub enum Format {
+        /// PNG, 8 bits a channel, after the tone curve.
+        "png" => Png,
+        /// PNG, 16 bits a channel, after the tone curve.
+        "png16" => Png16,
+        /// OpenEXR, linear light as the sensor read it, 32 bits a channel.
+        "exr" => Exr,
+        /// The same, 16 bits a channel.
+        "exr-half" => ExrHalf,
+    }
 }
 
 impl Format {

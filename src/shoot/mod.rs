@@ -42,7 +42,7 @@ mod shot;
 pub use file::Format;
 pub use lighting::Lighting;
 pub use planned::{Planned, aim, plan, rehearse};
-pub use shot::{Shot, known};
+pub use shot::{Shot, flight_sha256, known};
 
 /// A scene made ready to be flown and photographed.
 #[derive(Clone, Debug)]

@@ -49,7 +49,9 @@ impl Shot {
     }
 }
 
-pub(super) fn flight_sha256(flights: &[Flight]) -> Option<String> {
+/// SHA-256 of flights, separated by spaces; `None` where there are none.
+#[must_use]
+pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     let digests: Vec<String> = flights.iter().map(Flight::sha256).collect();
     (!digests.is_empty()).then(|| digests.join(" "))
 }

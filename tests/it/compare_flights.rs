@@ -9,7 +9,7 @@ use noctograph::report::{Trace, error_over_time, front_view, top_view};
 use predicates::prelude::*;
 use serde_json::Value;
 
-use crate::cli::{fails, json, names_in, noctograph};
+use crate::cli::{fails, names_in, noctograph};
 use crate::golden::assert_golden;
 
 /// A folder with the plan and the flight of "I".
@@ -21,7 +21,7 @@ fn flown() -> tempfile::TempDir {
 }
 
 fn run_json(folder: &Path, arguments: &[&str]) -> Value {
-    json(&noctograph(folder).args(arguments).arg("--json").assert().success().get_output().stdout)
+    crate::cli::run_json(folder, &[arguments, &["--json"]].concat())
 }
 
 fn largest(vector: &Value) -> f64 {
@@ -29,10 +29,10 @@ fn largest(vector: &Value) -> f64 {
 }
 
 #[test]
-fn fly_tells_lag_and_contour_error() {
+fn fly_prints_lag_and_contour_error() {
     let folder = flown();
     let run = noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
-    run.stdout(predicate::str::contains("trails by").and(predicate::str::contains("off the path")));
+    run.stdout(predicate::str::contains("lag ").and(predicate::str::contains("contour error")));
     let flight = &run_json(folder.path(), &["fly", "plan.csv"])["flight"];
     // The gains' ramp lag is 0.46 s, and setpoints are held for 0.1 s.
     let lag_s = flight["lag_s"].as_f64().unwrap();
@@ -68,7 +68,7 @@ fn a_replay_of_a_replay_is_the_same_flight() {
 }
 
 #[test]
-fn compare_prints_a_table_of_80_columns_and_writes_plots() {
+fn compare_prints_a_table_and_writes_plots() {
     let folder = flown();
     let other = ["fly", "plan.csv", "--seed", "5", "-o", "other.csv"];
     noctograph(folder.path()).args(other).assert().success();
@@ -78,7 +78,6 @@ fn compare_prints_a_table_of_80_columns_and_writes_plots() {
         String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
     let text = compared("plots");
-    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     for row in ["A against B", "A against its design", "B after its lag", "B observer", "drift"] {
         assert!(text.contains(row), "no {row:?} in {text}");
     }

@@ -2,31 +2,23 @@
 
 use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
+use crate::settings::settings;
 
-/// Part of a flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Part {
-    /// Samples that write letters.
-    Letters,
-    /// From take-off to landing, as [`airborne`] finds them: what the figures of the reference
-    /// flight cover.
-    #[default]
-    Airborne,
-    /// Every sample, the floor included.
-    All,
+settings! {
+    /// Part of a flight.
+    pub enum Part {
+        /// From take-off to landing.
+        ///
+        /// As [`airborne`] finds them: the part of the reference flight's figures.
+        "airborne" => Airborne,
+        /// The samples that write letters.
+        "letters" => Letters,
+        /// Every sample, those on the floor included.
+        "all" => All,
+    }
 }
 
 impl Part {
-    /// Its name on the command line and in JSON.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Letters => "letters",
-            Self::Airborne => "airborne",
-            Self::All => "all",
-        }
-    }
-
     /// The part that says most about a flight: its letters, or its time in the air where it writes
     /// none.
     #[must_use]
