@@ -17,6 +17,7 @@ mod compare;
 mod compare_photo;
 mod coverage;
 mod coverage_map;
+mod export;
 mod expose;
 mod flags;
 mod fly;
@@ -84,6 +85,8 @@ enum Verb {
     Meter(meter::MeterArgs),
     /// Map where Lighthouse stations see the drone, and how well
     Coverage(coverage::CoverageArgs),
+    /// Export a plan for drones: scripts, trajectories, shows, gains
+    Export(export::ExportArgs),
     /// Convert the log of a real flight (CSV)
     Import(import::ImportArgs),
     /// Compare two flights: errors, lag, drift and plots
@@ -119,7 +122,7 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("See it", &["preview"]),
     ("Stage by stage", &["plan", "fly", "expose", "score"]),
     ("Read a photo", &["read"]),
-    ("Before a flight", &["check", "meter", "coverage"]),
+    ("Before a flight", &["check", "meter", "coverage", "export"]),
     ("After a flight", &["import", "compare", "compare-photo", "identify"]),
     ("Choose a controller", &["gains", "rank", "tune", "learn", "robustness", "sweep"]),
     ("Show", &["scene", "specimen"]),
@@ -182,6 +185,7 @@ fn run(verb: &Verb) -> Result<Report> {
         Verb::Check(args) => check::run(args),
         Verb::Meter(args) => meter::run(args),
         Verb::Coverage(args) => coverage::run(args),
+        Verb::Export(args) => export::run(args),
         Verb::Import(args) => import::run(args),
         Verb::Compare(args) => compare::run(args),
         Verb::ComparePhoto(args) => compare_photo::run(args),

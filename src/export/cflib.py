@@ -225,13 +225,18 @@ class Drone:
         print(f"log: {path}")
 
 
+def paced(time_s, clock):
+    """True time of a time in the plan, where the clock on board runs at another rate."""
+    start_s = DATA["trajectory"]["start_s"]
+    return start_s + (time_s - start_s) / clock
+
+
 def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
-    start_s = DATA["trajectory"]["start_s"]
-    listed = [(start_s + (time_s - start_s) / clock, "light", tuple(values))
-              for time_s, *values in DATA["lights"]]
+    listed = [(paced(time_s, clock), "light", tuple(values)) for time_s, *values in DATA["lights"]]
     if mode == "trajectory":
-        return [(start_s, "start_trajectory", ())] + sorted(listed, key=lambda event: event[0])
+        start = (DATA["trajectory"]["start_s"], "start_trajectory", ())
+        return sorted([start] + listed, key=lambda event: event[0])
     rows = DATA["setpoints"]
     for index, (time_s, sent, p, v, a) in enumerate(rows):
         until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
@@ -258,6 +263,9 @@ def fly(drone, mode, controller, clock, begin=lambda: None):
     """Takes off, writes and lands. `begin` returns when all drones may start."""
     for name, value in DATA["parameters"] + [["stabilizer.controller", controller]]:
         drone.param(name, value)
+    if controller == DATA["controller"]:
+        for name, value in DATA["gains"]:
+            drone.param(name, value)
     drone.log()
     drone.wait_until(drone.clock() + 0.5)
     begin()
@@ -266,19 +274,18 @@ def fly(drone, mode, controller, clock, begin=lambda: None):
         drone.arm()
         drone.wait_until(drone.clock() + 0.5)
         airborne = True
-        start_s = DATA["start_s"]
+        begin_s = 0.0
         if mode == "trajectory":
             x, y, z = DATA["trajectory"]["first_m"]
-            start_s = DATA["trajectory"]["start_s"]
+            begin_s = DATA["before_s"]
             for command, values in [("take_off", (z,)), ("go_to", (x, y, z))]:
                 getattr(drone, command)(*values, TAKE_OFF_S)
                 drone.wait_until(drone.clock() + TAKE_OFF_S + 0.5)
-        zero_s = drone.clock() - start_s
+        zero_s = drone.clock() - begin_s
         for time_s, command, values in events(mode, clock):
             drone.wait_until(zero_s + time_s)
             getattr(drone, command)(*values)
-        end_s = start_s + (DATA["end_s"] - start_s) / clock
-        drone.wait_until(zero_s + end_s)
+        drone.wait_until(zero_s + paced(DATA["end_s"], clock))
     except LinkLost:
         drone.finish()
         raise
