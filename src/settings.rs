@@ -175,21 +175,7 @@ macro_rules! undeclared {
         }
     )*};
 }
-undeclared!(
-    crate::letters::LetterOptions,
-    crate::sim::VehicleOptions,
-    crate::sim::BatteryOptions,
-    crate::sim::AirOptions,
-    crate::sim::RateOptions,
-    crate::sim::ControllerOptions,
-    crate::sim::ObserverOptions,
-    crate::sim::SensorOptions,
-    crate::light::LightOptions,
-    crate::camera::CameraOptions,
-    crate::expose::ExposeOptions,
-    crate::photo::PhotoOptions,
-    crate::score::ScoreOptions,
-);
+undeclared!(crate::score::ScoreOptions,);
 
 impl<T: Described> Described for Option<T> {
     const SHAPE: Shape = T::SHAPE;

@@ -1,14 +1,14 @@
-//! Photographs with faults: a contact sheet of the bench, sets of photographs to be read by other
-//! readers, and what the score says of them.
+//! Photographs with faults: a contact sheet of the bench, sets of photographs for other readers, and
+//! their scores.
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels
 //! cargo run --release --example faults -- try wander 0.1 0.2 0.3 0.4 0.5 0.6 # other levels
-//! cargo run --release --example faults -- shoot main 400 photos/main  # as different as people's
+//! cargo run --release --example faults -- shoot main 400 photos/main  # of different rooms and cameras
 //! cargo run --release --example faults -- score photos/main           # scores.csv beside them
 //! ```
 //!
-//! What other readers make of such a folder, `examples/outside_readers.py` tells.
+//! `examples/outside_readers.py` compares the results of other readers on such a folder.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -170,7 +170,7 @@ fn rate(folder: &Path) -> Outcome<()> {
     let mut table = String::from("file,p,loss,read,reason,letters\n");
     for line in list.lines().skip(1) {
         let file = line.split(',').next().ok_or("a file in every line")?;
-        let photo = Photo::read_png(&folder.join(file))?;
+        let photo = Photo::read(&folder.join(file))?;
         let scene = Scene::parse(photo.scene_toml.as_deref().ok_or("a scene inside")?, file)?;
         let strokes = letters::write(&scene.word, &scene.letters)?;
         let camera = scene.camera.camera(strokes.bounds_m(), 1.0)?;

@@ -1,10 +1,11 @@
 //! Photographs as different as people's: words, fonts, cameras, rooms and colors drawn at random, one
 //! fault in each but every eleventh.
 
-use noctograph::camera::{BodyName, Framing};
+use noctograph::camera::{BodyModel, CustomLens, FixedPose, Framing, LensModel, WordFraming};
 use noctograph::error::Result;
 use noctograph::letters;
 use noctograph::light::RingEffect;
+use noctograph::photo::{Noise, SensorNoise};
 use noctograph::plan::PlanOptions;
 use noctograph::sim::ControllerKind;
 use rand::rngs::ChaCha8Rng;
@@ -76,7 +77,7 @@ pub(crate) fn draw(set: Set, index: usize, background: &str) -> Result<Draw> {
             scene.plan = PlanOptions { stroke_speed_m_s, ..PlanOptions::default() };
         }
         if lamps == 0 {
-            scene.light.ring_effect = RingEffect::DoubleSpin;
+            scene.light.ring = RingEffect::DoubleSpin;
         }
         if lamps < 2 {
             scene.light.led_bitmask = 0;
@@ -115,23 +116,27 @@ fn word(set: Set, chance: &mut ChaCha8Rng) -> String {
 
 /// Camera, room, and where the photographer stands.
 fn photographer(setting: &mut Setting, chance: &mut ChaCha8Rng, background: &str) -> Result<()> {
-    let bodies = [BodyName::FullFrame24Mp, BodyName::A6400, BodyName::OneInch, BodyName::Phone];
-    let body = bodies[chance.random_range(0..bodies.len())];
+    let bodies = [BodyModel::FullFrame24Mp, BodyModel::A6400, BodyModel::OneInch, BodyModel::Phone];
+    let body = bodies[chance.random_range(0..bodies.len())].clone();
     let bounds_m = letters::write(&setting.known.word, &setting.known.letters)?.bounds_m();
     let scene = &mut setting.actual;
     let camera = &mut scene.camera;
     // The lens of that body that sees as a 28 to 50 mm one does on full frame.
-    let crop = body.body().sensor_width_m / 0.036;
-    camera.body = Some(body);
-    camera.focal_length_m = crop * chance.random_range(0.028..0.05);
+    let crop = body.sensor_width_m() / 0.036;
+    let focal_length_m = crop * chance.random_range(0.028..0.05);
+    camera.lens = LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() });
     camera.blur_m *= crop;
     camera.f_number = (8.0 * crop).max(2.0);
     scene.photo.glare_radius_m *= crop;
-    scene.photo.full_well_e = body.body().full_well_e;
-    scene.photo.read_noise_e = body.body().read_noise_e;
+    if let Some([full_well_e, read_noise_e]) = body.full_well_and_read_noise_e() {
+        let noise = SensorNoise { full_well_e, read_noise_e, ..SensorNoise::default() };
+        scene.photo.noise = Noise::Emva1288(noise);
+    }
+    camera.body = body;
     let sizes = [[480, 270], [640, 360], [480, 320], [400, 300]];
     [camera.width_px, camera.height_px] = sizes[chance.random_range(0..sizes.len())];
-    camera.fill_frac = chance.random_range(0.45..0.75);
+    let fill_frac = chance.random_range(0.45..0.75);
+    camera.framing = Framing::Word(WordFraming { fill_frac });
     scene.photo.ambient_cd_m2 = 0.02 * libm::exp2(chance.random_range(-3.0..2.5));
     if chance.random_range(0.0..1.0) < 0.25 {
         background.clone_into(&mut scene.photo.background);
@@ -144,9 +149,11 @@ fn photographer(setting: &mut Setting, chance: &mut ChaCha8Rng, background: &str
         let (far, angle) = (-square_on.position_m.y, chance.random_range(-0.44..0.44));
         let (sin, cos) = libm::sincos(angle);
         let mut off = |m: f64| chance.random_range(-m..m);
-        camera.framing = Framing::Fixed;
-        camera.position_m = [middle[0] + far * sin, -far * cos, (middle[2] + off(0.5)).max(0.1)];
-        camera.target_m = [middle[0] + off(0.1), 0.0, middle[2] + off(0.1)];
+        camera.framing = Framing::Fixed(FixedPose {
+            position_m: [middle[0] + far * sin, -far * cos, (middle[2] + off(0.5)).max(0.1)],
+            target_m: [middle[0] + off(0.1), 0.0, middle[2] + off(0.1)],
+            ..FixedPose::default()
+        });
     }
     Ok(())
 }

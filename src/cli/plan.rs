@@ -8,8 +8,8 @@ use clap::Args;
 use super::flags::{FlightFlags, LetterFlags, PlanFlags, SceneFlags, set_word};
 use super::output::{Output, Outputs, is_svg};
 use super::report::{Report, wrapped};
-use crate::error::{Error, Result};
-use crate::flight::mean_error_m;
+use crate::error::Result;
+use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{self, Planned};
@@ -73,11 +73,7 @@ enum Sink {
 
 /// The mean error of an earlier flight while it wrote.
 fn mean_error(path: &Path, flags: &FlightFlags) -> Result<[f64; 3]> {
-    let mean_m = mean_error_m(&flags.read(path)?).ok_or_else(|| {
-        let hint = "name a flight of `noctograph fly`, or import the log with its word";
-        Error::input(path.display().to_string(), "no letters", "a flight that writes letters", hint)
-    })?;
-    Ok(mean_m.into())
+    Ok(track(&flags.read(path)?, Part::Letters)?.mean_error_m.into())
 }
 
 /// Seconds of light.

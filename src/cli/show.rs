@@ -50,7 +50,7 @@ fn in_words(reason: Reason) -> &'static str {
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
     let digest = format!("digest    {}\n", flight.sha256());
-    let Ok(tracking) = track(flight, Part::of(flight)) else {
+    let Ok(tracking) = track(flight, Part::from_flight(flight)) else {
         return format!("flight    {duration_s:.1} s on the floor\n{digest}");
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
@@ -69,7 +69,7 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
 /// Flight time, tracking error and the last of the simulator's own columns for programs; the error is
 /// null where the drone never left the floor.
 pub(super) fn flight_json(flight: &Flight) -> Value {
-    let tracking = track(flight, Part::of(flight)).ok();
+    let tracking = track(flight, Part::from_flight(flight)).ok();
     let mut json = tracking.as_ref().map_or_else(
         || serde_json::json!({ "part": null, "rmse_m": null, "lag_s": null, "contour": null }),
         tracking_json,

@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn every_font_under_fonts_is_readable() {
-        let have = |name: &str| Font::open(name, Trace::CentreLine).unwrap().characters();
+        let have = |name: &str| Font::open(name, Trace::CenterLine).unwrap().characters();
         assert_eq!(have("ae483"), "ABCDEFGHIJKLMNOPQRSTUVWXYZ", "the team's letters");
         let fixed = have("ae483-fixed");
         assert!(('A'..='Z').chain('0'..='9').all(|c| fixed.contains(c)), "{fixed}");
@@ -196,7 +196,7 @@ mod tests {
     fn every_letter_but_the_teams_own_is_reached_in_the_dark_and_never_jumps() {
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         for name in ["ae483-fixed", "simplex"] {
-            let font = Font::open(name, Trace::CentreLine).unwrap();
+            let font = Font::open(name, Trace::CenterLine).unwrap();
             for character in font.characters().chars() {
                 let moves = font.glyph(character, cell).unwrap().moves;
                 assert!(moves.first().is_none_or(|first| !first.lit), "{name} {character}");
@@ -210,7 +210,7 @@ mod tests {
     fn the_fixed_letters_never_draw_a_stroke_twice() {
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         let doubled = |name: &str| {
-            let font = Font::open(name, Trace::CentreLine).unwrap();
+            let font = Font::open(name, Trace::CenterLine).unwrap();
             let mut found = String::new();
             for character in font.characters().chars() {
                 let moves = font.glyph(character, cell).unwrap().moves;
@@ -246,11 +246,11 @@ mod tests {
         let path = folder.path().join("mine.strokes");
         std::fs::write(&path, "L + 0,1 0,0 1,0\n").unwrap();
         assert_eq!(
-            Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap().characters(),
+            Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap().characters(),
             "L"
         );
         std::fs::write(&path, b"L + 0,1 0,0 1,0\n\xff").unwrap();
-        let error = Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap_err().to_string();
+        let error = Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap_err().to_string();
         assert!(error.contains("byte 17"), "{error}");
         assert!(
             Font::open("nowhere.strokes", Trace::Outline).is_err() && check_name("comic").is_err()

@@ -3,7 +3,7 @@
 use super::font::Font;
 use super::options::{Align, LetterOptions};
 use super::shape::Fit;
-use super::{Cell, Glyph, Order, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 
 /// Longest text. At 14 s a letter this is an hour of flight; a Crazyflie's battery ends at 16.
@@ -84,7 +84,13 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes { word, font: Some(font.clone()), glyphs, order: Order::Free, times_s: Vec::new() }
+    Strokes {
+        word,
+        font: Some(font.clone()),
+        glyphs,
+        order: StrokeOrder::Free,
+        times_s: Vec::new(),
+    }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
@@ -99,7 +105,7 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
         Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.width_m * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|(_, _, width_m)| width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
-        Align::Centre => -0.5 * (begin_m + end_m),
+        Align::Center => -0.5 * (begin_m + end_m),
         Align::Right => -end_m,
     };
     let drawn = cells.into_iter().filter(|(character, ..)| *character != ' ');
@@ -216,7 +222,7 @@ mod tests {
             assert!(l.abs() + m.abs() < 1e-12, "{font}: both begin at 0");
             let [[_, r], [_, s]] = sides(Align::Right);
             assert!(r.abs() + s.abs() < 1e-12, "{font}: both end at 0");
-            for [left, right] in sides(Align::Centre) {
+            for [left, right] in sides(Align::Center) {
                 assert!((left + right).abs() < 1e-12, "{font}: in the middle");
             }
         }

@@ -17,7 +17,7 @@ use super::shape::{Fit, Run, Shape};
 use crate::error::{Error, Result};
 
 /// Farthest that a point may lie from the origin, in boxes or cap heights: a letter's size must stay
-/// a length in metres.
+/// a length in meters.
 const MAX_COORDINATE: f64 = 100.0;
 
 /// Height of a small letter by that of a capital, over which marks are drawn.

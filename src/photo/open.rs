@@ -1,4 +1,4 @@
-//! Photographs from elsewhere: PNG or JPEG, turned upright as their EXIF says.
+//! Photos from PNG and JPEG files, turned upright by their EXIF.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -6,24 +6,23 @@ use std::path::Path;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, metadata::Orientation};
 
 use super::Photo;
-use super::png::read_bounded;
-use crate::camera::check_size;
+use super::png::{checked_size, read_bounded};
 use crate::error::{Error, Result};
 
 impl Photo {
-    /// Reads a photo from a PNG or JPEG file: one of ours, with its scene, or a camera's.
+    /// Reads a photo from a PNG or JPEG file. One that Noctograph wrote has its scene.
     ///
     /// The header is checked before anything is decoded.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is no PNG or JPEG
+    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is not a PNG or JPEG
     /// image, or too large.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = read_bounded(path)?;
         let broken = |source: &dyn std::fmt::Display| {
-            let hint = "name a photo: a PNG or JPEG file";
-            Error::input(path.display().to_string(), source, "a PNG image or a JPEG photo", hint)
+            let wanted = "a PNG image or a JPEG photo";
+            Error::input(path.display().to_string(), source, wanted, "choose another file")
         };
         let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
         let reader = reader.map_err(|e| broken(&e))?;
@@ -33,15 +32,10 @@ impl Photo {
         }
         let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
         let (width_px, height_px) = decoder.dimensions();
-        check_size(width_px, height_px).map_err(|error| match error {
-            Error::Input { found, wanted, .. } => {
-                Error::input(path.display().to_string(), found, wanted, "scale the photo down")
-            }
-            other => other,
-        })?;
+        checked_size(path, width_px, height_px)?;
         let orientation = decoder.orientation().map_err(|e| broken(&e))?;
         if format == Some(ImageFormat::Png) && orientation == Orientation::NoTransforms {
-            return Self::read_png(path);
+            return Self::from_png(&bytes, path);
         }
         let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
         picture.apply_orientation(orientation);

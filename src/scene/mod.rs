@@ -218,7 +218,7 @@ impl Scene {
         self.sim().check()?;
         self.light.check()?;
         self.camera.check()?;
-        self.expose.check()?;
+        crate::settings::Described::check(&self.expose, "expose", None)?;
         self.photo.check()?;
         self.score.check()
     }

@@ -345,7 +345,7 @@ impl Reader {
         if self.strokes.font.as_ref().is_none_or(|font| font.name() != REPAIRED[0]) {
             return;
         }
-        let font = Font::open(REPAIRED[1], letters::Trace::CentreLine).expect("a font of ours");
+        let font = Font::open(REPAIRED[1], letters::Trace::CenterLine).expect("a font of ours");
         let aspects = self.banks.iter().map(|bank| bank.layout.aspect);
         let fonts = [font];
         let draw = |aspect| Bank::draw(aspect, &self.classes, &fonts, References::Both, &[]);

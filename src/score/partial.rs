@@ -117,7 +117,7 @@ mod tests {
     use crate::letters::{Cell, Font, Trace};
 
     fn parts_of(font: &str, character: char) -> Vec<f64> {
-        let font = Font::open(font, Trace::CentreLine).unwrap();
+        let font = Font::open(font, Trace::CenterLine).unwrap();
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 0.6, cap_height_m: 1.0 };
         let glyph = font.glyph(character, cell).unwrap();
         let length_m = |moves: &Vec<Move>| {

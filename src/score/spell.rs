@@ -101,7 +101,7 @@ pub fn read(photo: &Photo) -> Result<Reading> {
     let lines: Vec<Line> = lines.collect();
     // A word is written in one font, or in print.
     let in_font = |name: &&str| {
-        let fonts = [Font::open(name, Trace::CentreLine)?];
+        let fonts = [Font::open(name, Trace::CenterLine)?];
         let mut bank = Bank::draw(ASPECT, &classes, &fonts, References::Both, &[]);
         // The ink's box says where a letter is.
         bank.shifts.retain(|[right, down]| right.abs() + down.abs() <= 1);

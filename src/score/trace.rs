@@ -6,6 +6,7 @@
 use super::PX_PER_H;
 use super::bend::Bent;
 use super::raster::{Raster, whole};
+use crate::geometry::segment_distance;
 
 /// Light that counts as a line, of full light.
 const LIT: f32 = 0.4;
@@ -202,15 +203,8 @@ impl Trace {
 }
 
 /// Distance of a point from the nearest of some segments.
-pub(super) fn distance([x, y]: [f64; 2], segments: &[Segment]) -> f64 {
-    let from_one = |[from, to]: &Segment| {
-        let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-        let squares = dx * dx + dy * dy;
-        let dot = (x - from[0]) * dx + (y - from[1]) * dy;
-        let part = if squares > 0.0 { (dot / squares).clamp(0.0, 1.0) } else { 0.0 };
-        libm::hypot(x - from[0] - part * dx, y - from[1] - part * dy)
-    };
-    segments.iter().map(from_one).fold(f64::INFINITY, f64::min)
+pub(super) fn distance(point: [f64; 2], segments: &[Segment]) -> f64 {
+    segments.iter().map(|leg| segment_distance(point, *leg)).fold(f64::INFINITY, f64::min)
 }
 
 /// Points of a segment, a pixel apart.

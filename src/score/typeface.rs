@@ -1,7 +1,10 @@
 //! The typeface of the second bank of references: Roboto Thin, fitted to the cells of a word.
 
-use ab_glyph::{Font, FontRef, OutlineCurve};
+use ab_glyph::{Font, FontRef};
+use kurbo::PathEl;
 use tiny_skia::{Path, PathBuilder, Transform};
+
+use crate::letters::glyph_outline;
 
 /// Roboto Thin (Apache 2.0, see fonts/README.md).
 const TTF: &[u8] = include_bytes!("../../fonts/Roboto-Thin.ttf");
@@ -71,29 +74,24 @@ impl Typeface {
     }
 }
 
-/// A character's curves, closed where one contour ends and the next begins.
+/// A character's curves.
+#[expect(clippy::cast_possible_truncation, reason = "a face's coordinates are f32")]
 fn draw(font: &FontRef<'_>, character: char) -> Option<Path> {
-    let outline = font.outline(font.glyph_id(character))?;
     let mut builder = PathBuilder::new();
-    let mut pen_at = None;
-    for curve in outline.curves {
-        let (OutlineCurve::Line(from, to)
-        | OutlineCurve::Quad(from, _, to)
-        | OutlineCurve::Cubic(from, _, _, to)) = curve;
-        if pen_at != Some(from) {
-            if pen_at.is_some() {
-                builder.close();
+    for element in &glyph_outline(font, font.glyph_id(character))? {
+        match element {
+            PathEl::MoveTo(p) => builder.move_to(p.x as f32, p.y as f32),
+            PathEl::LineTo(p) => builder.line_to(p.x as f32, p.y as f32),
+            PathEl::QuadTo(c, p) => {
+                builder.quad_to(c.x as f32, c.y as f32, p.x as f32, p.y as f32);
             }
-            builder.move_to(from.x, from.y);
+            PathEl::CurveTo(c, d, p) => {
+                let [(cx, cy), (dx, dy), (x, y)] = [c, d, p].map(|p| (p.x as f32, p.y as f32));
+                builder.cubic_to(cx, cy, dx, dy, x, y);
+            }
+            PathEl::ClosePath => builder.close(),
         }
-        match curve {
-            OutlineCurve::Line(..) => builder.line_to(to.x, to.y),
-            OutlineCurve::Quad(_, c, _) => builder.quad_to(c.x, c.y, to.x, to.y),
-            OutlineCurve::Cubic(_, c, d, _) => builder.cubic_to(c.x, c.y, d.x, d.y, to.x, to.y),
-        }
-        pen_at = Some(to);
     }
-    builder.close();
     builder.finish()
 }
 

@@ -128,7 +128,7 @@ impl Shoot {
 /// the distance from the path and of the lag.
 #[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
-    let tracked = flights.iter().filter_map(|flight| track(flight, Part::of(flight)).ok());
+    let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
     let tracked: Vec<_> = tracked.collect();
     let mean = |value: fn(&crate::flight::tracking::Tracking) -> f64| {
         #[expect(clippy::cast_precision_loss, reason = "a few drones")]

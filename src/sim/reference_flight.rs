@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{Drone, Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
-use crate::flight::{Flight, FlightSample, airborne, mean_error_m, rmse_m, rmse_over_m};
+use crate::flight::tracking::{Part, track};
+use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 
@@ -38,7 +39,7 @@ fn noor_on_one_grid() -> Plan {
     Plan { setpoints, lights, ..Plan::default() }
 }
 
-/// Ideal sensors, the centre of mass in the middle of the motors.
+/// Ideal sensors, the center of mass in the middle of the motors.
 fn undisturbed() -> SimOptions {
     SimOptions {
         vehicle: VehicleOptions { center_of_mass_m: [0.0, 0.0], ..Default::default() },
@@ -67,7 +68,8 @@ fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
         ..*sample
     };
     flight.samples = flight.samples.iter().map(against_design).collect();
-    (rmse_m(&flight).unwrap(), mean_error_m(&flight).unwrap())
+    let tracking = track(&flight, Part::Letters).unwrap();
+    (tracking.rmse_m, tracking.mean_error_m)
 }
 
 #[test]
@@ -86,12 +88,12 @@ fn disturbed_error_is_that_of_an_independent_simulation() {
 #[test]
 fn setpoints_that_begin_anew_with_every_move_change_the_error_little() {
     let flight = flown(&undisturbed(), 0);
-    assert_agrees(rmse_m(&flight).unwrap(), [0.0582, 0.0, 0.0693]);
+    assert_agrees(track(&flight, Part::Letters).unwrap().rmse_m, [0.0582, 0.0, 0.0693]);
     assert!(flight.warnings.is_empty(), "{:?}", flight.warnings);
 }
 
 #[test]
-fn half_the_step_moves_the_flight_by_less_than_a_micrometre() {
+fn half_the_step_moves_the_flight_by_less_than_a_micrometer() {
     let coarse = flown(&undisturbed(), 0);
     let fine = flown(
         &SimOptions {
@@ -114,7 +116,7 @@ fn the_seed_decides_the_flight() {
     assert_ne!(flight, flown(&options, 2), "another seed, another flight");
 }
 
-/// Error of a whole simulated NOOR as the team's log tells it: in the air, against the setpoint in
+/// Error of a whole simulated NOOR as in the team's log: in the air, against the setpoint in
 /// force. Root mean square over eight seeds.
 fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector3<f64> {
     let strokes = write("NOOR", &LetterOptions::default()).unwrap();
@@ -125,9 +127,8 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
     };
     let mean_sq = (0..8).map(|seed| {
         let mut flight = fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
-        let air = airborne(&flight).unwrap();
         flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s));
-        let rmse_m = rmse_over_m(&flight.samples[air]).unwrap();
+        let rmse_m = track(&flight, Part::Airborne).unwrap().rmse_m;
         rmse_m.component_mul(&rmse_m)
     });
     (mean_sq.sum::<Vector3<f64>>() / 8.0).map(f64::sqrt)
@@ -139,7 +140,7 @@ const REAL_ERROR_M: [f64; 3] = [0.097, 0.046, 0.059];
 #[test]
 fn gusts_leave_the_error_of_the_real_flight_within_a_tenth() {
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     let found_m = error_as_logged_m(&options, &PlanOptions::default());
     for (found_m, real_m) in found_m.iter().zip(REAL_ERROR_M) {
         assert!((found_m / real_m - 1.0).abs() < 0.1, "{found_m} m of {real_m} m");
@@ -152,7 +153,7 @@ fn the_real_pace_and_speed_stability_leave_it_within_a_sixteenth() {
     let pace =
         PlanOptions { stroke_speed_m_s: 0.18, setpoint_interval_s: 0.109, ..Default::default() };
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let found_m = error_as_logged_m(&options, &pace);
     for (found_m, real_m) in found_m.iter().zip(REAL_ERROR_M) {

@@ -429,7 +429,7 @@ mod tests {
 
     #[test]
     fn a_lost_drone_is_an_outcome() {
-        let ready = prepared("I", |scene| scene.sensors.lighthouse_jitter_m = 1.0);
+        let ready = prepared("I", |scene| scene.sensors.lighthouse.jitter_m = 1.0);
         let outcome = ready.outcome(0).unwrap();
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");
@@ -444,7 +444,7 @@ mod tests {
         let moved = ready.sending(sent);
         let x_m = |ready: &Prepared| {
             let flight = ready.fly(1).unwrap();
-            crate::flight::mean_error_m(&flight).unwrap().x
+            track(&flight, Part::Letters).unwrap().mean_error_m.x
         };
         assert!((x_m(&moved) - x_m(&ready) - 0.02).abs() < 2e-3);
         assert_ne!(moved.digest(), ready.digest());

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use noctograph::flight::FlightSample;
-use noctograph::geometry::Attitude;
 use noctograph::report::{Trace, error_over_time, front_view, top_view};
 use predicates::prelude::*;
 use serde_json::Value;
@@ -99,21 +98,21 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     let flight = std::fs::read_to_string(folder.path().join("flight.csv")).unwrap();
     let head = flight.lines().next().unwrap();
     let empty = format!("{head}\n");
-    // A second on the floor, told nothing: 0 in all columns but time.
+    // A second on the floor without setpoints: 0 in all columns but time.
     let zeros = ",0".repeat(head.split(',').count() - 1);
     let nowhere = format!("{head}\n0{zeros}\n1{zeros}\n");
     let files = [("a.csv", &flight[..]), ("empty.csv", &empty), ("nowhere.csv", &nowhere)];
 
     fails(&["compare", "a.csv", "none.csv", "-o", "plots"], &files, &["none.csv"]);
     fails(&["compare", "a.csv", "empty.csv"], &files, &["empty.csv", "no row"]);
-    let no_design = ["flight B", "no design position", "--offset"];
+    let no_design = ["flight B", "no design position", "offset"];
     fails(&["compare", "a.csv", "nowhere.csv"], &files, &no_design);
     let untold = ["compare", "a.csv", "nowhere.csv", "--offset", "0"];
-    fails(&untold, &files, &["no sample in the air", "--part all"]);
+    fails(&untold, &files, &["no sample in the air", "all samples"]);
     let letters = [&untold[..], &["--part", "letters"]].concat();
-    fails(&letters, &files, &["no sample that writes a letter", "--part airborne"]);
+    fails(&letters, &files, &["no sample that writes a letter", "airborne part"]);
     let apart = ["compare", "a.csv", "a.csv", "--offset", "-500", "-o", "plots"];
-    fails(&apart, &files, &["a time that both cover", "--offset"]);
+    fails(&apart, &files, &["a time that both cover", "shift B's clock"]);
     fails(&["compare", "a.csv", "a.csv", "--offset", "NaN"], &files, &["offset_s", "NaN"]);
 
     fails(&["fly", "--setpoints", "nowhere.csv"], &files, &["no design position"]);
@@ -130,13 +129,10 @@ fn bow(name: &str, up_m: f64) -> Trace {
         FlightSample {
             time_s,
             position_m: design_m + Vector3::new(0.0, 0.1 * time_s - 0.05, up_m),
-            attitude: Attitude::default(),
-            velocity_body_m_s: Vector3::zeros(),
-            rate_body_rad_s: Vector3::zeros(),
             estimate_m: design_m,
             design_m,
             motors: [44_000.0; 4],
-            letter: None,
+            ..FlightSample::default()
         }
     });
     Trace { name: name.to_owned(), samples: samples.collect() }

@@ -1,4 +1,4 @@
-//! Every controller in flight: what it trails by, what it leaves standing, what it survives.
+//! Every controller in flight: lag, standing error, saturation.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample, mean_error_m, rmse_m};
+use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 use crate::sim::{
@@ -26,14 +26,14 @@ fn word(text: &str, extent: Extent) -> Plan {
     plan(&strokes, &PlanOptions { extent, ..Default::default() }).unwrap()
 }
 
-/// The team's drone with a controller, its centre of mass where the flight showed it.
+/// The team's drone with a controller, its center of mass where the flight showed it.
 fn with(kind: ControllerKind) -> SimOptions {
     let mut options = SimOptions::default();
     options.controller.kind = kind;
     options
 }
 
-/// Ideal sensors, the centre of mass in the middle of the motors.
+/// Ideal sensors, the center of mass in the middle of the motors.
 fn undisturbed(kind: ControllerKind) -> SimOptions {
     let mut options = with(kind);
     options.vehicle.center_of_mass_m = [0.0, 0.0];
@@ -113,22 +113,22 @@ fn contour_error_m(flight: &Flight) -> f64 {
     }))
 }
 
-/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's centre of
+/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's center of
 /// mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(20.0), &options, 0).unwrap();
     flight.samples.retain(|sample| sample.time_s > 10.0);
-    mean_error_m(&flight).unwrap()
+    track(&flight, Part::Letters).unwrap().mean_error_m
 }
 
 #[test]
 fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
-    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (domain.md §1.3): lag
+    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (the team's log): lag
     // 0.50–0.58 s, in-plane RMSE 5–12 cm, 3–5 cm after the lag.
     let mut options = SimOptions::cf21();
     options.controller.kind = ControllerKind::Pid;
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     options.sensors.positioning = Positioning::Sweeps;
     options.observer.kind = EstimatorKind::Ekf;
     for seed in 0..3 {
@@ -161,7 +161,7 @@ fn a_regulator_that_knows_of_the_rotors_lag_trails_by_little_more() {
 }
 
 #[test]
-fn a_design_fed_forward_is_followed_to_a_centimetre_and_a_half() {
+fn a_design_fed_forward_is_followed_to_a_centimeter_and_a_half() {
     let noor = word("NOOR", Extent::Letters);
     let held = flown(&noor, &undisturbed(ControllerKind::Lqr), 0).unwrap();
     for kind in
@@ -176,7 +176,7 @@ fn a_design_fed_forward_is_followed_to_a_centimetre_and_a_half() {
 }
 
 #[test]
-fn integral_action_removes_the_seven_centimetres_of_the_centre_of_mass() {
+fn integral_action_removes_the_seven_centimeters_of_the_center_of_mass() {
     let left = standing_error_m(ControllerKind::Lqr);
     assert!((left.norm() - 0.075).abs() < 0.003, "without: {left}");
     for kind in [ControllerKind::LqrIntegral, ControllerKind::Geometric] {
@@ -189,10 +189,10 @@ fn integral_action_removes_the_seven_centimetres_of_the_centre_of_mass() {
 }
 
 #[test]
-fn a_figure_of_eight_is_followed_within_a_centimetre() {
+fn a_figure_of_eight_is_followed_within_a_centimeter() {
     for kind in [ControllerKind::LqrIntegral, ControllerKind::Geometric] {
         let flight = flown(&figure_eight(), &with(kind), 0).unwrap();
-        let error_m = rmse_m(&flight).unwrap().norm();
+        let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();
         assert!(error_m < 0.012, "{kind:?}: {error_m} m");
     }
 }
@@ -204,7 +204,7 @@ fn every_controller_flies_the_word_from_floor_to_floor() {
         for seed in 0..5 {
             let flight = flown(&noor, &with(kind), seed)
                 .unwrap_or_else(|error| panic!("{kind:?}, seed {seed}: {error}"));
-            let error_m = rmse_m(&flight).unwrap().norm();
+            let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();
             assert!(error_m < 0.14, "{kind:?}, seed {seed}: {error_m} m");
             assert_eq!(flight.warnings, [] as [&str; 0], "{kind:?}, seed {seed}");
             assert_eq!(flight.samples.last().unwrap().position_m.z, 0.0, "{kind:?} landed");
@@ -234,9 +234,9 @@ fn the_firmwares_rates_fly_every_controller() {
     let noor = word("N", Extent::Letters);
     for kind in KINDS {
         let mut options = with(kind);
-        let slow = rmse_m(&flown(&noor, &options, 0).unwrap()).unwrap();
+        let slow = track(&flown(&noor, &options, 0).unwrap(), Part::Letters).unwrap().rmse_m;
         options.rates.control_hz = 1000;
-        let fast = rmse_m(&flown(&noor, &options, 0).unwrap()).unwrap();
+        let fast = track(&flown(&noor, &options, 0).unwrap(), Part::Letters).unwrap().rmse_m;
         assert!((slow - fast).norm() < 0.01, "{kind:?}: {slow} at 500 Hz, {fast} at 1000");
     }
 }
