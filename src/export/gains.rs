@@ -23,7 +23,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Vec<(String, f64)> {
     if sim.controller.kind != ControllerKind::Geometric {
         return Vec::new();
     }
-    let (k, vehicle) = (&sim.controller, &sim.vehicle);
+    let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mut parameters = Vec::new();
     for (axis, index) in ["x", "y", "z"].into_iter().zip(0..3) {
         let inertia = vehicle.inertia_kg_m2[index];
@@ -44,7 +44,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Vec<(String, f64)> {
 
 /// Position loop of Mellinger's controller with the same stiffness.
 fn mellinger(sim: &SimOptions) -> Vec<(String, f64)> {
-    let (k, mass_kg) = (&sim.controller, sim.vehicle.mass_kg);
+    let (k, mass_kg) = (&sim.controller.geometric, sim.vehicle.mass_kg);
     let axis = |axis: &str| {
         let gains = [("kp", k.k_position), ("kd", k.k_velocity), ("ki", k.k_position_integral)];
         gains.map(|(name, gain)| (format!("ctrlMel.{name}_{axis}"), mass_kg * gain))

@@ -7,7 +7,7 @@
 //! time of the radio and half a tick.
 
 use crate::error::{Error, Result};
-use crate::light::LightOptions;
+use crate::light::{LightOptions, RingColor, RingEffect};
 use crate::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
@@ -35,7 +35,7 @@ fn command(time_s: f64, channel: &str, level: f64, options: &LightOptions) -> Re
     let (parameter, value, level) = match channel {
         // A pin: whatever is dimmed is on.
         "headlights" => ("ring.headlightEnable", u32::from(level > 0.0), level.ceil()),
-        "ring" => ("ring.fadeColor", packed(&options.ring_color, level), level),
+        "ring" => ("ring.fadeColor", packed(&ring_color(options), level), level),
         "color-led" => ("colorLedBot.wrgb8888", packed(&options.color_led_wrgb, level), level),
         other => {
             let wanted = "headlights, ring or color-led: lamps with a firmware parameter";
@@ -43,6 +43,14 @@ fn command(time_s: f64, channel: &str, level: f64, options: &LightOptions) -> Re
         }
     };
     Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
+}
+
+fn ring_color(options: &LightOptions) -> [u8; 3] {
+    match &options.ring {
+        RingEffect::Solid(ring) | RingEffect::Memory(ring) => ring.color,
+        RingEffect::Fade(ring) => ring.color,
+        RingEffect::DoubleSpin | RingEffect::Off => RingColor::default().color,
+    }
 }
 
 /// Bytes at a level, the first one in the highest place.
@@ -133,7 +141,8 @@ mod tests {
 
     #[test]
     fn each_lamp_has_its_parameter_and_only_changes_are_sent() {
-        let options = LightOptions { ring_color: [200, 100, 0], ..LightOptions::default() };
+        let ring = RingEffect::Solid(RingColor { color: [200, 100, 0] });
+        let options = LightOptions { ring, ..LightOptions::default() };
         let sent = |channel| {
             let commands = commands(&lit(channel, &[0.0, 0.5, 1.0, 1.0, 0.0]), &options).unwrap();
             commands.iter().map(|c| (c.time_s, c.parameter, c.value)).collect::<Vec<_>>()

@@ -10,7 +10,7 @@ use super::compressed::Compressed;
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use crate::error::{Error, Result};
-use crate::plan::{Plan, Setpoint, nearest_meeting};
+use crate::plan::{Plan, Setpoint, conflict};
 use crate::settings::settings;
 
 /// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
@@ -56,12 +56,12 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<Vec<Plan>> 
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
     let pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
-    if let Some(near) = pairs.into_iter().find_map(|(a, b)| nearest_meeting(a, b)) {
+    if let Some(near) = pairs.into_iter().find_map(|(a, b)| conflict(a, b)) {
         return Err(Error::Infeasible {
             what: format!(
                 "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
                  for its turn in the air",
-                near.sideways_m, near.time_s
+                near.horizontal_m, near.time_s
             ),
             hint: "send setpoints, or share the word among fewer drones".into(),
         });

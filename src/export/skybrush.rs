@@ -15,7 +15,7 @@ use super::zip::{base64, zip};
 use super::{File, Job, stem};
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::plan::{Plan, SIDEWAYS_M};
+use crate::plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Rows of the CSV per second.
 const ROW_HZ: f64 = 10.0;
@@ -52,7 +52,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
                 "maxAltitude": (heights.fold(0.0, f64::max) + 0.5).ceil(),
                 "maxVelocityXY": speeds(|v| v.xy().norm()),
                 "maxVelocityZ": speeds(|v| v.z.abs()),
-                "minDistance": SIDEWAYS_M,
+                "minDistance": MIN_HORIZONTAL_M,
             },
         },
         "swarm": { "drones": drones.collect::<Result<Vec<_>>>()? },
