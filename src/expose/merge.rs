@@ -125,9 +125,11 @@ impl Run {
             let moved = at_px - self.whole.at_px[0];
             [moved.x, moved.y, light - first]
         };
-        let skipped = offset(self.whole.at_px[1], here);
+        let [x, y, _] = offset(self.whole.at_px[1], here);
+        let low = [x - off, y - off, here - slack - first];
+        let high = [x + off, y + off, here + slack - first];
         let wanted = offset(next.at_px[1], next.light_lx_px2[1]);
-        self.chords.keep_near(skipped, [off, off, slack], end_s - start_s);
+        self.chords.keep_between(low, high, end_s - start_s);
         if !self.chords.contain(wanted, next.time_s[1] - start_s) {
             return false;
         }

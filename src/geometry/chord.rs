@@ -14,12 +14,11 @@ impl<const N: usize> Chords<N> {
     pub(crate) const ALL: Self =
         Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
-    /// Keeps the chords that pass within `slack` of a sample, which is `offset` from the first one
-    /// after `elapsed_s`.
-    pub(crate) fn keep_near(&mut self, offset: [f64; N], slack: [f64; N], elapsed_s: f64) {
+    /// Keeps the chords that pass between two offsets from the first sample after `elapsed_s`.
+    pub(crate) fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {
         for i in 0..N {
-            self.least[i] = self.least[i].max((offset[i] - slack[i]) / elapsed_s);
-            self.greatest[i] = self.greatest[i].min((offset[i] + slack[i]) / elapsed_s);
+            self.least[i] = self.least[i].max(low[i] / elapsed_s);
+            self.greatest[i] = self.greatest[i].min(high[i] / elapsed_s);
         }
     }
 

@@ -46,7 +46,7 @@ impl Typeface {
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let refuse = |found: String| {
             let wanted = "a TrueType or OpenType face with Latin letters";
-            let hint = "name another font; noctograph specimen shows what is in one";
+            let hint = "name another font file";
             Error::input(file, found, wanted, hint)
         };
         let face = FontVec::try_from_vec_and_index(bytes, 0)

@@ -81,7 +81,9 @@ impl Run {
         let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         if skipped_s > 0.0 {
-            self.chords.keep_near(self.last.lengths_from(&self.first), [slack; 12], skipped_s);
+            let skipped = self.last.lengths_from(&self.first);
+            let [low, high] = [-slack, slack].map(|slack| skipped.map(|length| length + slack));
+            self.chords.keep_between(low, high, skipped_s);
             let offset = next.lengths_from(&self.first);
             if !self.chords.contain(offset, next.time_s - self.first.time_s) {
                 return false;

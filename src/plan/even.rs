@@ -236,7 +236,7 @@ mod tests {
             assert!(now.velocity_m_s.norm() < 1.0 + 1e-5, "{now:?}");
             assert!(now.acceleration_m_s2.norm() < 2.0 * 1.04, "{now:?}");
             if next.position_m.z > 0.0 && now.position_m.z > 0.0 {
-                // What jerk does in a setpoint's time: j t³ / 6.
+                // Within a setpoint's time the jerk moves the design by j t³ / 6.
                 let jump_m = (next.position_m - now.design_m(next.time_s)).norm();
                 assert!(jump_m < 30.0 * 0.05 * 0.05 * 0.05 / 6.0 * 1.5, "{jump_m} m at {now:?}");
             }

@@ -48,7 +48,7 @@ pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};
 
-/// What is sent to one drone, in order of time.
+/// Everything that is sent to one drone, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Setpoints; each is held until the next. A setpoint at or below the floor (z ≤ 0) asks for
@@ -200,7 +200,7 @@ fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
 mod tests {
     use super::*;
     use crate::error::Error;
-    use crate::letters::{LetterOptions, Move, write};
+    use crate::letters::{LetterOptions, write};
 
     fn noor(extent: Extent) -> Plan {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
@@ -251,45 +251,5 @@ mod tests {
         let strokes = write("NOOR", &options).unwrap();
         let error = plan(&strokes, &PlanOptions { stroke_speed_m_s: 0.01, ..Default::default() });
         assert!(matches!(error, Err(Error::Infeasible { .. })), "{error:?}");
-    }
-
-    /// 100 letters may take 50 ms, a drawing of 2000 strokes or corners a second. Measured: 20 ms,
-    /// 0.39 s and 0.01 s of CPU time.
-    #[test]
-    #[ignore = "times are the machine's; run by hand with --nocapture"]
-    fn long_words_and_drawings_are_planned_quickly() {
-        let options = PlanOptions { stroke_speed_m_s: 1.0, ..PlanOptions::even() };
-        let timed = |what: &str, strokes: &Strokes, most_s: f64| {
-            let start = std::time::Instant::now();
-            let n = plan(strokes, &options).unwrap().setpoints.len();
-            let took_s = start.elapsed().as_secs_f64();
-            println!("{what}: {took_s:.3} s, {n} setpoints");
-            assert!(took_s < most_s, "{what}: {took_s} s");
-        };
-        let word: String = "NOCTOGRAPH".repeat(10);
-        timed("100 letters", &write(&word, &LetterOptions::default()).unwrap(), 0.05);
-        let mut drawing = write("N", &LetterOptions::default()).unwrap();
-        let place = |k: u32| {
-            let turned = f64::from(k) * 2.399_963;
-            let (sin, cos) = libm::sincos(turned);
-            let radius_m = 0.02 * f64::from(k).sqrt();
-            [radius_m * cos, 1.0 + radius_m * sin]
-        };
-        let stroke = |from_m, to_m| Move { from_m, to_m, lit: true };
-        let apart = (0..2000).map(|k| {
-            let from_m = place(k);
-            stroke(from_m, [from_m[0] + 0.03, from_m[1] + 0.01])
-        });
-        drawing.glyphs[0].moves = apart.collect();
-        timed("2000 strokes", &drawing, 1.0);
-        let line = (0..2000).map(|k| {
-            let at = |k: u32| {
-                let (sin, cos) = libm::sincos(f64::from(k) * 0.02);
-                [0.3 * cos + 1e-4 * f64::from(k), 1.0 + 0.3 * sin]
-            };
-            stroke(at(k), at(k + 1))
-        });
-        drawing.glyphs[0].moves = line.collect();
-        timed("a line of 2000", &drawing, 1.0);
     }
 }

@@ -8,8 +8,8 @@ settings! {
     pub struct PlanOptions {
         /// Part of the flight that is planned.
         extent: Extent = Extent::Whole;
-        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or what
-        /// the lamps in `light.fixtures` listen to.
+        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or those
+        /// of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
         /// Speed along every leg; in style `even`, along lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;
@@ -107,8 +107,8 @@ settings! {
         /// The design, which a controller that holds positions lags behind.
         "design" => Design,
         /// The design through the inverse of the closed loop: a controller that holds positions
-        /// flies the design. Controllers that follow the design's motion get what a rehearsed
-        /// flight still missed added to it.
+        /// flies the design. For controllers that follow the design's motion the error of a
+        /// rehearsed flight is corrected.
         "inverse" => Inverse,
     }
 

@@ -29,7 +29,7 @@ use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
 use crate::logs::{ImportOptions, import};
 use crate::plan::Plan;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::score::Reader;
 use crate::sim::{Drone, SimOptions, fly};
 
@@ -156,6 +156,22 @@ impl Shoot {
     /// As [`Scene::strokes`].
     pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
+    }
+
+    /// Flies the learned plans of the scene's word; without them, as [`Shoot::new`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Shoot::new`].
+    pub fn named(named: NamedScene) -> Result<Self> {
+        let NamedScene { scene, mut plans, .. } = named;
+        if plans.is_empty() {
+            return Self::new(scene);
+        }
+        match plans.remove(&scene.strokes()?.word) {
+            Some(plans) => Self::with_plans(scene, plans),
+            None => Self::new(scene),
+        }
     }
 
     fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {

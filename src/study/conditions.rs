@@ -10,10 +10,11 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
+use crate::digest::fnv_1a;
 use crate::error::{Error, Result, within};
-use crate::light::LightOptions;
 use crate::scene::Scene;
-use crate::sim::{GustOptions, Gusts, SimOptions};
+use crate::shoot::Actual;
+use crate::sim::{GustOptions, Gusts};
 
 /// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), through which gusts take hold of a
 /// drone whose scene has none.
@@ -189,10 +190,10 @@ impl Conditions {
         Ok(conditions)
     }
 
-    /// How the flight of one seed departs from its scene.
+    /// How the flight of one seed and drone, counted from 0, departs from its scene.
     #[must_use]
-    pub fn draw(&self, seed: u64) -> Departure {
-        let chance = |factor: &str| Chance::new(seed, factor);
+    pub fn draw(&self, seed: u64, drone: u64) -> Departure {
+        let chance = |factor: &str| Chance::new(seed, drone, factor);
         let mut mass = chance("mass");
         let mut center = chance("center of mass");
         let mut inertia = chance("inertia");
@@ -233,7 +234,7 @@ pub struct Departure {
 impl Departure {
     /// The drone and the lamps that fly.
     #[must_use]
-    pub fn apply(&self, scene: &Scene) -> (SimOptions, LightOptions) {
+    pub fn apply(&self, scene: &Scene) -> Actual {
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
         let body = &mut sim.vehicle;
         body.mass_kg *= self.mass_factor;
@@ -268,7 +269,7 @@ impl Departure {
         }
         sim.battery.charge_frac = (sim.battery.charge_frac - self.charge_used_frac).max(0.0);
         light.radio_delay_s += self.led_delay_s;
-        (sim, light)
+        Actual { sim, light }
     }
 }
 
@@ -276,9 +277,10 @@ impl Departure {
 struct Chance(ChaCha8Rng);
 
 impl Chance {
-    fn new(seed: u64, factor: &str) -> Self {
+    fn new(seed: u64, drone: u64, factor: &str) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(super::fnv_1a(b"study:".iter().copied().chain(factor.bytes())));
+        let drone = if drone == 0 { String::new() } else { format!("{drone}:") };
+        rng.set_stream(fnv_1a(format!("study:{drone}{factor}").bytes()));
         Self(rng)
     }
 
@@ -301,24 +303,24 @@ mod tests {
     #[test]
     fn still_conditions_fly_the_scene_itself() {
         let scene = Scene::default();
-        let (sim, light) = Conditions::still().draw(7).apply(&scene);
-        assert_eq!((sim, light), (scene.sim(), scene.light.clone()));
+        let actual = Conditions::still().draw(7, 0).apply(&scene);
+        assert_eq!(actual, Actual { sim: scene.sim(), light: scene.light });
     }
 
     #[test]
     fn a_seed_draws_the_same_whatever_other_factors_do() {
         let all = Conditions::default();
-        let (with, alone) = (all.draw(3), all.only(Factor::MotorLag).draw(3));
+        let (with, alone) = (all.draw(3, 0), all.only(Factor::MotorLag).draw(3, 0));
         assert_eq!(with.motor_lag_s, alone.motor_lag_s);
-        assert_ne!(with.motor_lag_s, all.draw(4).motor_lag_s);
-        assert_eq!(all.times(2.0).draw(3).motor_lag_s, 2.0 * with.motor_lag_s);
+        assert_ne!(with.motor_lag_s, all.draw(4, 0).motor_lag_s);
+        assert_eq!(all.times(2.0).draw(3, 0).motor_lag_s, 2.0 * with.motor_lag_s);
     }
 
     #[test]
     fn draws_have_the_stated_spread() {
         let n = 4000_u32;
         let draws: Vec<Departure> =
-            (0..n).map(|seed| Conditions::default().draw(seed.into())).collect();
+            (0..n).map(|seed| Conditions::default().draw(seed.into(), 0)).collect();
         let mean =
             |value: &dyn Fn(&Departure) -> f64| draws.iter().map(value).sum::<f64>() / f64::from(n);
         let sigma = mean(&|d| (d.mass_factor - 1.0) * (d.mass_factor - 1.0)).sqrt();

@@ -5,8 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Conditions, Contender, Outcome, Prepared, Record, Store};
+use super::{Conditions, Prepared, Record, Store};
+use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
+use crate::scene::NamedScene;
 
 /// Most flights of a study: a week of one core.
 const MAX_TRIALS: usize = 20_000_000;
@@ -17,7 +19,7 @@ const MAX_TRIALS: usize = 20_000_000;
 #[serde(deny_unknown_fields)]
 pub struct Study {
     /// Scenes under comparison.
-    pub contenders: Vec<Contender>,
+    pub contenders: Vec<NamedScene>,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
     /// How flights differ from their scene.
@@ -89,7 +91,7 @@ impl Study {
     /// that a scene file takes it.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
-        super::fnv_1a(bytes.chain(word.bytes())) >> 33
+        fnv_1a(bytes.chain(word.bytes())) >> 33
     }
 
     /// Every contender made ready for every word, contender by contender.
@@ -101,18 +103,6 @@ impl Study {
         let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
         both.map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
             .collect()
-    }
-
-    /// What a trial leaves behind.
-    #[must_use]
-    pub fn record(&self, trial: Trial, prepared: &Prepared, outcome: Outcome) -> Record {
-        Record {
-            scene: prepared.digest().to_owned(),
-            contender: self.contenders[trial.contender].name.clone(),
-            word: prepared.word().to_owned(),
-            seed: trial.seed,
-            outcome,
-        }
     }
 }
 
@@ -144,11 +134,11 @@ pub(super) fn evaluate_prepared(
     let finished = AtomicUsize::new(0);
     let record = |trial: &Trial| {
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
-        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
-        let record = match known {
-            Some(outcome) => study.record(*trial, ready, outcome),
+        let name = &study.contenders[trial.contender].name;
+        let record = match store.and_then(|store| store.get(ready.digest(), trial.seed)) {
+            Some(outcome) => ready.record(name, trial.seed, outcome),
             None => {
-                let record = study.record(*trial, ready, ready.outcome(trial.seed)?);
+                let record = ready.record(name, trial.seed, ready.outcome(trial.seed)?);
                 store.map_or(Ok(()), |store| store.put(&record))?;
                 record
             }
@@ -167,8 +157,8 @@ mod tests {
     fn study() -> Study {
         Study {
             contenders: vec![
-                Contender::new("team", Scene::default()),
-                Contender::find("geometric").unwrap(),
+                NamedScene::new("team", Scene::default()),
+                Scene::find("geometric", &[]).unwrap(),
             ],
             words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],
             conditions: Conditions::default(),

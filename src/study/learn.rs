@@ -20,10 +20,12 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::statistics::mean;
-use super::{Outcome, Prepared, Record, Store};
+use super::{Outcome, Prepared, Store};
+use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::plan::{Plan, feedforward};
+use crate::flight::comparison::{ComparisonOptions, compare};
+use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
 use crate::shoot::{aim, rehearse};
 use crate::sim::step_responses;
@@ -79,8 +81,8 @@ pub struct Round {
 /// What was learned.
 #[derive(Clone, Debug)]
 pub struct Learned {
-    /// The plan to send.
-    pub plan: Plan,
+    /// The plans to send, one for each drone.
+    pub plans: Vec<Plan>,
     /// Every round; the first flew the design.
     pub rounds: Vec<Round>,
 }
@@ -98,15 +100,15 @@ pub fn learn(
     watch: &mut dyn FnMut(&Round),
 ) -> Result<Learned> {
     let seeds: Vec<u64> = (0..options.flights.max(2)).map(|index| seed(options, index)).collect();
-    let mut sent = ready.sent().clone();
-    let mut best: Option<(Plan, Vec<Flight>, Vec<Outcome>)> = None;
+    let mut sent = ready.plans();
+    let mut best: Option<(Vec<Plan>, Vec<Vec<Flight>>, Vec<Outcome>)> = None;
     let (mut rounds, mut failed) = (Vec::new(), 0);
     for _ in 0..=options.rounds {
-        let trying = ready.sending(sent.clone());
+        let trying = ready.sending(&sent);
         let flown = seeds.par_iter().map(|seed| fly(&trying, *seed, store));
-        let flown: Vec<(Option<Flight>, Outcome)> = flown.collect::<Result<_>>()?;
-        let (flights, outcomes): (Vec<_>, Vec<_>) = flown.into_iter().unzip();
-        let flights: Vec<Flight> = flights.into_iter().flatten().collect();
+        let flown: Vec<(Vec<Flight>, Outcome)> = flown.collect::<Result<_>>()?;
+        let (mut flights, outcomes): (Vec<_>, Vec<_>) = flown.into_iter().unzip();
+        flights.retain(|flights| !flights.is_empty());
         let kept = best.as_ref().is_none_or(|(_, _, before)| helped(before, &outcomes));
         let round = round(&outcomes, kept);
         watch(&round);
@@ -123,39 +125,41 @@ pub fn learn(
             break;
         }
         let gain = options.gain / f64::from(1 + failed * failed);
-        sent = correct(from, ready.scene(), flights, &LearnOptions { gain, ..options.clone() })?;
+        let options = LearnOptions { gain, ..options.clone() };
+        let corrected = from.iter().enumerate().map(|(drone, plan)| {
+            let of_drone = flights.iter().map(|flights| flights[drone].clone());
+            correct(plan, ready.scene(), &of_drone.collect::<Vec<_>>(), &options)
+        });
+        sent = corrected.collect::<Result<_>>()?;
     }
-    let (plan, _, outcomes) = best.expect("the first round is kept");
+    let (plans, _, outcomes) = best.expect("the first round is kept");
     if outcomes.iter().all(|outcome| outcome.lost.is_some()) {
         return Err(Error::Infeasible {
             what: "every flight of the first round loses the drone".into(),
-            hint: "tune the scene first: noctograph tune".into(),
+            hint: "tune the scene first".into(),
         });
     }
-    Ok(Learned { plan, rounds })
+    Ok(Learned { plans, rounds })
 }
 
 fn seed(options: &LearnOptions, index: u32) -> u64 {
     let bytes = options.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
-    super::fnv_1a(b"learn:".iter().copied().chain(bytes)) >> 33
+    fnv_1a(b"learn:".iter().copied().chain(bytes)) >> 33
 }
 
-/// A flight and what it was worth; no flight where the drone was lost.
-fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Option<Flight>, Outcome)> {
-    let flight = match ready.fly(seed) {
-        Ok(flight) => flight,
-        Err(Error::Infeasible { what, .. }) => return Ok((None, ready.lost(what))),
-        Err(error) => return Err(error),
+/// Flights of a seed and their outcome; no flights where a drone was lost.
+fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Vec<Flight>, Outcome)> {
+    let flights = match ready.fly(seed) {
+        Ok(flights) => flights,
+        Err(error) => return Ok((Vec::new(), ready.lost(error)?)),
     };
     if let Some(known) = store.and_then(|store| store.get(ready.digest(), seed)) {
-        return Ok((Some(flight), known));
+        return Ok((flights, known));
     }
-    let outcome = ready.judge(&flight, seed)?;
-    let (scene, word) = (ready.digest().to_owned(), ready.word().to_owned());
-    let contender = "learning".to_owned();
-    let record = Record { scene, contender, word, seed, outcome };
+    let (outcome, flights) = ready.judge(flights, seed)?;
+    let record = ready.record("learning", seed, outcome);
     store.map_or(Ok(()), |store| store.put(&record))?;
-    Ok((Some(flight), record.outcome))
+    Ok((flights, record.outcome))
 }
 
 /// Whether flights are better than those of the same seeds before: they read better beyond chance, or
@@ -240,6 +244,50 @@ pub fn correct(
     Ok(aim(scene, &next, &typical)?.plan)
 }
 
+/// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
+const MAX_APART_M: f64 = 0.2;
+
+/// Gives a real flight of a plan the plan's clock, letters and design; `file` is its name in
+/// messages.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a flight of another plan; as [`relight`] and [`compare`].
+pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> Result<Flight> {
+    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
+        relight(&mut flight, &ready.scene().strokes()?)?;
+    }
+    // The design of a log is what was sent, so the flight that sets its clock gets the same.
+    let mut planned = rehearse(ready.scene(), sent)?;
+    let row_at = |time_s: f64| {
+        sent.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6).saturating_sub(1)
+    };
+    for sample in &mut planned.samples {
+        sample.design_m = sent.sent_m(row_at(sample.time_s));
+    }
+    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
+    for sample in &mut flight.samples {
+        sample.time_s += offset_s;
+    }
+    let mut apart_m = Vec::new();
+    for sample in &mut flight.samples {
+        let row = row_at(sample.time_s);
+        let setpoint = &sent.setpoints[row];
+        if setpoint.letter.is_some() {
+            apart_m.push((sample.design_m - sent.sent_m(row)).norm());
+        }
+        sample.design_m = setpoint.design_m(sample.time_s.max(setpoint.time_s));
+        sample.letter = setpoint.letter;
+    }
+    let apart_m = mean(&apart_m);
+    if apart_m > MAX_APART_M {
+        let found = format!("setpoints {apart_m:.2} m from those of the plan");
+        let hint = "name the plan that was sent, and the word that it wrote";
+        return Err(Error::input(file, found, "a flight of this plan", hint));
+    }
+    Ok(flight)
+}
+
 /// What flights have in common of `flown − design`, on the grid; nothing outside letters.
 fn repeating(flights: &[Flight]) -> Vec<Vector3<f64>> {
     let ends = flights.iter().filter_map(|flight| flight.samples.last());
@@ -302,14 +350,14 @@ fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::NamedScene;
     use crate::sim::ControllerKind;
-    use crate::study::{Conditions, Contender};
+    use crate::study::Conditions;
 
     fn ready(kind: ControllerKind) -> Prepared {
         let mut scene = Scene::default();
         scene.controller.kind = kind;
-        Prepared::new(&Contender::new("s", scene), "L", &Conditions::still()).unwrap()
+        Prepared::new(&NamedScene::new("s", scene), "L", &Conditions::still()).unwrap()
     }
 
     #[test]
@@ -323,8 +371,8 @@ mod tests {
         assert!(best.rmse_m < 0.7 * first.rmse_m, "{first:?} became {best:?}");
         assert!(best.merit >= first.merit - 0.05, "{first:?} became {best:?}");
         let mut csv = Vec::new();
-        learned.plan.write_csv(&mut csv).unwrap();
-        assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plan, "a file holds it");
+        learned.plans[0].write_csv(&mut csv).unwrap();
+        assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plans[0], "as a file");
     }
 
     #[test]
@@ -341,16 +389,7 @@ mod tests {
 
     #[test]
     fn a_round_that_is_only_luckier_is_no_help() {
-        let outcome = |log_odds: f64| Outcome {
-            read: "L".into(),
-            all_read: true,
-            legible: true,
-            probability: 0.5,
-            log_odds,
-            similarity: 0.5,
-            flown: None,
-            lost: None,
-        };
+        let outcome = |log_odds: f64| Outcome { log_odds, ..Outcome::example(0.5) };
         let of = |values: [f64; 4]| values.map(outcome);
         let before = of([0.0, 1.0, 2.0, 3.0]);
         assert!(helped(&before, &of([0.2, 1.3, 2.2, 3.3])), "a little each time");

@@ -7,8 +7,9 @@
 use serde::Serialize;
 
 use super::statistics::{Estimate, bootstrap, mean};
-use super::{Conditions, Contender, Factor, Record, Store, Study, Trial, evaluate};
+use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
+use crate::scene::NamedScene;
 
 /// Share of flights that must read.
 const HALF: f64 = 0.5;
@@ -17,7 +18,7 @@ const HALF: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobustnessOptions {
     /// The scene and what it writes, each word with its seeds.
-    pub contender: Contender,
+    pub contender: NamedScene,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
     /// What counts as once: the usual width of every factor.
@@ -123,7 +124,7 @@ fn breaks_at(levels: &[Level]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{NamedScene, Scene};
 
     #[test]
     fn a_word_breaks_where_half_of_its_flights_no_longer_read() {
@@ -141,7 +142,7 @@ mod tests {
     #[test]
     fn gusts_break_an_l_before_late_lamps_do() {
         let options = RobustnessOptions {
-            contender: Contender::new("team", Scene::default()),
+            contender: NamedScene::new("team", Scene::default()),
             words: vec![("L".into(), 2)],
             usual: Conditions::default(),
             times: vec![0.0, 10.0],

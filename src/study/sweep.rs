@@ -223,11 +223,11 @@ fn sha256(study: &Study) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-    use crate::study::{Conditions, Contender};
+    use crate::scene::{NamedScene, Scene};
+    use crate::study::Conditions;
 
     fn sweep() -> Sweep {
-        let contenders = vec![Contender::new("team", Scene::default())];
+        let contenders = vec![NamedScene::new("team", Scene::default())];
         let words = vec![("I".to_owned(), 5)];
         let conditions = Conditions::default();
         Sweep::new(Study { contenders, words, conditions, seed: 1 }).unwrap()

@@ -13,10 +13,10 @@ use super::design::evaluate_prepared;
 use super::knobs::{Knob, turned};
 use super::search::{Search, SearchKind};
 use super::statistics::{mean, median};
-use super::{Conditions, Contender, Prepared, Record, Store, Study, Trial};
+use super::{Conditions, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
 use crate::flight::tracking::CORRIDOR_M;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::sim::ControllerKind;
 use crate::sim::design::{MOTOR_LAG_S, design};
 
@@ -226,7 +226,7 @@ impl Tuning<'_> {
 
     fn study(&self, point: &[f64], seed: u64, times: u32) -> Result<Study> {
         let words = self.options.words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
-        let contenders = vec![Contender::new("candidate", self.scene(point)?)];
+        let contenders = vec![NamedScene::new("candidate", self.scene(point)?)];
         let study = Study { contenders, words, conditions: self.options.conditions.clone(), seed };
         study.check()?;
         Ok(study)

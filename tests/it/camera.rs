@@ -47,7 +47,7 @@ fn a_camera_behind_the_word_is_refused() {
     let scene = format!("{FIXED}framing.position_m = [0.15, 3.0, 0.75]\n");
     let files = [("a.csv", &*streak()), ("s.toml", &*scene)];
     let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml", "--word", "NO"];
-    fails(&arguments, &files, &["camera.position_m", "behind the word", "mirrored"]);
+    fails(&arguments, &files, &["camera.framing.position_m", "behind the word", "mirrored"]);
 }
 
 #[test]

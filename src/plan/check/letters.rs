@@ -96,9 +96,8 @@ mod tests {
         let x = [(Check::Tail, "X".into()), (Check::LightNeverOff, "X".into())];
         assert_eq!(team("X", "ae483"), x);
         assert!(team("I", "ae483").contains(&(Check::PenJump, "I".into())));
-        for word in ["W", "X", "I", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"] {
-            assert_eq!(team(word, "ae483-fixed"), [], "{word}");
-        }
+        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+        assert_eq!(team(all, "ae483-fixed"), []);
     }
 
     #[test]

@@ -11,11 +11,13 @@ mod flown;
 mod letters;
 mod plans;
 mod profile;
+mod written;
 
 pub use flown::{Flown, check_flown, even_frac};
 pub use letters::check_letters;
 pub use plans::check_plans;
 pub use profile::Profile;
+pub use written::check_written;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -13,7 +13,7 @@ const MAX_PIECES: usize = 31;
 /// Entries of the LED timing memory (`ledring12.c`).
 const MAX_LED_ENTRIES: usize = 10;
 
-/// Checks what plans ask of their drones.
+/// Checks the motion and the commands of plans.
 #[must_use]
 pub fn check_plans(plans: &[Plan], profile: &Profile) -> Vec<Finding> {
     let mut findings: Vec<Finding> = Vec::new();
