@@ -229,7 +229,7 @@ impl Setting {
         let plan = &mut shoot.plans[0].plan;
         self.lose_light(plan);
         shoot.scene.camera.shutter_close_s.get_or_insert(plan.duration_s());
-        shoot.actual = vec![self.conditions.draw(actual.seed, 0).apply(actual)];
+        shoot.actual = vec![self.conditions.draw(actual, actual.seed, 0)];
         shoot.cores = Some(NonZero::<usize>::MIN);
         shoot.take(&|_, _| {})
     }

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::coverage_map::coverage_map;
 use super::flags::{LetterFlags, SceneFlags, set_word};
 use super::output::Output;
 use super::report::Report;
 use crate::error::Result;
+use crate::report::coverage_map;
 use crate::sim::{Coverage, coverage};
 
 /// Margin around the word, and the region where there is no word.

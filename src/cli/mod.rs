@@ -16,7 +16,6 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
-mod coverage_map;
 mod export;
 mod expose;
 mod findings;

@@ -13,11 +13,11 @@ use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
-use crate::report::{SheetRow, contact_sheet};
+use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::settings::similar;
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Measures, Ranking, Record, Store, Study, flights_csv, ranking_csv};
+use crate::study::{Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -137,7 +137,7 @@ pub(super) fn write_ranking(
 ) -> Result<Vec<PathBuf>> {
     let outputs = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
     let [csv, json, flights, photos] = outputs.map(|name| Output::create(&folder.join(name)));
-    let sheet = contact_sheet(&rows(study, ranking, records)?);
+    let sheet = study_sheet(study, ranking, records)?;
     Ok(vec![
         csv?.keep(|out| out.write_all(ranking_csv(ranking).as_bytes()))?,
         json?.keep(|out| {
@@ -147,35 +147,6 @@ pub(super) fn write_ranking(
         flights?.keep(|out| out.write_all(flights_csv(records).as_bytes()))?,
         photos?.keep(|out| sheet.write_png(out, None, &[]))?,
     ])
-}
-
-/// Height of a capital in the photos of the sheet.
-const SHEET_CAP_HEIGHT_PX: f64 = 110.0;
-
-/// A row for each scene: its median and its worst photo.
-fn rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<SheetRow>> {
-    let prepared = study.prepare()?;
-    let trials: Vec<_> = study.trials().collect();
-    let row = |measures: &Measures| {
-        let p = measures.legibility.value;
-        let mut row = SheetRow {
-            title: format!("{}: read with probability {p:.3}", measures.contender),
-            photos: Vec::new(),
-        };
-        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
-            let (trial, record) = (trials[at], &records[at]);
-            if record.outcome.flown.is_none() {
-                continue;
-            }
-            let ready = &prepared[trial.contender * study.words.len() + trial.word];
-            let photo = ready.photo(trial.seed, SHEET_CAP_HEIGHT_PX)?;
-            let read = &record.outcome.read;
-            let p = record.outcome.probability;
-            row.photos.push((photo, format!("{name}: {} as {read}, {p:.2}", record.word)));
-        }
-        Ok(row)
-    };
-    ranking.measures.iter().map(row).collect()
 }
 
 /// A ranking for people and for programs.

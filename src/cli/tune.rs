@@ -14,7 +14,8 @@ use super::report::{Report, wrapped};
 use super::studies::{StudyFlags, counter, open_store, ranking_table};
 use crate::error::{Error, Result};
 use crate::report::pareto;
-use crate::scene::{NamedScene, Scene};
+use crate::scene::NamedScene;
+use crate::scene::Scene;
 use crate::study::{
     Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, candidates_csv,
     evaluate, rank, tune,

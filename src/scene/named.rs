@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(find("cf21"), Scene::preset(Preset::Cf21));
         let heavy = Scene::find("cf21", &[("vehicle.mass_kg", "0.04")]).unwrap().scene;
         assert_eq!(heavy.vehicle.mass_kg, 0.04);
-        let error = Scene::find("nobody", &[]).unwrap_err();
+        let error = Scene::find("unknown", &[]).unwrap_err();
         assert!(error.to_string().contains("team, pid, geometric"), "{error}");
         assert_eq!(Scene::find("tunes", &[]).unwrap_err().hint(), "did you mean tuned?");
     }

@@ -147,7 +147,7 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the line of what is no TOML, of an unknown key or of an unknown name.
+/// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));

@@ -51,7 +51,7 @@ pub struct Shoot {
     pub scene: Scene,
     /// Strokes of the word or drawing; `None` where recordings are photographed without one.
     pub strokes: Option<Strokes>,
-    /// What is sent, one plan for each drone.
+    /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
     /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
     pub recordings: Vec<Recording>,
@@ -232,8 +232,8 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// What the stages report. [`crate::error::Error::Input`] for a camera behind the word, where it reads
-    /// mirrored, and for one among the lamps.
+    /// Those of the stages. [`crate::error::Error::Input`] for a camera behind the word, where it
+    /// reads mirrored, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,

@@ -27,7 +27,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// What the stages report, except for a flight that cannot be flown: that is a finding.
+    /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
         let mut findings = Vec::new();
         if let Some(strokes) = &self.strokes {

@@ -44,9 +44,9 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] saying what is missing.
+    /// [`Error::Input`] with the missing part.
     pub fn check(&self) -> Result<()> {
-        let hint = "for example: noctograph rank team tuned --words NOOR --seeds 50";
+        let hint = "name scenes and words, such as NOOR with 50 seeds";
         if self.contenders.is_empty() || self.words.iter().all(|(_, n)| *n == 0) {
             let found = format!("{} scenes, {} words", self.contenders.len(), self.words.len());
             return Err(Error::input("study", found, "at least one of each, and a seed", hint));
@@ -98,7 +98,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// What [`Prepared::new`] says.
+    /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
         both.map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
@@ -106,14 +106,15 @@ impl Study {
     }
 }
 
-/// Flies trials, on as many threads as rayon's pool has; what the store holds is not flown again, and
-/// what is flown goes into it at once. `done` hears how many trials are done, from any thread.
+/// Flies trials, on as many threads as rayon's pool has; trials in the
+/// store are not flown again, and new ones go into it at once. `done` is called with the number of
+/// trials that are done, from any thread.
 ///
 /// The records come in the order of the trials: they depend on nothing but the study.
 ///
 /// # Errors
 ///
-/// What the flights and the store say; what was flown before stays in the store.
+/// Those of the flights and the store; earlier trials stay in the store.
 pub fn evaluate(
     study: &Study,
     trials: &[Trial],
@@ -123,7 +124,7 @@ pub fn evaluate(
     evaluate_prepared(study, &study.prepare()?, trials, store, done)
 }
 
-/// The same with what [`Study::prepare`] made before.
+/// The same with the scenes of [`Study::prepare`].
 pub(super) fn evaluate_prepared(
     study: &Study,
     prepared: &[Prepared],

@@ -1,67 +1,49 @@
-//! Learning: the reference and the light schedule are corrected by what earlier flights of the same
-//! word missed (iterative learning control).
+//! Learning: reference and light schedule are corrected by the errors of earlier flights of the same
+//! word (iterative learning control).
 //!
-//! 1. The error that repeats: the mean over flights of `flown − design` while letters are written,
-//!    shrunk where flights disagree (positive-part James–Stein), smoothed without phase.
-//! 2. The reference moves against a share of it, through the inverse of the scene's loop
-//!    ([`feedforward::learn`]): what is sent now must answer for what is flown later.
-//! 3. The light commands are aimed at where strokes begin and end on such a flight
-//!    ([`aim`]).
-//! 4. Learning stops when a round does not help beyond chance: flights of the same seeds, pair by
-//!    pair. The best reference is kept, not the last.
+//! Each round flies the plan with the same seeds and corrects it ([`correct`]). Learning stops when
+//! rounds no longer help beyond chance, pair by pair of flights. The best plan is kept, not the last.
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control
-//! Systems 26 (2006); for quadrotors Schoellig, Mueller, D'Andrea, "Optimization-based iterative learning for
-//! precise quadrocopter trajectory tracking", Autonomous Robots 33 (2012).
+//! Systems 26 (2006); for quadrotors Schoellig, Mueller, D'Andrea, "Optimization-based iterative
+//! learning for precise quadrocopter trajectory tracking", Autonomous Robots 33 (2012).
 //!
 //! Not done: a model of the drone that learns, too; learning of one word for another.
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::statistics::mean;
+use super::correct::correct;
+use super::statistics::{mean, standard_error};
 use super::{Outcome, Prepared, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::flight::comparison::{ComparisonOptions, compare};
-use crate::plan::{Plan, feedforward, relight};
-use crate::scene::Scene;
-use crate::shoot::{aim, rehearse};
-use crate::sim::step_responses;
+use crate::plan::Plan;
+use crate::settings::{Described, settings};
 
-/// Grid on which errors are averaged.
-const STEP_S: f64 = 0.02;
-/// Largest error that is learned from at once: what is beyond is a step between letters.
-const MOST_M: f64 = 0.08;
-/// A round helped when its mean gain is so many standard errors above nothing.
+/// A round helped when its mean gain is this many standard errors above zero.
 const SURE: f64 = 2.0;
 /// Rounds that may fail in a row before learning stops.
 const PATIENCE: u32 = 3;
 
-/// How to learn.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LearnOptions {
-    /// Most rounds.
-    pub rounds: u32,
-    /// Flights of a round.
-    pub flights: u32,
-    /// Share of the error that a round takes off, 0 to 1. More learns faster, and noise with it.
-    pub gain: f64,
-    /// Smoothing of the error, σ. Less follows corners closer, and is unstable from about the time in
-    /// which the drone answers.
-    pub smooth_s: f64,
-    /// Seed of all seeds.
-    pub seed: u64,
-}
-
-impl Default for LearnOptions {
-    fn default() -> Self {
-        Self { rounds: 12, flights: 8, gain: 0.6, smooth_s: 0.08, seed: 0 }
+settings! {
+    /// How to learn.
+    pub struct LearnOptions {
+        /// Largest number of rounds.
+        rounds: u32 = 12;
+        /// Flights of a round.
+        flights: u32 = 8, in 1.0..=10_000.0;
+        /// Share of the error that a round removes. More learns faster, and noise with it.
+        gain: f64 = 0.6, in 0.0..=1.0;
+        /// Smoothing of the error, σ. Less follows corners closer, and is unstable below about the
+        /// response time of the drone.
+        smooth_s: f64 = 0.08, in 0.0..=10.0;
+        /// Seed of all seeds.
+        seed: u64 = 0;
     }
 }
 
-/// A round of learning: what its flights were worth with what had been learned before.
+/// A round of learning: the figures of its flights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Round {
     /// Mean probability of being read.
@@ -70,15 +52,15 @@ pub struct Round {
     pub merit: f64,
     /// Mean distance from the path, m.
     pub contour_m: f64,
-    /// Root mean square error in the plane, m.
+    /// Root mean square error in the word's plane, m.
     pub rmse_m: f64,
     /// Lag, s.
     pub lag_s: f64,
-    /// Whether it is the best so far, beyond chance.
+    /// Whether it is significantly better than all rounds before.
     pub kept: bool,
 }
 
-/// What was learned.
+/// The result of learning.
 #[derive(Clone, Debug)]
 pub struct Learned {
     /// The plans to send, one for each drone.
@@ -87,11 +69,11 @@ pub struct Learned {
     pub rounds: Vec<Round>,
 }
 
-/// Learns in the simulator. `watch` hears of every round.
+/// Learns in the simulator. `watch` is called after every round.
 ///
 /// # Errors
 ///
-/// What the flights and the store say; [`Error::Infeasible`] where every flight of the first round
+/// Those of the flights and the store; [`Error::Infeasible`] where every flight of the first round
 /// loses the drone.
 pub fn learn(
     ready: &Prepared,
@@ -99,6 +81,7 @@ pub fn learn(
     store: Option<&Store>,
     watch: &mut dyn FnMut(&Round),
 ) -> Result<Learned> {
+    options.check("", None)?;
     let seeds: Vec<u64> = (0..options.flights.max(2)).map(|index| seed(options, index)).collect();
     let mut sent = ready.plans();
     let mut best: Option<(Vec<Plan>, Vec<Vec<Flight>>, Vec<Outcome>)> = None;
@@ -119,7 +102,7 @@ pub fn learn(
         } else {
             failed += 1;
         }
-        // From the best again, and less of it, where the last round did not help.
+        // Again from the best plan, with less gain where the last round did not help.
         let (from, flights, _) = best.as_ref().expect("the first round is kept");
         if failed == PATIENCE || flights.is_empty() {
             break;
@@ -162,28 +145,20 @@ fn fly(ready: &Prepared, seed: u64, store: Option<&Store>) -> Result<(Vec<Flight
     Ok((flights, record.outcome))
 }
 
-/// Whether flights are better than those of the same seeds before: they read better beyond chance, or
-/// no worse and are nearer to the path beyond chance.
+/// Whether flights are significantly better than earlier ones of the same seeds: they read better, or
+/// they read no worse and are closer to the path.
 fn helped(before: &[Outcome], now: &[Outcome]) -> bool {
     let gain = |value: fn(&Outcome) -> f64| -> Vec<f64> {
         before.iter().zip(now).map(|(before, now)| value(now) - value(before)).collect()
     };
     let off = |o: &Outcome| o.flown.map_or(-1.0, |flown| -flown.contour_m);
     let (reads, near) = (gain(Outcome::merit), gain(off));
-    sure(&reads) > 0.0 || (sure(&near) > 0.0 && mean(&reads) > -0.05)
+    lower_limit(&reads) > 0.0 || (lower_limit(&near) > 0.0 && mean(&reads) > -0.05)
 }
 
-/// Lower end of what the mean surely is.
-fn sure(values: &[f64]) -> f64 {
+/// Lower confidence limit of the mean.
+fn lower_limit(values: &[f64]) -> f64 {
     mean(values) - SURE * standard_error(values)
-}
-
-fn standard_error(values: &[f64]) -> f64 {
-    let middle = mean(values);
-    let squares: Vec<f64> = values.iter().map(|v| (v - middle) * (v - middle)).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a few flights")]
-    let n = values.len() as f64;
-    if n < 2.0 { 0.0 } else { (mean(&squares) / (n - 1.0)).sqrt() }
 }
 
 fn round(outcomes: &[Outcome], kept: bool) -> Round {
@@ -200,157 +175,10 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
     }
 }
 
-/// The plan to send next, after flights of `sent` by simulator or by hand, with clocks that begin
-/// together with the plan's.
-///
-/// # Errors
-///
-/// [`Error::Input`] where no flight writes letters, and what the scene's loop says.
-///
-/// # Panics
-///
-/// If there is no flight.
-pub fn correct(
-    sent: &Plan,
-    scene: &Scene,
-    flights: &[Flight],
-    options: &LearnOptions,
-) -> Result<Plan> {
-    assert!(!flights.is_empty(), "something to learn from");
-    let error = smoothed(&repeating(flights), options.smooth_s);
-    let at = |time_s: f64| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let index = (time_s / STEP_S).round().max(0.0) as usize;
-        error.get(index).copied().unwrap_or_default()
-    };
-    // A flight with the error that repeats, and nothing else.
-    let mut missed = rehearse(scene, sent)?;
-    let mut typical = missed.clone();
-    for (missed, typical) in missed.samples.iter_mut().zip(&mut typical.samples) {
-        let error_m = at(missed.time_s);
-        missed.position_m = missed.design_m + error_m * options.gain;
-        if typical.letter.is_some() {
-            typical.position_m = typical.design_m + error_m;
-        }
-    }
-    let responses = step_responses(&scene.sim())?;
-    let mut next = feedforward::learn(sent, &missed, &responses);
-    // What is sent while nothing is written stays: take-off and landing are nobody's letters.
-    for (row, setpoint) in sent.setpoints.iter().enumerate() {
-        if setpoint.letter.is_none() {
-            next.sent_m[row] = sent.sent_m(row);
-        }
-    }
-    Ok(aim(scene, &next, &typical)?.plan)
-}
-
-/// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
-const MAX_APART_M: f64 = 0.2;
-
-/// Gives a real flight of a plan the plan's clock, letters and design; `file` is its name in
-/// messages.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a flight of another plan; as [`relight`] and [`compare`].
-pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> Result<Flight> {
-    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
-        relight(&mut flight, &ready.scene().strokes()?)?;
-    }
-    // The design of a log is what was sent, so the flight that sets its clock gets the same.
-    let mut planned = rehearse(ready.scene(), sent)?;
-    let row_at = |time_s: f64| {
-        sent.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6).saturating_sub(1)
-    };
-    for sample in &mut planned.samples {
-        sample.design_m = sent.sent_m(row_at(sample.time_s));
-    }
-    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
-    for sample in &mut flight.samples {
-        sample.time_s += offset_s;
-    }
-    let mut apart_m = Vec::new();
-    for sample in &mut flight.samples {
-        let row = row_at(sample.time_s);
-        let setpoint = &sent.setpoints[row];
-        if setpoint.letter.is_some() {
-            apart_m.push((sample.design_m - sent.sent_m(row)).norm());
-        }
-        sample.design_m = setpoint.design_m(sample.time_s.max(setpoint.time_s));
-        sample.letter = setpoint.letter;
-    }
-    let apart_m = mean(&apart_m);
-    if apart_m > MAX_APART_M {
-        let found = format!("setpoints {apart_m:.2} m from those of the plan");
-        let hint = "name the plan that was sent, and the word that it wrote";
-        return Err(Error::input(file, found, "a flight of this plan", hint));
-    }
-    Ok(flight)
-}
-
-/// What flights have in common of `flown − design`, on the grid; nothing outside letters.
-fn repeating(flights: &[Flight]) -> Vec<Vector3<f64>> {
-    let ends = flights.iter().filter_map(|flight| flight.samples.last());
-    let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
-    let n = (end_s / STEP_S) as usize + 1;
-    let mut errors: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); n];
-    for flight in flights {
-        let mut next = 0;
-        for sample in flight.samples.iter().filter(|sample| sample.letter.is_some()) {
-            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
-            while next < n && (next as f64) * STEP_S < sample.time_s - STEP_S {
-                next += 1;
-            }
-            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
-            if next < n && (next as f64) * STEP_S <= sample.time_s {
-                errors[next].push(sample.position_m - sample.design_m);
-                next += 1;
-            }
-        }
-    }
-    errors.iter().map(|seen| shared(seen)).collect()
-}
-
-/// The mean of some errors, shrunk by how unsure it is; of one, the error itself.
-fn shared(errors: &[Vector3<f64>]) -> Vector3<f64> {
-    if errors.is_empty() {
-        return Vector3::zeros();
-    }
-    Vector3::from_fn(|axis, _| {
-        let values: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
-        let (middle, doubt) = (mean(&values), standard_error(&values));
-        let trust = if middle == 0.0 { 0.0 } else { 1.0 - (doubt / middle) * (doubt / middle) };
-        (middle * trust.max(0.0)).clamp(-MOST_M, MOST_M)
-    })
-}
-
-/// Gaussian smoothing without phase; ends are held.
-fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
-    let sigma = (sigma_s / STEP_S).max(1e-3);
-    #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
-    let reach = (3.0 * sigma).ceil() as isize;
-    let weight = |tap: isize| {
-        #[expect(clippy::cast_precision_loss, reason = "some seconds")]
-        let z = tap as f64 / sigma;
-        libm::exp(-0.5 * z * z)
-    };
-    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
-    let sum: f64 = weights.iter().sum();
-    let last = values.len().cast_signed() - 1;
-    let at = |index: isize| values[index.clamp(0, last).cast_unsigned()];
-    (0..=last)
-        .map(|middle| {
-            let taps = (-reach..=reach).zip(&weights);
-            taps.map(|(tap, weight)| at(middle + tap) * *weight).sum::<Vector3<f64>>() / sum
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::NamedScene;
+    use crate::scene::{NamedScene, Scene};
     use crate::sim::ControllerKind;
     use crate::study::Conditions;
 
@@ -373,18 +201,6 @@ mod tests {
         let mut csv = Vec::new();
         learned.plans[0].write_csv(&mut csv).unwrap();
         assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plans[0], "as a file");
-    }
-
-    #[test]
-    fn what_does_not_repeat_is_not_learned() {
-        let one = [Vector3::new(0.02, 0.01, 0.0)];
-        assert_eq!(shared(&one), one[0], "a single flight is all there is");
-        let agree = [Vector3::x() * 0.02, Vector3::x() * 0.021, Vector3::x() * 0.019];
-        assert!((shared(&agree).x - 0.02).abs() < 1e-4);
-        let differ = [Vector3::x() * 0.05, Vector3::x() * -0.045, Vector3::x() * 0.001];
-        assert_eq!(shared(&differ), Vector3::zeros());
-        let wild = [Vector3::x(); 3];
-        assert_eq!(shared(&wild).x, MOST_M, "no step is learned at once");
     }
 
     #[test]

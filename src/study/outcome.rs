@@ -34,104 +34,56 @@ pub struct Outcome {
     pub lost: Option<String>,
 }
 
-/// Figures of a flight, over the letters where nothing else is said. Of several drones: the mean,
-/// but the largest drift, tilt and duration, and all energy.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Flown<T = f64> {
-    /// Mean distance from the path in the word's plane.
-    pub contour_m: T,
-    /// Lag behind the design.
-    pub lag_s: T,
-    /// Root mean square error against the design along x.
-    pub rmse_x_m: T,
-    /// Along y.
-    pub rmse_y_m: T,
-    /// Along z.
-    pub rmse_z_m: T,
-    /// Largest distance from the word's plane.
-    pub drift_y_m: T,
-    /// Largest tilt: roll or pitch.
-    pub tilt_rad: T,
-    /// Share of the time in which a motor is saturated.
-    pub saturated_frac: T,
-    /// Duration of the whole flight.
-    pub duration_s: T,
-    /// Energy of the whole flight: current of the thrust and of the electronics at the
-    /// open-circuit voltage.
-    pub energy_j: T,
+/// Declares [`Flown`] with the list of its figures.
+macro_rules! figures {
+    ($($(#[$doc:meta])* $name:ident,)*) => {
+        /// Figures of a flight, over the letters where nothing else is said. Of several drones: the
+        /// mean, but the largest drift, tilt and duration, and all energy.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        pub struct Flown<T = f64> {
+            $($(#[$doc])* pub $name: T,)*
+        }
+
+        impl<T> Flown<T> {
+            /// Names of the figures in files.
+            pub const NAMES: [&str; 10] = [$(stringify!($name)),*];
+
+            /// All figures in the order of [`Self::NAMES`].
+            #[must_use]
+            pub fn values(self) -> [T; 10] {
+                [$(self.$name),*]
+            }
+
+            /// Figures in the order of [`Self::NAMES`].
+            pub(super) fn from_values([$($name),*]: [T; 10]) -> Self {
+                Self { $($name),* }
+            }
+        }
+    };
 }
 
-impl<T: Copy> Flown<T> {
-    /// Names of the figures in files.
-    pub const NAMES: [&str; 10] = [
-        "contour_m",
-        "lag_s",
-        "rmse_x_m",
-        "rmse_y_m",
-        "rmse_z_m",
-        "drift_y_m",
-        "tilt_rad",
-        "saturated_frac",
-        "duration_s",
-        "energy_j",
-    ];
-
-    /// All figures in the order of [`Self::NAMES`].
-    #[must_use]
-    pub fn values(&self) -> [T; 10] {
-        let Self {
-            contour_m,
-            lag_s,
-            rmse_x_m,
-            rmse_y_m,
-            rmse_z_m,
-            drift_y_m,
-            tilt_rad,
-            saturated_frac,
-            duration_s,
-            energy_j,
-        } = *self;
-        [
-            contour_m,
-            lag_s,
-            rmse_x_m,
-            rmse_y_m,
-            rmse_z_m,
-            drift_y_m,
-            tilt_rad,
-            saturated_frac,
-            duration_s,
-            energy_j,
-        ]
-    }
-
-    /// Figures in the order of [`Self::NAMES`].
-    pub(super) fn from_values(values: [T; 10]) -> Self {
-        let [
-            contour_m,
-            lag_s,
-            rmse_x_m,
-            rmse_y_m,
-            rmse_z_m,
-            drift_y_m,
-            tilt_rad,
-            saturated_frac,
-            duration_s,
-            energy_j,
-        ] = values;
-        Self {
-            contour_m,
-            lag_s,
-            rmse_x_m,
-            rmse_y_m,
-            rmse_z_m,
-            drift_y_m,
-            tilt_rad,
-            saturated_frac,
-            duration_s,
-            energy_j,
-        }
-    }
+figures! {
+    /// Mean distance from the path in the word's plane.
+    contour_m,
+    /// Lag behind the design.
+    lag_s,
+    /// Root mean square error against the design along x.
+    rmse_x_m,
+    /// Along y.
+    rmse_y_m,
+    /// Along z.
+    rmse_z_m,
+    /// Largest distance from the word's plane.
+    drift_y_m,
+    /// Largest tilt: roll or pitch.
+    tilt_rad,
+    /// Share of the time in which a motor is saturated.
+    saturated_frac,
+    /// Duration of the whole flight.
+    duration_s,
+    /// Energy of the whole flight: current of the thrust and of the electronics at the
+    /// open-circuit voltage.
+    energy_j,
 }
 
 impl Outcome {
@@ -196,17 +148,15 @@ impl Flown {
         let each = flights.iter().map(|flight| Self::from_flight(flight, believed));
         let each: Vec<[f64; 10]> =
             each.map(|figures| Ok(figures?.values())).collect::<Result<_>>()?;
-        let values = Self::NAMES.map(|name| {
-            let index = Self::NAMES.iter().position(|other| *other == name);
-            let index = index.expect("a name of the list");
+        let figure = |index: usize| {
             let of_drones = each.iter().map(|values| values[index]);
-            match name {
+            match Self::NAMES[index] {
                 "drift_y_m" | "tilt_rad" | "duration_s" => of_drones.fold(0.0, f64::max),
                 "energy_j" => of_drones.sum(),
                 _ => mean(&of_drones.collect::<Vec<_>>()),
             }
-        });
-        Ok(Self::from_values(values))
+        };
+        Ok(Self::from_values(std::array::from_fn(figure)))
     }
 
     fn from_flight(flight: &Flight, believed: &SimOptions) -> Result<Self> {

@@ -1,4 +1,4 @@
-//! Ranking: contenders in order of legibility, and which of them cannot be told apart.
+//! Ranking: contenders in order of legibility, and which of them are indistinguishable.
 
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct Ranking {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best; those that cannot be told from a better one share its place.
+    /// 1 for the best; those indistinguishable from a better one share its place.
     pub place: usize,
     /// Flights.
     pub n_flights: usize,
@@ -54,7 +54,7 @@ pub struct Pair {
     /// Mean difference of probability, with an interval at a level that holds for all pairs
     /// together (Bonferroni).
     pub difference: Estimate,
-    /// Whether they can be told apart: the interval has no zero.
+    /// Whether the interval excludes zero.
     pub distinguishable: bool,
 }
 
@@ -97,13 +97,14 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
         }
     }
     for index in 0..measures.len() {
-        let told = |better: &Measures| {
+        let surely_worse = |better: &Measures| {
             let of_both = |pair: &&Pair| {
                 pair.better == better.contender && pair.worse == measures[index].contender
             };
             pairs.iter().find(of_both).is_some_and(|pair| pair.distinguishable)
         };
-        measures[index].place = 1 + measures[..index].iter().filter(|better| told(better)).count();
+        measures[index].place =
+            1 + measures[..index].iter().filter(|better| surely_worse(better)).count();
     }
     Ranking { measures, pairs }
 }
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_steady_difference_is_told_from_a_large_one_by_chance() {
+    fn a_small_steady_difference_is_distinguishable_and_a_large_random_one_is_not() {
         let steps: Vec<f64> = (0..40).map(|k| 0.3 + 0.01 * f64::from(k)).collect();
         let steadily_better: Vec<f64> = steps.iter().map(|p| p + 0.004).collect();
         let ranking = ranked(&[&steps, &steadily_better]);

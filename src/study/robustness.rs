@@ -1,6 +1,6 @@
 //! Robustness: which of the things that differ from flight to flight breaks the word first.
 //!
-//! Each factor by itself, and all together, is made wider step by step, in multiples of what is usual
+//! Each factor by itself, and all together, is made wider step by step, in multiples of the usual
 //! ([`Conditions::default`]), while all others stay as the scene has them. A word breaks where half of
 //! the flights no longer read letter by letter.
 
@@ -14,14 +14,14 @@ use crate::scene::NamedScene;
 /// Share of flights that must read.
 const HALF: f64 = 0.5;
 
-/// What is tried.
+/// Options of [`robustness`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobustnessOptions {
-    /// The scene and what it writes, each word with its seeds.
+    /// The scene.
     pub contender: NamedScene,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
-    /// What counts as once: the usual width of every factor.
+    /// The usual width of every factor, which counts as once.
     pub usual: Conditions,
     /// Multiples of it, rising from 0.
     pub times: Vec<f64>,
@@ -29,7 +29,7 @@ pub struct RobustnessOptions {
     pub seed: u64,
 }
 
-/// How the word stands one factor.
+/// Endurance of the word under one factor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Endurance {
     /// The factor; `None`: all of them together.
@@ -52,12 +52,12 @@ pub struct Level {
     pub all_read: f64,
 }
 
-/// Tries every factor and all together; what breaks the word first comes first. `done` hears how many
-/// flights are done.
+/// Tries every factor and all together; the factor that breaks the word first comes first.
+/// `done` is called with the number of flights that are done.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for multiples that do not rise; what the flights and the store say.
+/// [`Error::Input`] for multiples that do not rise; those of the flights and the store.
 pub fn robustness(
     options: &RobustnessOptions,
     store: Option<&Store>,
@@ -66,8 +66,8 @@ pub fn robustness(
     let rises = options.times.windows(2).all(|pair| pair[0] < pair[1]);
     if options.times.len() < 2 || !rises || options.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
         let wanted = "at least two numbers from 0 to 1000, each above the one before";
-        let hint = "for example --times 0,1,2,4,8";
-        return Err(Error::input("--times", format!("{:?}", options.times), wanted, hint));
+        let hint = "for example 0, 1, 2, 4, 8";
+        return Err(Error::input("times", format!("{:?}", options.times), wanted, hint));
     }
     let mut before = 0;
     let mut endurances = Vec::new();
@@ -155,6 +155,6 @@ mod tests {
         let scene = found[0].levels[0];
         assert!(found.iter().all(|e| e.levels[0] == scene), "0 times is the scene: {found:?}");
         let wrong = RobustnessOptions { times: vec![1.0, 1.0], ..options };
-        assert!(robustness(&wrong, None, &|_| {}).unwrap_err().to_string().contains("--times"));
+        assert!(robustness(&wrong, None, &|_| {}).unwrap_err().to_string().starts_with("times"));
     }
 }

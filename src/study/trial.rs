@@ -99,7 +99,7 @@ impl Prepared {
     pub fn shoot(&self, seed: u64) -> Shoot {
         let mut shoot = self.shoot.clone();
         shoot.scene.seed = seed;
-        let departures = (0..).map(|drone| self.conditions.draw(seed, drone).apply(&self.scene));
+        let departures = (0..).map(|drone| self.conditions.draw(&self.scene, seed, drone));
         shoot.actual = departures.take(shoot.plans.len()).collect();
         shoot
     }

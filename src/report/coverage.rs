@@ -20,7 +20,8 @@ const ONE_STATION: &str = "#b8b8b8";
 const NO_STATION: &str = "#5a5a5a";
 
 /// Draws a coverage, with a frame around the word if there is one.
-pub(super) fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
+#[must_use]
+pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     Map::new(grid).draw(word_m)
 }
 
