@@ -59,7 +59,11 @@ pub(super) fn document(scene: &Scene) -> String {
 
 /// The settings of a table, its own values before the tables in it.
 fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    let is_table = |setting: &&Setting| values.get(setting.key).is_some_and(Value::is_table);
+    let is_list =
+        |value: &Value| value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table));
+    let is_table = |setting: &&Setting| {
+        values.get(setting.key).is_some_and(|value| value.is_table() || is_list(value))
+    };
     for setting in settings.iter().filter(|setting| !is_table(setting)) {
         comment(text, setting.doc, setting.range);
         if let Shape::Names(variants) = setting.shape {
@@ -75,8 +79,14 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
         let path = format!("{path}{dot}{}", setting.key);
         text.push('\n');
         comment(text, setting.doc, None);
+        let values = match &values[setting.key] {
+            Value::Table(values) => values,
+            rows => {
+                rows_of(text, &path, rows);
+                continue;
+            }
+        };
         *text += &format!("[{path}]\n");
-        let values = values[setting.key].as_table().expect("filtered");
         match setting.shape {
             Shape::Group(settings) => group(text, &path, settings, values),
             Shape::Tagged(variants) => {
@@ -94,14 +104,30 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
     }
 }
 
-/// One key with its value; a list of tables takes a line a table.
+/// A list of tables.
+fn rows_of(text: &mut String, path: &str, rows: &Value) {
+    for (index, row) in rows.as_array().into_iter().flatten().enumerate() {
+        let gap = if index > 0 { "\n" } else { "" };
+        *text += &format!("{gap}[[{path}]]\n");
+        row.as_table().into_iter().flatten().for_each(|(key, value)| entry(text, key, value));
+    }
+}
+
+/// One key with its value; a long list takes several lines.
 fn entry(text: &mut String, key: &str, value: &Value) {
+    let line = format!("{key} = {value}\n");
     match value.as_array() {
-        Some(rows) if rows.iter().any(Value::is_table) => {
-            let rows: String = rows.iter().map(|row| format!("    {row},\n")).collect();
-            *text += &format!("{key} = [\n{rows}]\n");
+        Some(items) if line.chars().count() > WIDTH + 1 => {
+            *text += &format!("{key} = [\n");
+            if items.iter().all(|item| item.is_float() || item.is_integer()) {
+                let items: Vec<String> = items.iter().map(Value::to_string).collect();
+                wrap(text, "    ", "    ", &(items.join(", ") + ","));
+            } else {
+                items.iter().for_each(|item| *text += &format!("    {item},\n"));
+            }
+            *text += "]\n";
         }
-        _ => *text += &format!("{key} = {value}\n"),
+        _ => *text += &line,
     }
 }
 

@@ -107,12 +107,12 @@ pub struct HoldSample {
     /// True hover throttle.
     pub hover_throttle: f64,
     /// Readings of the step.
-    pub readings: Vec<Reading>,
+    pub readings: Vec<Measurement>,
 }
 
 /// A reading against its prediction.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading {
+pub struct Measurement {
     /// What measured it.
     pub sensor: Sensor,
     /// Its innovation.
@@ -176,7 +176,7 @@ pub fn hold(
                 }
                 let measured_m = truth.measured_m(*sensor, time_s, error, options);
                 let (innovation, taken) = filter.update(*sensor, measured_m);
-                readings.push(Reading { sensor: *sensor, innovation, taken });
+                readings.push(Measurement { sensor: *sensor, innovation, taken });
             }
             let [z, v] = [State::Altitude, State::Velocity].map(|state| filter.estimate(state));
             throttle = filter.throttle(-k_z * z - k_v * v);
