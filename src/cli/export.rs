@@ -10,8 +10,9 @@ use super::flags::SubjectFlags;
 use super::names::named;
 use super::output::{Output, OutputFolder};
 use super::report::{Report, line};
+use super::warn;
 use crate::error::{Error, Result};
-use crate::export::{Format, Job, Mode, deviation_m, export};
+use crate::export::{Form, Format, Job, Mode, deviation_m, export};
 use crate::plan::Plan;
 use crate::shoot::Shoot;
 
@@ -34,15 +35,11 @@ pub(super) struct ExportArgs {
     output: Option<PathBuf>,
 }
 
-/// Default tolerances, mm: polynomials of degree 7 round corners further for the same memory.
-const TOLERANCE_MM: f64 = 2.0;
-const POLYNOMIAL_TOLERANCE_MM: f64 = 5.0;
-
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let polynomials =
         matches!(args.to, Format::Poly4d | Format::Crazyswarm2 | Format::UavTrajectories);
-    let default_mm = if polynomials { POLYNOMIAL_TOLERANCE_MM } else { TOLERANCE_MM };
-    let tolerance_mm = args.tolerance.unwrap_or(default_mm);
+    let form = if polynomials { Form::Poly4d } else { Form::Compressed };
+    let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let shoot = args.subject.shoot(|_| Ok(()))?;
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
@@ -87,7 +84,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     if let Some(off_m) = deviation_m {
         text += &line("deviation", &format!("up to {:.1} mm from the design", 1e3 * off_m));
         if off_m > 2.0 * job.tolerance_m {
-            super::tell("warning: ", "the design jumps; plan with --style even for a smooth one");
+            warn(&["the design jumps; plan with --style even for a smooth one".to_owned()]);
         }
     }
     let json = json!({

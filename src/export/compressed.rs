@@ -128,6 +128,15 @@ impl Compressed {
         Err(stretch.too_long(until_s, &found, hint))
     }
 
+    /// Bytes of a plan within a distance of its design, whether or not they fit the memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::encode`], but for the length.
+    pub fn n_bytes(plan: &Plan, tolerance_m: f64) -> Result<usize> {
+        Ok(Self::of_any_length(&Stretch::new(plan)?, tolerance_m)?.to_bytes().len())
+    }
+
     /// The same, whether or not it fits the memory.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;

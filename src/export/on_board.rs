@@ -35,6 +35,18 @@ settings! {
     }
 }
 
+impl Form {
+    /// Distance from the design that each form is exported within, unless another is asked for, m:
+    /// polynomials of degree 7 need more memory for the same.
+    #[must_use]
+    pub fn tolerance_m(self) -> f64 {
+        match self {
+            Self::Compressed => 0.002,
+            Self::Poly4d => 0.005,
+        }
+    }
+}
+
 /// Plans as they are flown with trajectories on board that all start together.
 ///
 /// # Errors
