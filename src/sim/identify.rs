@@ -1,12 +1,12 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the reference
-//! team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne, of the
-//! measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ by
-//! finite differences; thrust per command is fitted to the accelerometer, and the mean motor
-//! commands show the torque that compensates a displaced center of mass. Inertia comes
-//! from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque
-//! is fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
+//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the
+//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
+//! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
+//! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
+//! commands show the torque that compensates a displaced center of mass. Inertia comes from a
+//! pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is
+//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
 //!
 //! Not done: inertia from flight, where slow logs do not show it.
 
@@ -77,8 +77,8 @@ pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
 
-/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body that
-/// swings with period T about a pivot at distance r from its center of mass.
+/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body
+/// that swings with period T about a pivot at distance r from its center of mass.
 ///
 /// # Errors
 ///
