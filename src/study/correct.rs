@@ -8,13 +8,14 @@
 
 use nalgebra::Vector3;
 
+use super::Prepared;
 use super::statistics::{mean, standard_error};
-use super::{LearnOptions, Prepared};
 use crate::error::{Error, Result};
 use crate::flight::comparison::{ComparisonOptions, compare};
 use crate::flight::{Flight, FlightSample};
 use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
+use crate::settings::settings;
 use crate::shoot::{aim, rehearse};
 use crate::sim::step_responses;
 
@@ -22,6 +23,23 @@ use crate::sim::step_responses;
 const STEP_S: f64 = 0.02;
 /// Largest error that is corrected at once: larger ones are steps between letters.
 const MAX_ERROR_M: f64 = 0.08;
+
+settings! {
+    /// How to learn.
+    pub struct LearnOptions {
+        /// Largest number of rounds.
+        rounds: u32 = 12;
+        /// Flights of a round.
+        flights: u32 = 8, in 1.0..=10_000.0;
+        /// Share of the error that a round removes. More learns faster, and noise with it.
+        gain: f64 = 0.6, in 0.0..=1.0;
+        /// Smoothing of the error, σ. Less follows corners closer, and is unstable below about the
+        /// response time of the drone.
+        smooth_s: f64 = 0.08, in 0.0..=10.0;
+        /// Seed of all seeds.
+        seed: u64 = 0;
+    }
+}
 
 /// Corrects a plan by its flights, simulated or real, whose clocks begin with the plan's.
 ///

@@ -12,36 +12,19 @@
 
 use rayon::prelude::*;
 
-use super::correct::correct;
+use super::correct::{LearnOptions, correct};
 use super::statistics::{mean, standard_error};
 use super::{Outcome, Prepared, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::Plan;
-use crate::settings::{Described, settings};
+use crate::settings::Described;
 
 /// A round helped when its mean gain is this many standard errors above zero.
 const SURE: f64 = 2.0;
 /// Rounds that may fail in a row before learning stops.
 const PATIENCE: u32 = 3;
-
-settings! {
-    /// How to learn.
-    pub struct LearnOptions {
-        /// Largest number of rounds.
-        rounds: u32 = 12;
-        /// Flights of a round.
-        flights: u32 = 8, in 1.0..=10_000.0;
-        /// Share of the error that a round removes. More learns faster, and noise with it.
-        gain: f64 = 0.6, in 0.0..=1.0;
-        /// Smoothing of the error, σ. Less follows corners closer, and is unstable below about the
-        /// response time of the drone.
-        smooth_s: f64 = 0.08, in 0.0..=10.0;
-        /// Seed of all seeds.
-        seed: u64 = 0;
-    }
-}
 
 /// A round of learning: the figures of its flights.
 #[derive(Clone, Debug, PartialEq)]

@@ -39,11 +39,11 @@ mod trial;
 mod tune;
 
 pub use conditions::{Conditions, Factor};
-pub use correct::{align, correct};
+pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
 pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
-pub use learn::{LearnOptions, Learned, Round, learn};
+pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
 pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
