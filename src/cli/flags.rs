@@ -153,7 +153,8 @@ impl PlanFlags {
 /// A word, or ready plans, with the scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
-    /// Word to write, or plans that fly together (*.csv) [default: the scene's word]
+    /// Word to write, or plans that fly together (*.csv, or their folder) [default: the scene's
+    /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
     /// Word that the plans or flights write [default: the scene's]
@@ -186,9 +187,10 @@ impl SubjectFlags {
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
         let NamedScene { mut scene, plans: mut learned, .. } = self.named()?;
         change(&mut scene)?;
+        let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
         let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        let plans: Vec<&String> = self.inputs.iter().filter(is_plan).collect();
-        match self.inputs.as_slice() {
+        let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
+        match inputs.as_slice() {
             [] => {}
             [word] if plans.is_empty() => set_word(&mut scene, word),
             all if all.len() == plans.len() => {
@@ -206,6 +208,14 @@ impl SubjectFlags {
             None => Shoot::new(scene),
         }
     }
+}
+
+/// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
+fn plans_in(input: &str) -> Vec<String> {
+    let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
+    let found = numbered.take_while(|path| path.is_file());
+    let found: Vec<String> = found.map(|path| path.display().to_string()).collect();
+    if found.is_empty() { vec![input.to_owned()] } else { found }
 }
 
 /// The camera.

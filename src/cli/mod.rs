@@ -16,6 +16,7 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
+mod export;
 mod expose;
 mod findings;
 mod flags;
@@ -115,6 +116,8 @@ verbs! {
         Meter(meter::MeterArgs),
         /// Map where Lighthouse stations see the drone, and how well
         Coverage(coverage::CoverageArgs),
+        /// Export a plan for drones: scripts, trajectories, shows, gains
+        Export(export::ExportArgs),
     }
     "After a flight" {
         /// Convert the log of a real flight (CSV)

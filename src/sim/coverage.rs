@@ -57,7 +57,7 @@ pub fn coverage(
 ) -> Result<Coverage> {
     Described::check(&options.lighthouse, "sensors.lighthouse", None)?;
     within("step", step_m, STEPS_M[0], STEPS_M[1])?;
-    within("depth y", y_m, -1e4, 1e4)?;
+    within("depth_m", y_m, -1e4, 1e4)?;
     for bound in bounds_m {
         within("bounds", bound, -1e4, 1e4)?;
     }

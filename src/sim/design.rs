@@ -87,7 +87,7 @@ pub struct Design {
 /// [`Error::Infeasible`] for weights that have no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
-    within("the motor lag", motor_lag_s, 1e-6, MAX_LAG_S)?;
+    within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
     let vehicle = Vehicle::new(&options.vehicle);
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());

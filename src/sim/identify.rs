@@ -84,9 +84,9 @@ pub fn weight(sigma: f64) -> f64 {
 ///
 /// [`Error::Input`] where a figure is out of range, or the period is shorter than that of a point.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
-    within("pendulum: mass_kg", mass_kg, 1e-3, 100.0)?;
-    within("pendulum: pivot_m", pivot_m, 1e-3, 10.0)?;
-    within("pendulum: period_s", period_s, 1e-3, 100.0)?;
+    within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
+    within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
+    within("pendulum_period_s", period_s, 1e-3, 100.0)?;
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -95,7 +95,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     let shortest_s = std::f64::consts::TAU * (pivot_m / GRAVITY_M_S2).sqrt();
     let wanted = format!("more than {shortest_s:.4} s, the period of a point {pivot_m} m away");
     let hint = "time ten swings and divide by ten; measure the pivot from the center of mass";
-    Err(Error::input("pendulum: period_s", period_s, wanted, hint))
+    Err(Error::input("pendulum_period_s", period_s, wanted, hint))
 }
 
 /// Identifies a drone from a flight, given its mass and arm.

@@ -11,8 +11,8 @@ use nalgebra::Vector3;
 use super::Prepared;
 use super::statistics::{mean, standard_error};
 use crate::error::{Error, Result};
-use crate::flight::Flight;
 use crate::flight::comparison::{ComparisonOptions, compare};
+use crate::flight::{Flight, FlightSample};
 use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
 use crate::settings::settings;
@@ -94,7 +94,9 @@ const MAX_APART_M: f64 = 0.2;
 ///
 /// [`Error::Input`] for a flight of another plan; as [`relight`] and [`compare`].
 pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> Result<Flight> {
-    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
+    let writes = |sample: &FlightSample| sample.letter.is_some();
+    // A log with lights of its own may be of a plan in any order of strokes.
+    if flight.lights.is_empty() && !flight.samples.iter().any(writes) {
         relight(&mut flight, &ready.scene().strokes()?)?;
     }
     // The design of a log is what was sent, so the flight that sets its clock gets the same.

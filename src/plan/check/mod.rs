@@ -63,7 +63,7 @@ pub enum Check {
     /// Time in the air, s.
     #[serde(rename = "flight time")]
     FlightTime,
-    /// Straight pieces of the trajectory memory on board.
+    /// Bytes of the compressed trajectory on board.
     Memory,
     /// Entries of the LED timing memory on board.
     #[serde(rename = "LED memory")]
