@@ -10,7 +10,7 @@ use super::report::Report;
 use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::expose::meter::{Reading, floor_stops, meter};
+use crate::expose::meter::{LampReading, floor_stops, meter};
 use crate::shoot::Lighting;
 
 #[derive(Debug, Args)]
@@ -55,7 +55,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
 /// Exposures of the lamps, of the room and of the floor.
 struct Found {
     camera: Camera,
-    readings: Vec<Reading>,
+    readings: Vec<LampReading>,
     /// Stops over saturation of the room in the middle of the picture; `None`: dark.
     ambient_stops: Option<f64>,
     /// Stops over saturation of the floor where it is brightest; `None`: dark.
@@ -73,7 +73,7 @@ fn table(found: &Found, target_stops: f64) -> String {
         camera.saturation_lx_s()
     );
     for reading in readings {
-        let Reading { name, lit_s, median_stops, p5_stops, p95_stops, streak_s, .. } = reading;
+        let LampReading { name, lit_s, median_stops, p5_stops, p95_stops, streak_s, .. } = reading;
         let name: String = name.chars().take(18).collect();
         text += &format!(
             "{name:18} {lit_s:7.1} {median_stops:+9.1} {p5_stops:+8.1} {p95_stops:+8.1} {:8.1} \

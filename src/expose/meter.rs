@@ -1,7 +1,7 @@
 //! Light meter: the exposure of each trail relative to saturation, and the settings that would
 //! change it to a wanted one.
 //!
-//! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`Reading`] for each emitter. The
+//! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`LampReading`] for each emitter. The
 //! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
 //! draws it; light of other lamps, glare and ambient light are not included.
 
@@ -27,7 +27,7 @@ const STREAK_SPEED: f64 = 2.0;
 /// Exposure of the trail of an emitter. Stops are relative to saturation (ISO 12232, 78 / ISO lx s)
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
+pub struct LampReading {
     /// Name of the emitter.
     pub name: String,
     /// Time for which it is lit in the picture.
@@ -59,7 +59,7 @@ pub struct HotSpot {
 
 /// Settings that would give a trail the wanted exposure, each by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Advice {
+pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
     /// Sensitivity.
@@ -68,7 +68,7 @@ pub struct Advice {
     pub level: f64,
 }
 
-impl Reading {
+impl LampReading {
     /// Range of the exposure along the trail, from the 5th to the 95th percentile.
     #[must_use]
     pub fn evenness_stops(&self) -> f64 {
@@ -77,9 +77,9 @@ impl Reading {
 
     /// Settings that would put the median at `target_stops`.
     #[must_use]
-    pub fn advice(&self, camera: &Camera, target_stops: f64) -> Advice {
+    pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
         let more = target_stops - self.median_stops;
-        Advice {
+        ExposureAdvice {
             f_number: camera.f_number * libm::exp2(-0.5 * more),
             iso: camera.iso * libm::exp2(more),
             level: libm::exp2(more),
@@ -107,7 +107,7 @@ pub fn trail_exposure_lx_s(
 /// # Errors
 ///
 /// [`Error::Input`], as [`super::expose`].
-pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
+pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     super::check(trace, camera, &super::ExposeOptions::default())?;
     // A row that changes its color is several lamps of one name.
     let mut trails: Vec<(&str, Vec<Segment>)> = Vec::new();
@@ -132,7 +132,7 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
         segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
         reading(name, &segments, camera)
     });
-    let readings: Vec<Reading> = readings.collect();
+    let readings: Vec<LampReading> = readings.collect();
     if readings.is_empty() {
         let hint = "check the lights of the flight, the shutter and the pose of the camera";
         let found = "no lamp that is lit in the picture";
@@ -153,7 +153,7 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading> {
+fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
     let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
     let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
@@ -185,7 +185,7 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading>
         }
         open = hot;
     }
-    Some(Reading {
+    Some(LampReading {
         name: name.to_owned(),
         lit_s: segments.iter().map(|s| s.duration_s).sum(),
         median_stops,

@@ -4,8 +4,8 @@
 //! A reader does not care where a word hangs, so its place costs nothing within the limits and is
 //! reported for the flight's sake. Not sought: shear and perspective (the camera is known).
 
+use super::grid::{Grid, Placed};
 use super::ink::Page;
-use super::plane::{Grid, Placed};
 use super::raster::{Raster, dots};
 use super::{PEN_PX, PX_PER_H};
 use crate::letters::Strokes;

@@ -6,7 +6,7 @@
 use super::PX_PER_H;
 use super::partial::turn;
 use super::raster::whole;
-use super::trace::{CORNER_RAD, Segment, Trace, walk};
+use super::trace::{Bent, CORNER_RAD, Segment, Trace, walk};
 
 /// How far beside a stroke its light is looked for: 0.25 H, as far as a letter may be shifted.
 const REACH_PX: i32 = 8;
@@ -16,27 +16,6 @@ const WIDEST_PX: i32 = 6;
 
 /// Offsets are medians over so many points to either side: 0.2 H.
 const AROUND: usize = 6;
-
-/// Strokes of a letter where their light is.
-#[derive(Clone, Debug)]
-pub(super) struct Bent {
-    /// Points of each run of the pen as intended, a pixel apart.
-    pub(super) intended: Vec<Vec<[f64; 2]>>,
-    /// The same where the light is.
-    pub(super) found: Vec<Vec<[f64; 2]>>,
-    /// Mean distance of the light from the intended strokes, where there is light.
-    pub(super) off_px: f64,
-    /// Where each run turns a corner: indices of its points.
-    pub(super) corners: Vec<Vec<usize>>,
-}
-
-impl Bent {
-    /// The found strokes as segments.
-    pub(super) fn segments(&self) -> Vec<Segment> {
-        let pairs = self.found.iter().flat_map(|points| points.windows(2));
-        pairs.map(|pair| [pair[0], pair[1]]).collect()
-    }
-}
 
 impl Trace {
     /// Moves runs of the pen onto their light.

@@ -4,13 +4,12 @@
 //! what the fault costs (a counterfactual, not a guess).
 
 use super::bank::Bank;
-use super::bend::Bent;
 use super::calibration::{ln_share, loss, probability};
 use super::causes::{Advice, Cause, CauseKind, Known, MissingRun, sentence};
 use super::overlay::Marks;
 use super::raster::Raster;
 use super::reader::{Look, Reader};
-use super::trace::{Gap, Segment, Stray, Trace, distance};
+use super::trace::{Bent, Gap, Segment, Stray, Trace, distance};
 use super::verdict::{Rival, Verdict};
 use super::view::View;
 use super::{BLUR_PX, PEN_PX, PX_PER_H, References};
@@ -471,7 +470,7 @@ impl Reader {
     fn mark(
         &self,
         index: usize,
-        placed: &super::plane::Placed,
+        placed: &super::grid::Placed,
         view: &View,
         sketch: &Sketch,
         (gaps, strays): (&[Gap], &[Stray]),

@@ -1,6 +1,6 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
-use super::plane::{Grid, Placed};
+use super::grid::{Grid, Placed};
 use super::raster::{narrow, overlaps, whole};
 use super::view::View;
 use crate::photo::Photo;

@@ -14,12 +14,11 @@
 //! synthetic photos, see the constants. Not modelled: context (no dictionary). Score knows no plan,
 //! no flight and no light.
 
-use serde::{Deserialize, Serialize};
-
 use crate::camera::Camera;
 use crate::error::{Error, Result, within};
 use crate::letters::{Glyph, Strokes};
 use crate::photo::Photo;
+use crate::settings::{Described, settings};
 
 pub use calibration::{CALIBRATION, Calibration};
 pub use causes::{Advice, Cause, CauseKind, Known, MissingRun};
@@ -37,6 +36,7 @@ mod calibration;
 mod causes;
 mod color;
 mod explain;
+mod grid;
 mod ink;
 mod level;
 mod light;
@@ -94,27 +94,26 @@ const ASPECTS: [f64; 2] = [0.05, 5.0];
 /// alignment's rasters grow with it.
 const MAX_LENGTH_H: f64 = 1000.0;
 
-/// How a photo is read.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ScoreOptions {
-    /// What letters are compared with.
-    pub references: References,
-    /// Probability of being read from which a word counts as legible, 0 to 1.
-    pub legible_probability: f64,
-}
+settings! {
+    /// Reading of a photo.
+    pub struct ScoreOptions {
+        /// Letterforms that a photo's letters are compared with.
+        references: References = References::Both;
+        /// Probability of being read from which a word counts as legible.
+        ///
+        /// At 0.7, 85 of 100 synthetic photos were read by a strict reader.
+        legible_probability: f64 = 0.7, in 0.0..=1.0;
+    }
 
-/// What letters are compared with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum References {
-    /// The font that the word is flown with: a reader who knows its shapes.
-    Flown,
-    /// Roboto Thin: a reader who doesn't.
-    Typeface,
-    /// Both, whichever fits better.
-    #[default]
-    Both,
+    /// Letterforms that a photo's letters are compared with.
+    pub enum References {
+        /// Both, whichever fits better.
+        "both" => Both,
+        /// The font that the word is flown with: a reader who knows its shapes.
+        "flown" => Flown,
+        /// Roboto Thin: a reader who does not know the font.
+        "typeface" => Typeface,
+    }
 }
 
 /// Reads a photo: prepares a [`Reader`] and uses it once.
@@ -135,14 +134,6 @@ pub fn score(
     Reader::new(strokes, options)?.score(photo, &camera.into())
 }
 
-impl Default for ScoreOptions {
-    /// Both references; legible from 0.7, where 85 of 100 synthetic photos were read
-    /// (legibility.md 6.4).
-    fn default() -> Self {
-        Self { references: References::Both, legible_probability: 0.7 }
-    }
-}
-
 impl ScoreOptions {
     /// Checks the ranges.
     ///
@@ -150,7 +141,7 @@ impl ScoreOptions {
     ///
     /// [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        within("score.legible_probability", self.legible_probability, 0.0, 1.0)
+        Described::check(self, "score", None)
     }
 }
 

@@ -4,7 +4,6 @@
 //! no light is within a tenth of a cap height, and a line is stray where no intended stroke is.
 
 use super::PX_PER_H;
-use super::bend::Bent;
 use super::raster::{Raster, whole};
 use crate::geometry::segment_distance;
 
@@ -271,6 +270,27 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
         if !changed {
             return ink;
         }
+    }
+}
+
+/// Strokes of a letter where their light is.
+#[derive(Clone, Debug)]
+pub(super) struct Bent {
+    /// Points of each run of the pen as intended, a pixel apart.
+    pub(super) intended: Vec<Vec<[f64; 2]>>,
+    /// The same where the light is.
+    pub(super) found: Vec<Vec<[f64; 2]>>,
+    /// Mean distance of the light from the intended strokes, where there is light.
+    pub(super) off_px: f64,
+    /// Where each run turns a corner: indices of its points.
+    pub(super) corners: Vec<Vec<usize>>,
+}
+
+impl Bent {
+    /// The found strokes as segments.
+    pub(super) fn segments(&self) -> Vec<Segment> {
+        let pairs = self.found.iter().flat_map(|points| points.windows(2));
+        pairs.map(|pair| [pair[0], pair[1]]).collect()
     }
 }
 

@@ -3,7 +3,7 @@
 use tiny_skia::Transform;
 
 use super::PX_PER_H;
-use super::plane::Grid;
+use super::grid::Grid;
 use super::raster::Raster;
 use crate::letters::Cell;
 
