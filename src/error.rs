@@ -63,6 +63,18 @@ impl Error {
         }
     }
 
+    /// The same error, with the file in which it was found before its place.
+    #[must_use]
+    pub fn in_file(self, path: &Path) -> Self {
+        match self {
+            Self::Input { place, found, wanted, hint } => {
+                let place = format!("{}: {place}", path.display());
+                Self::Input { place, found, wanted, hint }
+            }
+            other => other,
+        }
+    }
+
     /// A file that cannot be read.
     #[must_use]
     pub fn read(path: &Path, source: std::io::Error) -> Self {

@@ -159,7 +159,7 @@ pub(super) struct SubjectFlags {
     inputs: Vec<String>,
     /// Word that the plans or flights write [default: the scene's]
     #[arg(long, value_name = "WORD")]
-    pub(super) word: Option<String>,
+    word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
@@ -181,6 +181,11 @@ impl SubjectFlags {
             set_word(&mut found.scene, word);
         }
         Ok(found)
+    }
+
+    /// The word that was typed, in either way.
+    pub(super) fn typed_word(&self) -> Option<&str> {
+        self.word.as_ref().or(self.inputs.first()).map(String::as_str)
     }
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.

@@ -19,7 +19,7 @@ pub(super) struct MeterArgs {
     subject: SubjectFlags,
     /// Flights, logs or light traces (t,x,y,z,r,g,b) to measure instead of a simulation, one for
     /// each drone
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "inputs")]
+    #[arg(long, value_name = "FILE", num_args = 1..)]
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
@@ -37,7 +37,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         paths => {
             let mut scene = args.subject.scene()?;
             args.picture.apply(&mut scene)?;
-            args.flights.shoot(scene, args.subject.word.as_deref(), paths)?
+            args.flights.shoot(scene, args.subject.typed_word(), paths)?
         }
     };
     let scene = shoot.scene.clone();

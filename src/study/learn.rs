@@ -52,6 +52,9 @@ pub struct Learned {
     pub rounds: Vec<Round>,
 }
 
+/// A round's plans, its flights by seed and drone, and their outcomes.
+type Tried = (Vec<Plan>, Vec<Vec<Flight>>, Vec<Outcome>);
+
 /// Learns in the simulator. `watch` is called after every round.
 ///
 /// # Errors
@@ -67,7 +70,7 @@ pub fn learn(
     options.check("", None)?;
     let seeds: Vec<u64> = (0..options.flights.max(2)).map(|index| seed(options, index)).collect();
     let mut sent = ready.plans();
-    let mut best: Option<(Vec<Plan>, Vec<Vec<Flight>>, Vec<Outcome>)> = None;
+    let mut best: Option<Tried> = None;
     let (mut rounds, mut failed) = (Vec::new(), 0);
     for _ in 0..=options.rounds {
         let trying = ready.sending(&sent);

@@ -11,7 +11,7 @@ const DRAWING: &str = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 100 
 fn a_specimen_is_drawn_as_svg_and_as_png() {
     let folder = tempfile::tempdir().unwrap();
     let run = noctograph(folder.path()).args(["specimen", "ae483"]).assert().success();
-    run.stdout("ae483: 26 of 26 characters, written to specimen.svg\n");
+    run.stdout("font      ae483: 26 of 26 characters\nfiles     specimen.svg\n");
     let args = ["specimen", "simplex", "Äß", "-o", "s.png"];
     noctograph(folder.path()).args(args).assert().success();
     let png = std::fs::read(folder.path().join("s.png")).unwrap();

@@ -54,7 +54,9 @@ fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
     let report = json(noctograph().args(args).arg(&shared), 0);
     assert_eq!(report["drones"].as_array().unwrap().len(), 2);
     assert!(report["drones"][0]["worst_streak_mm"].as_f64().unwrap() < 10.0, "{report}");
-    assert!(at("plan.svg").exists(), "a drawing of both");
+    let drawing = folder.path().join("both.svg");
+    noctograph().args(args).arg(&drawing).assert().code(0);
+    assert!(drawing.exists(), "a drawing of both");
     let both = || {
         let mut command = noctograph();
         command.arg("check").arg(at("plan-1.csv"));

@@ -30,9 +30,9 @@ pub enum State {
 pub enum Sensor {
     /// Satellites: z.
     Gnss,
-    /// Infrared time of flight to the floor: z + d_tof.
+    /// Infrared time of flight to the floor: altitude and bias of the ranger.
     TimeOfFlight,
-    /// Air pressure: z + d_bar.
+    /// Air pressure: altitude and bias of the barometer.
     Barometer,
 }
 

@@ -352,9 +352,12 @@ mod tests {
         let sigma_m = |time_s: f64| {
             flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9).map_or(0.0, |s| s.sigma[0])
         };
-        // The ranger over a known floor bounds it.
-        let silent_m = [20.0, 20.4, 21.0, 29.9].map(sigma_m);
-        assert!(silent_m.is_sorted() && silent_m[3] > 1.4 * sigma_m(19.9), "{silent_m:?} m");
+        // It grows at once to what the ranger over a known floor bounds, and stays there.
+        let before_m = sigma_m(19.9);
+        assert!(sigma_m(20.0) > 1.1 * before_m, "{} m", sigma_m(20.0));
+        for time_s in [20.5, 22.0, 25.0, 29.9] {
+            assert!(sigma_m(time_s) > 1.3 * before_m, "{} m at {time_s} s", sigma_m(time_s));
+        }
         assert!(sigma_m(31.0) < 1.05 * sigma_m(19.9), "{} m", sigma_m(31.0));
     }
 }
