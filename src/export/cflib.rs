@@ -185,3 +185,36 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     });
     Ok(rows.collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraOptions;
+    use crate::letters::{LetterOptions, write};
+    use crate::light::LightOptions;
+    use crate::plan::{PlanOptions, plan};
+    use crate::sim::SimOptions;
+
+    #[test]
+    fn a_word_never_becomes_code() {
+        let strokes = write("NO", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let word = "\"); import os\nimport os #'\\";
+        let job = Job {
+            plans: &[plan],
+            word,
+            light: &LightOptions::default(),
+            sim: &SimOptions::default(),
+            camera: &CameraOptions::default().camera(strokes.bounds_m(), 1.0).unwrap(),
+            tolerance_m: 0.002,
+            mode: Mode::Position,
+            trajectory_clock: 1.0,
+        };
+        let script = script(&job, 0, 0.0).unwrap();
+        let line = script.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
+        let text: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
+        let data: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(data["word"], word);
+        assert_eq!(data["log"], "importosimportos_flight.json");
+    }
+}

@@ -400,16 +400,61 @@ mod tests {
         let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
         let bytes = trajectory.to_bytes();
         let want: Vec<u8> = [
-            &[0, 0, 0, 0, 0xF4, 1, 0, 0][..], // 0, 0, 500 mm, 0°
-            &[1, 0xF4, 1, 100, 0],            // x linear, 500 ms, to 100 mm
-            &[0, 0xF4, 1],                    // at rest, 500 ms
+            &[0xCE, 0xFF, 0, 0, 0xF4, 1, 0, 0][..], // -50, 0, 500 mm, 0°: where the run-up begins
+            &[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0], // x cubic, 500 ms: -50, -33, 0 mm
+            &[1, 0xF4, 1, 100, 0],                  // x linear, 500 ms, to 100 mm
+            &[0, 0xE8, 3],                          // at rest, 1000 ms
             &[0, 0, 0],
         ]
         .concat();
         assert_eq!(bytes, want);
         assert_eq!(Compressed::from_bytes(&bytes).unwrap(), trajectory);
-        assert!((trajectory.position_m(0.25) - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
-        assert!((trajectory.duration_s() - 1.0).abs() < 1e-12);
+        assert!((trajectory.position_m(0.75) - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
+        assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn twenty_four_letters_fit_and_of_sixty_it_says_how_many() {
+        let plan_of = |word: &str| {
+            plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
+        };
+        let word = "NOCTOGRAPH".repeat(6);
+        Compressed::encode(&plan_of(&word[..24]), 0.002).unwrap();
+        let error = Compressed::encode(&plan_of(&word), 0.002).unwrap_err().to_string();
+        assert!(error.contains("of 60 letters fit"), "{error}");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(1000))]
+
+        #[test]
+        fn random_plans_are_decoded_within_the_tolerance(
+            size_m in proptest::array::uniform3(0.05..0.5_f64),
+            rate in proptest::array::uniform3(0.2..1.2_f64),
+            phase in proptest::array::uniform3(0.0..6.28_f64),
+            n in 10..80_u32,
+            step_s in 0.05..0.15_f64,
+            tolerance_m in 0.0025..0.01_f64,
+        ) {
+            let setpoint = |k: u32| {
+                let time_s = step_s * f64::from(k);
+                let wave = |axis: usize| libm::sincos(rate[axis] * time_s + phase[axis]);
+                let of = |value: &dyn Fn(usize) -> f64| Vector3::new(value(0), value(1), value(2));
+                Setpoint {
+                    time_s,
+                    position_m: of(&|i| 1.0 + size_m[i] * wave(i).0),
+                    velocity_m_s: of(&|i| size_m[i] * rate[i] * wave(i).1),
+                    acceleration_m_s2: of(&|i| -size_m[i] * rate[i] * rate[i] * wave(i).0),
+                    letter: Some(0),
+                }
+            };
+            let plan = Plan { setpoints: (0..n).map(setpoint).collect(), ..Plan::default() };
+            let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
+            let worst_m = trajectory.worst_m(&plan);
+            proptest::prop_assert!(worst_m <= tolerance_m + 0.0005, "{} m", worst_m);
+            let back = Compressed::from_bytes(&trajectory.to_bytes()).unwrap();
+            proptest::prop_assert_eq!(back, trajectory);
+        }
     }
 
     #[test]

@@ -213,3 +213,23 @@ fn error_m(stretch: &Stretch, from: usize, to: usize) -> f64 {
     };
     stretch.check_times_s(from, to).map(off_m).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+
+    #[test]
+    fn noor_fits_at_five_millimeters_and_not_at_one() {
+        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let trajectory = Poly4d::fit(&plan, 0.005).unwrap();
+        let (n, worst_m) = (trajectory.pieces.len(), trajectory.worst_m(&plan));
+        assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
+        assert_eq!(trajectory.to_bytes().len(), n * PIECE_BYTES);
+        let error = Poly4d::fit(&plan, 0.001).unwrap_err();
+        assert!(error.to_string().contains("of 4 letters fit"), "{error}");
+        assert!(error.hint().contains("compressed"), "{}", error.hint());
+    }
+}
