@@ -231,7 +231,7 @@ class Flights(unittest.TestCase):
         log = json.loads(content(os.path.abspath(drone.log_file)))
         self.assertIn("light.headlights", log)
         self.assertEqual(log["light.headlights"]["data"][0], 0.0)
-        self.assertGreater(len(log["stateEstimate.x"]["data"]), 1000)
+        self.assertGreater(len(log["stateEstimate.x"]["data"]), 500)
 
     def test_full_states_are_rounded_not_truncated(self):
         cf, _, _ = flight(self.script, "full_state")
