@@ -431,7 +431,7 @@ mod tests {
         fn random_plans_are_decoded_within_the_tolerance(
             size_m in proptest::array::uniform3(0.05..0.5_f64),
             rate in proptest::array::uniform3(0.2..1.2_f64),
-            phase in proptest::array::uniform3(0.0..6.28_f64),
+            phase in proptest::array::uniform3(0.0..std::f64::consts::TAU),
             n in 10..80_u32,
             step_s in 0.05..0.15_f64,
             tolerance_m in 0.0025..0.01_f64,
