@@ -11,23 +11,23 @@ use super::window::{Layout, Level, REACH_PX};
 use super::{BLUR_PX, PEN_PX, PX_PER_H, References};
 use crate::letters::{Cell, Font, Glyph, Move};
 
-/// Scales tried in each direction (legibility.md 6.2).
+/// Scales tried in each direction (study).
 const SCALES: [f64; 3] = [0.85, 1.0, 1.17];
 
-/// Largest ratio of the two scales, either way (legibility.md 6.2).
+/// Largest ratio of the two scales, either way (study).
 const MAX_ASPECT: f64 = 1.28;
 
-/// What a shift of one cap height costs in similarity (legibility.md 6.2). Without a cost, letters
+/// What a shift of one cap height costs in similarity (study). Without a cost, letters
 /// are looked for in their neighbours; too high a cost punishes a drone that drifts.
 const SHIFT_COST: f32 = 0.15;
 
-/// What a stretch by e costs beside a shift of one cap height (legibility.md 6.2).
+/// What a stretch by e costs beside a shift of one cap height (study).
 const STRETCH_COST: f64 = 0.3;
 
 /// What a letter less a stroke costs in similarity: who reads fills in a stroke that is half there.
 /// With 0.03 words whose letters lack 8, 15, 25, 35 and 50 % of their ink have P 0.90, 0.67, 0.23,
 /// 0.10 and 0.03 on average (measured here); the strict reader read 100, 71, 57, 14 and 14 % of
-/// seven each (legibility.md 4.3). Without a cost every gap is fatal; with 0.2 an I passes for L.
+/// seven each (study). Without a cost every gap is fatal; with 0.2 an I passes for L.
 const PART_COST: f32 = 0.03;
 
 /// What no reader tells apart once it is a line of light, each under the first one's name.

@@ -5,12 +5,12 @@ use serde::Serialize;
 
 use super::matching::Match;
 
-/// Sharpness of the choice between letters (legibility.md 4.2 and 6.2; from 20 to 50 it makes no
+/// Sharpness of the choice between letters (study; from 20 to 50 it makes no
 /// difference to the ranking). Too much calls every near miss misread, too little forgives all.
 const SHARPNESS: f64 = 30.0;
 
 /// Offset and slope that turn the worst letter's loss into a probability. The strict reader of
-/// legibility.md 6.2 (340 synthetic photos, an OCR program) had 2.46 and 2.00. Held against 449 photos
+/// The study (340 synthetic photos, an OCR program) had 2.46 and 2.00. Held against 449 photos
 /// of ours (docs/calibration.md), two programs out of three have a slope of 2.19. The pair here lies
 /// where both ends are known: every clean preview of 60 words and 36 characters in two fonts, all of
 /// which eyes read, has 0.9 and more (a simplex I the least), and every letter that lacks a fifth of

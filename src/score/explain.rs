@@ -39,7 +39,7 @@ const SPOT_PX: [f64; 2] = [0.35 * H_PX, 4.0 * PEN_PX as f64];
 /// Lines wider than this glow: 0.16 H, more than twice the pen.
 const GLOWING_PX: f64 = 0.16 * H_PX;
 
-/// Cap height in the photo below which letters have few pixels (legibility.md 6.3).
+/// Cap height in the photo below which letters have few pixels (study).
 const FEW_PX: f64 = 30.0;
 
 /// Full light by the least light that stands out, below which a photo is dim.

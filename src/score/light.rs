@@ -22,7 +22,7 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 const BLOCKS_AROUND: usize = 4;
 
 /// Luminance of red, green and blue (linear sRGB, IEC 61966-2-1): how bright they look to a reader.
-/// An even mean of the channels (legibility.md 6.1) makes the blue power LEDs, which shine on every
+/// An even mean of the channels (study) makes the blue power LEDs, which shine on every
 /// transit, as much a part of a letter as its strokes.
 pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 

@@ -10,9 +10,9 @@
 //! stroke and a blot. How much better the true letter fits than its rivals, against the same for a
 //! faultless drawing, gives the probability that the word is read; its worst letter decides.
 //!
-//! Sources: Loomis 1990 (low-pass, template match, choice); the settings were fitted on 460
-//! synthetic photos, see the constants. Not modelled: context (no dictionary). Score knows no plan,
-//! no flight and no light.
+//! Sources: Loomis 1990 (low-pass, template match, choice); constants marked *study* were chosen on
+//! 460 synthetic photos that an OCR program read. Not modelled: context (no dictionary). Score
+//! knows no plan, no flight and no light.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, within};
@@ -59,28 +59,28 @@ mod window;
 #[expect(clippy::cast_possible_truncation, reason = "pixels and codes of test photos")]
 mod tests;
 
-/// Resolution at which letters are read: pixels to a cap height (legibility.md 6.1).
+/// Resolution at which letters are read: pixels to a cap height (study).
 const PX_PER_H: u8 = 32;
 
-/// Width of the pen that references are drawn with: 0.07 H (legibility.md 6.2).
+/// Width of the pen that references are drawn with: 0.07 H (study).
 const PEN_PX: f32 = 0.07 * 32.0;
 
-/// Blur of photo and references: 0.05 H (legibility.md 6.2). Less makes a reader of wanderings of
+/// Blur of photo and references: 0.05 H (study). Less makes a reader of wanderings of
 /// the stroke, more makes O of Q.
 const BLUR_PX: f32 = 0.05 * 32.0;
 
-/// Largest shift of the word that still counts as its place, in cap heights (legibility.md 6.1).
+/// Largest shift of the word that still counts as its place, in cap heights (study).
 const MAX_SHIFT_H: f64 = 0.6;
 
-/// Smallest and largest scale of the word that count as its own (legibility.md 6.1): a small O must
+/// Smallest and largest scale of the word that count as its own (study): a small O must
 /// not become something else.
 const SCALES: [f64; 2] = [0.85, 1.17];
 
-/// Largest rotation of the word, either way: 8 degrees (legibility.md 6.1).
+/// Largest rotation of the word, either way: 8 degrees (study).
 const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 
 /// Cap height in the photo, in pixels, below which few pixels are what makes a word illegible
-/// (legibility.md 6.3; programs read words of 12, see docs/calibration.md).
+/// (study; programs read words of 12, see docs/calibration.md).
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
 /// Blurred light in a cell, of full light, below which the letter counts as missing. The middle of a

@@ -10,7 +10,7 @@ use crate::geometry::segment_distance;
 /// Light that counts as a line, of full light.
 const LIT: f32 = 0.4;
 
-/// How far from its stroke light may be: 0.10 H (legibility.md 6.3).
+/// How far from its stroke light may be: 0.10 H (study).
 pub(super) const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
 /// How far from its stroke, moved onto its light, light may be and fill a gap: 0.05 H.

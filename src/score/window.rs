@@ -7,13 +7,13 @@ use super::grid::Grid;
 use super::raster::Raster;
 use crate::letters::Cell;
 
-/// Farthest that a letter is looked for beside its place, in pixels: 0.25 H (legibility.md 6.2).
+/// Farthest that a letter is looked for beside its place, in pixels: 0.25 H (study).
 pub(super) const REACH_PX: usize = 8;
 
-/// Window beside the cell: 0.15 H (legibility.md 6.2), rounded up.
+/// Window beside the cell: 0.15 H (study), rounded up.
 const BESIDE_PX: f64 = 5.0;
 
-/// Window above and below the cell: 0.35 H (legibility.md 6.2), rounded up.
+/// Window above and below the cell: 0.35 H (study), rounded up.
 const ABOVE_PX: usize = 12;
 
 /// Where a cell, its window and the room for shifts lie on a page.
