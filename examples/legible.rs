@@ -16,7 +16,7 @@ use std::path::Path;
 use image::{RgbImage, imageops};
 use noctograph::expose::{self, BackendChoice, ExposeOptions};
 use noctograph::photo::Photo;
-use noctograph::plan::PlanOptions;
+use noctograph::plan::{PlanOptions, Style};
 use noctograph::scene::Scene;
 use noctograph::score::Verdict;
 use noctograph::sim::ControllerKind;
@@ -137,8 +137,12 @@ fn heights() -> Outcome<()> {
             scene.letters.gap_m = 0.2 * height_m;
             scene.letters.baseline_m = 0.75 - 0.5 * height_m;
             // Corners in proportion to the letters, steps as wide as the gaps.
-            scene.plan.corner_error_m = (0.02 * height_m).min(scene.plan.corner_error_m);
-            scene.plan.step_m = 0.2 * height_m;
+            match &mut scene.plan.style {
+                Style::Team(style) => style.step_m = 0.2 * height_m,
+                Style::Even(style) => {
+                    style.corner_error_m = (0.02 * height_m).min(style.corner_error_m);
+                }
+            }
             let mut reads = 0;
             for seed in SEEDS {
                 scene.seed = seed;

@@ -36,6 +36,7 @@
 //! |---|---|---|
 //! | 0 | [`error`] | one Error, by what the reader must mend |
 //! | 0 | `digest` | SHA-256 of products: films, flights, files and studies are all named by it, so it stands below them |
+//! | 0 | `statistics` | median and quantiles |
 //! | 0 | [`geometry`] | poses, frames, polylines |
 //! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
 //! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
@@ -87,5 +88,7 @@ pub mod plan;
 pub mod report;
 pub mod scene;
 pub mod score;
+mod settings;
 pub mod sim;
+mod statistics;
 pub mod study;

@@ -46,7 +46,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Outcome> {
     let (strokes, plans) = plans(args, &mut scene)?;
     let mut findings = Vec::new();
     if let Some(strokes) = &strokes {
-        findings.extend(check_letters(strokes, scene.plan.style));
+        findings.extend(check_letters(strokes, &scene.plan.style));
     }
     findings.extend(check_plans(&plans, &profile));
     for plan in &plans {

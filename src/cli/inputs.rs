@@ -13,7 +13,7 @@ use crate::letters::{self, Strokes};
 use crate::light::{LightTrace, csv::is_light_trace, light};
 use crate::logs::{self, ImportOptions, PositionSource};
 use crate::photo::Photo;
-use crate::plan::{PlanOptions, Style};
+use crate::plan::PlanOptions;
 use crate::scene::Scene;
 use crate::score::{Homography, View};
 use crate::sim::read_lighthouse_config;
@@ -139,34 +139,25 @@ impl From<BackendName> for BackendChoice {
     }
 }
 
-/// Whose way of flying.
+/// Way of flying.
 #[derive(Debug, Args)]
 pub(super) struct StyleFlag {
-    /// How the word is flown; the scene's where it is left out, else its defaults replace the
+    /// Way of flying, team or even; the scene's where it is left out, else its defaults replace the
     /// scene's section plan
-    #[arg(long, value_name = "NAME")]
-    style: Option<StyleName>,
-}
-
-/// Whose way of flying.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum StyleName {
-    /// The reference team's: letter by letter, with waits
-    Team,
-    /// Evenly lit strokes in the shortest order, at the limits in the dark
-    Even,
+    #[arg(long, value_name = "NAME", value_parser = ["team", "even"])]
+    style: Option<String>,
 }
 
 impl StyleFlag {
     /// Puts the style that was typed into the scene; its light channels stay.
     pub(super) fn apply(&self, scene: &mut Scene) {
-        let style = match self.style {
-            Some(StyleName::Team) => Style::Team,
-            Some(StyleName::Even) => Style::Even,
+        let plan = match self.style.as_deref() {
+            Some("even") => PlanOptions::even(),
+            Some(_) => PlanOptions::default(),
             None => return,
         };
         let lights = std::mem::take(&mut scene.plan.lights);
-        scene.plan = PlanOptions { lights, ..PlanOptions::of(style) };
+        scene.plan = PlanOptions { lights, ..plan };
     }
 }
 

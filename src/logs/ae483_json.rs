@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 
 use super::recording::{Block, Clock, Column, Recording};
 use crate::error::{Error, Result};
+use crate::statistics::median;
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
 const WRAP_S: f64 = 16_777.216;
@@ -80,7 +81,7 @@ fn broken(file: &str, source: &serde_json::Error) -> Error {
 /// ms and steps below 0.5 are s; in between the dialect decides.
 fn stamps_are_ms(stamps: &[f64], in_seconds: bool) -> bool {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
-    match super::recording::median(steps.collect()) {
+    match median(steps) {
         Some(step) if step > 5.0 => true,
         Some(step) if step < 0.5 => false,
         _ => !in_seconds,

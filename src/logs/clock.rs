@@ -1,6 +1,7 @@
 //! Time stamps: wraps are undone, stamps that fall are dropped, a slow clock is found out.
 
-use super::recording::{Block, Clock, Pace, Recording, median};
+use super::recording::{Block, Clock, Pace, Recording};
+use crate::statistics::median;
 
 /// What the firmware's microsecond counter counts per true second before August 2026:
 /// `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
@@ -147,7 +148,7 @@ fn warn_of_slow_clock(recording: &mut Recording) {
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     let period_s = |block: &Block| {
         let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let middle_s = median(steps.clone())?;
+        let middle_s = median(steps.iter().copied())?;
         let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
         #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
         let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;

@@ -4,9 +4,10 @@
 //! header (t, x, y, z). Names may carry their unit (`x_mm`, `yaw_deg`, `t_ms`, `x [m]`); without
 //! one, metres, seconds and radians are meant, unless the numbers cannot be that.
 
-use super::recording::{Block, Column, Recording, median};
+use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
 use crate::error::{Error, Result};
+use crate::statistics::median;
 
 /// Names of the columns where a file has no header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
@@ -138,7 +139,7 @@ pub(super) fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
     }
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
-    match median(steps.collect()) {
+    match median(steps) {
         Some(step) if whole && step >= 1000.0 => 1e-6,
         Some(step) if whole && step > 1.0 => 1e-3,
         _ => 1.0,

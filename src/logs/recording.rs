@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::statistics::median;
+
 /// Everything a log file holds: blocks of columns, each block with its own time axis, values in
 /// the units of the log.
 #[derive(Debug, Default)]
@@ -135,7 +137,7 @@ pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
 impl Channel {
     /// A channel of at least one sample, its stamps strictly rising.
     pub(super) fn new(time_s: Vec<f64>, values: Vec<f64>) -> Self {
-        let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]);
         Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
     }
 
@@ -177,12 +179,6 @@ impl Channel {
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_at(time_s).unwrap_or(0)]
     }
-}
-
-/// The middle value; `None` of nothing.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

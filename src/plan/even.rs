@@ -168,7 +168,7 @@ impl Tour<'_> {
     /// The light from a setpoint to the next: the mean speed over the nominal one.
     fn level(&self, piece: &Piece, from_s: f64, until_s: f64) -> f64 {
         let Way::Lit(motion) = &piece.way else { return 0.0 };
-        if self.options.exposure == Exposure::Switched {
+        if self.options.even_style().exposure == Exposure::Switched {
             return 1.0;
         }
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
@@ -200,6 +200,7 @@ impl Way {
 #[cfg(test)]
 mod tests {
     use crate::letters::{LetterOptions, write};
+    use crate::plan::EvenStyle;
     use crate::plan::{Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
@@ -218,9 +219,11 @@ mod tests {
         // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
-            dark_speed_m_s: 0.5,
-            corner_error_m: 0.03,
-            ..PlanOptions::even()
+            ..PlanOptions::even_with(EvenStyle {
+                dark_speed_m_s: 0.5,
+                corner_error_m: 0.03,
+                ..EvenStyle::default()
+            })
         };
         let fast_s = noor(&fast).duration_s();
         assert!(fast_s < 0.4 * 56.9, "{fast_s} s");

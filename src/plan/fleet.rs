@@ -4,7 +4,7 @@
 //! others. Where two would come too close, the later one waits on the floor until they do not.
 
 use super::pen::PenStroke;
-use super::{Order, Plan, PlanOptions, Setpoint, Style, even, in_order, paced};
+use super::{EvenStyle, Order, Plan, PlanOptions, Setpoint, Style, even, in_order, paced};
 use crate::error::{Error, Result};
 use crate::letters::{self, Strokes};
 
@@ -40,8 +40,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         return Ok(vec![super::plan(strokes, options)?]);
     }
     options.check()?;
-    if options.style == Style::Team {
-        let hint = "set plan.style = \"even\" in the scene, or --style even";
+    if matches!(options.style, Style::Team(_)) {
+        let hint = "set plan.style = \"even\"";
         let found = format!("{} drones in style team", options.drones);
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
     }
@@ -55,12 +55,13 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
 /// The strokes from left to right, in stretches of about equal length, each in its own order.
 fn shares(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Vec<PenStroke>>> {
     let drawn = Order::Drawn;
-    let mut all = in_order(strokes, &PlanOptions { order: drawn, ..options.clone() })?;
+    let in_turn = Style::Even(EvenStyle { order: drawn, ..options.even_style().clone() });
+    let mut all = in_order(strokes, &PlanOptions { style: in_turn, ..options.clone() })?;
     let middle = |stroke: &PenStroke| {
         let x = || stroke.points_m.iter().map(|p| p.x);
         x().fold(f64::INFINITY, f64::min) + x().fold(f64::NEG_INFINITY, f64::max)
     };
-    let kept = options.order == drawn || strokes.order == letters::Order::Kept;
+    let kept = options.even_style().order == drawn || strokes.order == letters::Order::Kept;
     if !kept {
         all.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
     }

@@ -34,7 +34,9 @@ mod tour;
 mod transit;
 
 pub use fleet::{Meeting, SIDEWAYS_M, UPWARD_M, fleet, nearest_meeting};
-pub use options::{Exposure, Extent, LightClock, Order, PlanOptions, ReferenceKind, Style};
+pub use options::{
+    EvenStyle, Exposure, Extent, LightClock, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
+};
 pub use relight::relight;
 pub use replay::{Replay, replay};
 
@@ -106,8 +108,8 @@ const MAX_STROKES: usize = 10_000;
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
     let plan = match options.style {
-        Style::Team => plan_as_the_team(strokes, options)?,
-        Style::Even => even::even(&in_order(strokes, options)?, options, None)?,
+        Style::Team(_) => plan_as_the_team(strokes, options)?,
+        Style::Even(_) => even::even(&in_order(strokes, options)?, options, None)?,
     };
     Ok(paced(plan, options))
 }
@@ -148,7 +150,7 @@ fn in_order(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<PenStroke>> 
 
 /// Strokes in the order and direction in which they are flown.
 fn ordered(drawn: &[PenStroke], options: &PlanOptions) -> Vec<PenStroke> {
-    if options.order == Order::Drawn {
+    if options.even_style().order == Order::Drawn {
         return drawn.to_vec();
     }
     let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(options)).collect();
@@ -172,13 +174,14 @@ fn plan_as_the_team(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 
 /// No flight of these strokes lasts longer: all strokes, waits and ways to and from the word.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions) -> f64 {
+    let style = options.team_style();
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| polyline_length_m(&[m.from_m, m.to_m])).sum();
     let [left, bottom, right, top] = strokes.bounds_m();
-    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + options.step_m)
-        + options.approach_height_m
+    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
+        + style.approach_height_m
         + options.landing_height_m;
-    let waits_s: f64 = strokes.glyphs.iter().map(|_| options.letter_wait_s).sum();
+    let waits_s: f64 = strokes.glyphs.iter().map(|_| style.letter_wait_s).sum();
     (strokes_m + ways_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 

@@ -36,8 +36,9 @@ pub(super) struct Smoothing {
 
 impl Smoothing {
     pub(super) fn new(options: &PlanOptions) -> Self {
-        let (a, j) = (options.acceleration_m_s2, options.jerk_m_s3);
-        let error_m = options.corner_error_m;
+        let style = options.even_style();
+        let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
+        let error_m = style.corner_error_m;
         let short_s = a / j;
         // With T1 = T2 = T the jerk alone counts, and the corner is cut by j T³ / 6.
         let equal_s = libm::cbrt(6.0 * error_m / j);
@@ -188,6 +189,7 @@ impl Stretch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::EvenStyle;
 
     fn motion(points: &[[f64; 2]], options: &PlanOptions) -> Motion {
         let points: Vec<_> = points.iter().map(|p| Vector2::from(*p)).collect();
@@ -245,8 +247,10 @@ mod tests {
         {
             let options = PlanOptions {
                 stroke_speed_m_s: speed,
-                corner_error_m: error_m,
-                ..PlanOptions::even()
+                ..PlanOptions::even_with(EvenStyle {
+                    corner_error_m: error_m,
+                    ..EvenStyle::default()
+                })
             };
             let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, &options), &N);
             assert!(off_m < error_m * 1.02 + 1e-9, "{speed} m/s, {error_m} m: {off_m} m off");

@@ -87,8 +87,10 @@ impl Dark<'_> {
             let transit = Transit::new(&from, &to, self.options, TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
-        let limit = self.options.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
-        let axis = |i: usize| axis_s(way_m[i], from[i], to[i], self.options.dark_speed_m_s, limit);
+        let limit = self.options.even_style().acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
+        let axis = |i: usize| {
+            axis_s(way_m[i], from[i], to[i], self.options.even_style().dark_speed_m_s, limit)
+        };
         axis(0).max(axis(1))
     }
 
@@ -344,6 +346,7 @@ fn axis_s(way_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f6
 
 #[cfg(test)]
 mod tests {
+    use crate::plan::EvenStyle;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -418,8 +421,9 @@ mod tests {
         let found = shortest(&ways, &options);
         let (found_s, drawn_s) = (dark.total_s(&found), dark.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
-        let turned = PlanOptions { order: Order::Drawn, ..options };
-        assert_eq!(turned.order, Order::Drawn);
+        let turned =
+            PlanOptions::even_with(EvenStyle { order: Order::Drawn, ..EvenStyle::default() });
+        assert_eq!(turned.even_style().order, Order::Drawn);
     }
 
     #[test]

@@ -103,7 +103,7 @@ impl PenStroke {
                 end_m_s: (points[n - 1] - points[n - 2]).normalize() * speed,
             }
         };
-        (0..self.n_ways(options.order)).map(way).collect()
+        (0..self.n_ways(options.even_style().order)).map(way).collect()
     }
 
     /// Its length.
@@ -116,6 +116,7 @@ impl PenStroke {
 mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
+    use crate::plan::EvenStyle;
 
     fn runs(word: &str) -> Vec<PenStroke> {
         pen_strokes(&write(word, &LetterOptions::default()).unwrap())
@@ -144,7 +145,8 @@ mod tests {
             assert_eq!(way.start_m_s, -back.end_m_s, "way {index}");
         }
         assert_eq!(runs("N")[0].ways(&options).len(), 2);
-        let drawn = PlanOptions { order: Order::Drawn, ..options };
+        let drawn =
+            PlanOptions::even_with(EvenStyle { order: Order::Drawn, ..EvenStyle::default() });
         assert_eq!(o.ways(&drawn).len(), 1, "handwriting keeps its direction");
     }
 }

@@ -6,6 +6,7 @@ use super::{Plan, Setpoint};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::flight::table::on_grid;
+use crate::statistics::median;
 
 /// A setpoint this many usual steps from the one before is no neighbour of it.
 const NEIGHBOR_STEPS: f64 = 1.5;
@@ -113,8 +114,9 @@ impl Usual {
     fn of(logged: &[(Setpoint, usize)]) -> Self {
         let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
         let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
-        let (lengths, speeds) = moves.map(|[length, lasts]| (length, length / lasts)).unzip();
-        Self { step_m: median(lengths), speed_m_s: median(speeds) }
+        let (lengths, speeds): (Vec<f64>, Vec<f64>) =
+            moves.map(|[length, lasts]| (length, length / lasts)).unzip();
+        Self { step_m: median(lengths).unwrap_or(0.0), speed_m_s: median(speeds).unwrap_or(0.0) }
     }
 
     /// How many setpoints were lost between two that follow each other in the log.
@@ -131,11 +133,6 @@ impl Usual {
 /// How far and how long it is from one setpoint to the next.
 fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
     [(to.position_m - from.position_m).norm(), to.time_s - from.time_s]
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

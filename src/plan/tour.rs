@@ -46,8 +46,8 @@ impl Tour<'_> {
         let floor = Vector3::zeros();
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
         self.wait(floor, self.options.floor_wait_s);
-        let lift_off = Vector3::new(0.0, 0.0, self.options.lift_off_height_m);
-        let approach = Vector3::new(x_start_m, 0.0, self.options.approach_height_m);
+        let lift_off = Vector3::new(0.0, 0.0, self.options.team_style().lift_off_height_m);
+        let approach = Vector3::new(x_start_m, 0.0, self.options.team_style().approach_height_m);
         self.fly(lift_off, approach, false);
     }
 
@@ -62,9 +62,9 @@ impl Tour<'_> {
             self.fly(in_word_plane(leg.from_m), last, leg.lit);
         }
         let cell = glyph.cell;
-        let beside_m = cell.left_m + cell.width_m + self.options.step_m;
+        let beside_m = cell.left_m + cell.width_m + self.options.team_style().step_m;
         let beside = Vector3::new(beside_m, 0.0, last.z.min(cell.baseline_m));
-        self.wait(beside, self.options.letter_wait_s);
+        self.wait(beside, self.options.team_style().letter_wait_s);
     }
 
     /// Straight down, back to below the middle of the word, motors off.

@@ -40,7 +40,7 @@ impl Transit {
             let mut input = input(from, to, &world_from_way, options, shares_rad);
             calculate(&mut input, tick_s)
         });
-        let fastest_m_s = options.dark_speed_m_s.max(from.velocity_m_s.norm());
+        let fastest_m_s = options.even_style().dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
         let ways = shared.map(|trajectory| {
             let way = Self { from_m: from.position_m, world_from_way, trajectory };
@@ -93,8 +93,8 @@ fn input(
     let target = way(to.position_m - from.position_m);
     // What is flown at either end is allowed all along.
     let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
-    let along_m_s = (options.dark_speed_m_s * along).max(most(&states, 0));
-    let across_m_s = (options.dark_speed_m_s * across).max(most(&states, 1));
+    let along_m_s = (options.even_style().dark_speed_m_s * along).max(most(&states, 0));
+    let across_m_s = (options.even_style().dark_speed_m_s * across).max(most(&states, 1));
     for (axis, (speed_m_s, share)) in [(along_m_s, cos), (across_m_s, sin)].into_iter().enumerate()
     {
         input.current_velocity[axis] = states[0][axis];
@@ -103,9 +103,9 @@ fn input(
         input.target_velocity[axis] = states[1][axis];
         input.target_acceleration[axis] = accelerations[1][axis];
         input.max_velocity[axis] = speed_m_s * (1.0 + 1e-9);
-        let limit_m_s2 = options.acceleration_m_s2 * share;
+        let limit_m_s2 = options.even_style().acceleration_m_s2 * share;
         input.max_acceleration[axis] = limit_m_s2.max(most(&accelerations, axis)) * (1.0 + 1e-9);
-        input.max_jerk[axis] = options.jerk_m_s3 * share;
+        input.max_jerk[axis] = options.even_style().jerk_m_s3 * share;
     }
     input
 }
@@ -130,6 +130,7 @@ fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>
 
 #[cfg(test)]
 mod tests {
+    use crate::plan::EvenStyle;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -167,7 +168,7 @@ mod tests {
     #[test]
     fn a_metre_from_rest_to_rest_takes_the_time_of_the_limits() {
         let rest = |x: f64| Moment { position_m: Vector2::new(x, 0.0), ..Moment::default() };
-        let options = PlanOptions { jerk_m_s3: 1e4, ..PlanOptions::even() };
+        let options = PlanOptions::even_with(EvenStyle { jerk_m_s3: 1e4, ..EvenStyle::default() });
         let transit = Transit::new(&rest(0.0), &rest(1.0), &options, 1e-4).unwrap();
         // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
         let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
 
 use crate::camera::CameraOptions;
 use crate::error::{Error, Result};
@@ -16,6 +16,7 @@ use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
+use crate::settings::settings;
 use crate::sim::{
     AirOptions, BatteryOptions, ControllerOptions, ObserverOptions, RateOptions, SensorOptions,
     SimOptions, VehicleOptions,
@@ -28,44 +29,44 @@ mod text;
 pub use planned::Planned;
 pub use preset::Preset;
 
-/// Everything that a photo depends on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Scene {
-    /// Where the defaults come from.
-    pub preset: Preset,
-    /// The word to write.
-    pub word: String,
-    /// Seed of all noise.
-    pub seed: u64,
-    /// How the word is laid out.
-    pub letters: LetterOptions,
-    /// How it is flown.
-    pub plan: PlanOptions,
-    /// The drone.
-    pub vehicle: VehicleOptions,
-    /// What drives its motors.
-    pub battery: BatteryOptions,
-    /// The air it flies in.
-    pub air: AirOptions,
-    /// Clocks of the simulation.
-    pub rates: RateOptions,
-    /// What steers it.
-    pub controller: ControllerOptions,
-    /// What tells it where it is.
-    pub observer: ObserverOptions,
-    /// What it measures.
-    pub sensors: SensorOptions,
-    /// Its lamps.
-    pub light: LightOptions,
-    /// The camera.
-    pub camera: CameraOptions,
-    /// How finely the exposure is computed.
-    pub expose: ExposeOptions,
-    /// How lens and sensor treat the light, and the tone curve.
-    pub photo: PhotoOptions,
-    /// When a word counts as read.
-    pub score: ScoreOptions,
+settings! {
+    /// Everything that a photo depends on.
+    pub struct Scene {
+        /// Preset that gives the keys left out.
+        preset: Preset = Preset::default();
+        /// Word to write; `\\n` begins a new line.
+        word: String = String::new();
+        /// Seed of all noise: the same seed makes the same photo.
+        seed: u64 = 0;
+        /// The word's drawing.
+        letters: LetterOptions = LetterOptions::default();
+        /// The way of flying.
+        plan: PlanOptions = PlanOptions::default();
+        /// The drone.
+        vehicle: VehicleOptions = VehicleOptions::default();
+        /// The battery.
+        battery: BatteryOptions = BatteryOptions::default();
+        /// The air.
+        air: AirOptions = AirOptions::default();
+        /// Clocks of the simulation.
+        rates: RateOptions = RateOptions::default();
+        /// The controller: motor commands from the estimated state.
+        controller: ControllerOptions = ControllerOptions::default();
+        /// The estimator: the state from the measurements.
+        observer: ObserverOptions = ObserverOptions::default();
+        /// Sensors and their noise.
+        sensors: SensorOptions = SensorOptions::default();
+        /// The lamps, and how they follow commands.
+        light: LightOptions = LightOptions::default();
+        /// The camera.
+        camera: CameraOptions = CameraOptions::default();
+        /// Resolution of the exposure, and the floor that the lamps light.
+        expose: ExposeOptions = ExposeOptions::default();
+        /// Lens and sensor effects, and the tone curve.
+        photo: PhotoOptions = PhotoOptions::default();
+        /// The reader and its verdict.
+        score: ScoreOptions = ScoreOptions::default();
+    }
 }
 
 /// Largest scene file that is read.
@@ -96,10 +97,41 @@ impl Scene {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
-        let alone: Self = toml::from_str(toml).map_err(|e| text::syntax_error(&e, toml, file))?;
-        let mut scene = alone.preset.under(toml, alone.plan.style);
+        Self::parse_with(toml, file, &[])
+    }
+
+    /// Reads the text of a scene and lays single settings over it: dotted keys with their values,
+    /// such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
+    ///
+    /// Settings come before the keys of the file, these before the defaults of the style of flying,
+    /// these before the preset.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
+        let with_line = |error| text::with_line(error, toml, file);
+        let mut layers = vec![text::read(toml, file)?];
+        for (key, value) in settings {
+            layers.push(text::single(key, value)?);
+        }
+        let named = |find: fn(&Table) -> Option<&str>| layers.iter().rev().find_map(find);
+        let preset = match named(|table| table.get("preset")?.as_str()) {
+            Some(name) => name.parse()?,
+            None => Preset::default(),
+        };
+        let mut scene = Self::preset(preset);
+        match named(style_of) {
+            Some("even") => scene.plan = PlanOptions::even(),
+            Some(_) => scene.plan = PlanOptions::default(),
+            None => {}
+        }
+        let mut values = Table::try_from(scene).expect("a preset is a table");
+        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
+        let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
+        let mut scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
         scene.light.fixtures = Some(scene.light.fixtures());
-        scene.check().map_err(|error| text::with_line(error, toml, file))?;
+        scene.check().map_err(with_line)?;
         Ok(scene)
     }
 
@@ -161,9 +193,16 @@ impl Scene {
     }
 }
 
+/// The style of flying that a scene's table names, alone or as the `kind` of its table.
+fn style_of(scene: &Table) -> Option<&str> {
+    let style = scene.get("plan")?.get("style")?;
+    style.as_str().or_else(|| style.get("kind")?.as_str())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::EvenStyle;
 
     #[test]
     fn the_printed_default_is_the_default() {
@@ -191,8 +230,26 @@ mod tests {
     }
 
     #[test]
+    fn a_style_sets_defaults_and_leaves_what_the_file_says() {
+        let scene = |toml, settings| Scene::parse_with(toml, "my.toml", settings).unwrap();
+        let even = scene("[plan]\nstyle = \"even\"", &[]);
+        assert_eq!(even.plan, PlanOptions::even());
+        let mine = "[plan]\nfloor_wait_s = 5.0\nlights = [\"ring\"]\n";
+        let typed = scene(mine, &[("plan.style", "even"), ("plan.style.jerk_m_s3", "20")]);
+        let style = EvenStyle { jerk_m_s3: 20.0, ..EvenStyle::default() };
+        let want = PlanOptions {
+            floor_wait_s: 5.0,
+            lights: vec!["ring".into()],
+            ..PlanOptions::even_with(style)
+        };
+        assert_eq!(typed.plan, want);
+        assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
+        assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
     fn every_preset_reads_back_as_it_is_printed() {
-        for preset in Preset::ALL {
+        for &preset in Preset::ALL {
             let scene = Scene::preset(preset);
             scene.check().unwrap();
             assert_eq!(Scene::parse(&scene.to_toml(), "my.toml").unwrap(), scene, "{preset:?}");
@@ -206,10 +263,10 @@ mod tests {
     fn what_is_wrong_is_named_with_line_and_key() {
         let cases = [
             ("seed = 1\n[vehicle]\nmass_kg = -0.03\n", ":3: vehicle.mass_kg", "-0.03"),
-            ("[vehicle]\nmas_kg = 0.03\n", ":2", "mas_kg"),
+            ("[plan]\ndron = 2\n", ":2: plan.dron", "dron"),
             ("seed = 1\nlettres = 3\n", ":2", "lettres"),
             ("seed = -1\n", ":1", "-1"),
-            ("seed = 1\npreset = \"cf22\"\n", ":2", "`cf21-thrust-kit`"),
+            ("seed = 1\npreset = \"cf22\"\n", ":2", "cf21-thrust-kit"),
             ("preset = \"bzzz\"\n[vehicle]\nmass_kg = -1\n", ":3: vehicle.mass_kg", "-1"),
             ("[camera]\niso = \"high\"\n", ":2", "string"),
             ("[camera]\n\niso = nan\n", ":3: camera.iso", "NaN"),

@@ -5,6 +5,7 @@ use super::raster::{narrow, overlaps, whole};
 use super::view::View;
 use crate::photo::Photo;
 use crate::photo::srgb::linear_from_level;
+use crate::statistics::median;
 
 /// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
 /// steps. Fewer would soften the picture; more only cost time.
@@ -113,8 +114,7 @@ impl Light {
                 sum.map(|sum| sum as f32 * full)
             }));
         }
-        let mut brightness: Vec<f32> = values.iter().map(|light| luminance(*light)).collect();
-        let sky = median(&mut brightness);
+        let sky = median(values.iter().map(|light| luminance(*light))).expect("a photo has pixels");
         take_off_sky(&mut values, [width, height], block, max_sky);
         Self { step, origin: [left, top], width, height, values, sky }
     }
@@ -260,12 +260,6 @@ pub(super) fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
     linear[code] - linear[code - 1]
-}
-
-/// Median; sorts half.
-pub(super) fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// Light that each sRGB level gives, 65535 is white. Integers add up to the same sum in any order.

@@ -6,9 +6,10 @@
 //! holds less ink than those beside it.
 
 use super::color;
-use super::light::{Light, luminance, median};
+use super::light::{Light, luminance};
 use super::raster::{Raster, whole};
 use crate::photo::Photo;
+use crate::statistics::median;
 
 /// Longest side that a photo is searched at. Letters of half its height have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
@@ -86,8 +87,9 @@ impl Line {
         let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
         let [width, height] = light.size();
         let bright: Vec<f32> = light.values().iter().map(|light| luminance(*light)).collect();
-        let mut deviations: Vec<f32> = bright.iter().map(|value| value.abs()).collect();
-        let lit = LIT_SIGMAS * (1.4826 * median(&mut deviations)).max(1e-4);
+        let deviations = bright.iter().map(|value| value.abs());
+        let noise: f32 = 1.4826 * median(deviations).expect("a photo has pixels");
+        let lit = LIT_SIGMAS * noise.max(1e-4);
         let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
         if levels.len() < 16 {
             return None;

@@ -9,6 +9,7 @@ use super::view::{Homography, View};
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};
 use crate::photo::Photo;
+use crate::statistics::median;
 
 /// Most that one scale may be of the other.
 const MAX_STRETCH: f64 = 2.5;
@@ -41,7 +42,8 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
     let Some((at_zero, across)) = line_through(&pairs) else { return Ok(None) };
     let bottom = boxes.iter().map(|plane| plane[1]).fold(f64::INFINITY, f64::min);
     let top = boxes.iter().map(|plane| plane[3]).fold(f64::NEG_INFINITY, f64::max);
-    let high_px = median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1]));
+    let high_px =
+        median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let down = high_px / (top - bottom);
     let middle = |letter: &ReadLetter| {
         let [left, top, right, bottom] = letter.box_px;
@@ -50,7 +52,7 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
     let middles: Vec<[f64; 2]> = letters.iter().map(middle).collect();
     let slope = if letters.len() < 3 { None } else { line_through(&middles) };
     let slope = slope.map_or(0.0, |(_, slope)| slope).clamp(-MAX_SLOPE, MAX_SLOPE);
-    let height_px = median(middles.iter().map(|[x, y]| y - slope * x));
+    let height_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
 
     let stretch = (across / down).max(down / across);
     if !(across > 0.0 && down > 0.0 && stretch <= MAX_STRETCH) {
@@ -84,10 +86,4 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
     let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / spread;
     (spread > 0.0 && slope.is_finite()).then_some((y - slope * x, slope))
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

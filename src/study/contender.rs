@@ -9,12 +9,12 @@ use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::scene::{Preset, Scene};
 
-/// Scenes that are known by name, as TOML: they lie in `examples/scenes/`.
+/// Scenes that are known by name, as TOML: they lie in `src/scene/shipped/`.
 pub const KNOWN: [(&str, &str); 4] = [
-    ("team", include_str!("../../examples/scenes/team.toml")),
-    ("pid", include_str!("../../examples/scenes/pid.toml")),
-    ("geometric", include_str!("../../examples/scenes/geometric.toml")),
-    ("tuned", include_str!("../../examples/scenes/tuned.toml")),
+    ("team", include_str!("../scene/shipped/team.toml")),
+    ("pid", include_str!("../scene/shipped/pid.toml")),
+    ("geometric", include_str!("../scene/shipped/geometric.toml")),
+    ("tuned", include_str!("../scene/shipped/tuned.toml")),
 ];
 
 /// A scene under comparison.

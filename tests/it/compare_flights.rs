@@ -1,21 +1,16 @@
 //! Flights compared and flown again: `noctograph compare`, `noctograph fly --setpoints`, and plots.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
-use noctograph::flight::comparison::{Alignment, ComparisonOptions, compare};
-use noctograph::flight::tracking::{Part, track};
-use noctograph::flight::{Flight, FlightSample};
+use noctograph::flight::FlightSample;
 use noctograph::geometry::Attitude;
-use noctograph::logs::ImportOptions;
 use noctograph::report::{Trace, error_over_time, front_view, top_view};
-use noctograph::sim::{Gusts, SensorOptions, SimOptions};
 use predicates::prelude::*;
 use serde_json::Value;
 
 use crate::cli::{fails, json, names_in, noctograph};
-
-const BLESS: &str = "NOCTOGRAPH_BLESS";
+use crate::golden::assert_golden;
 
 /// A folder with the plan and the flight of "I".
 fn flown() -> tempfile::TempDir {
@@ -128,63 +123,6 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     noctograph(folder.path()).args(["fly", "a.csv", "--setpoints", "a.csv"]).assert().code(2);
 }
 
-/// Flies the setpoints of the team's log of NOOR: our flight and theirs; `None` where the log is not
-/// at hand: it was never part of the product (`NOCTOGRAPH_SHARED` names the folder of the data).
-fn flown_again(options: &SimOptions, seed: u64) -> Option<(Flight, Flight)> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
-    let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
-    let log = shared.join("data/ae483/noor_flight.json");
-    if !log.exists() {
-        return None;
-    }
-    let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
-    let real = noctograph::logs::import(&log, &bridged).unwrap();
-    let replay = noctograph::plan::replay(&real).unwrap();
-    let flown = noctograph::sim::fly(&replay.plan, options, seed, &mut |_| {}).unwrap();
-    Some((flown, real))
-}
-
-/// How far apart they are, on the same clock.
-fn apart_m((flown, real): &(Flight, Flight)) -> Vector3<f64> {
-    let options = ComparisonOptions { alignment: Alignment::Offset(0.0), ..Default::default() };
-    compare(flown, real, &options).unwrap().rmse_m
-}
-
-/// An independent simulation of the plain model (SciPy; no noise, one constant torque) comes as
-/// close as 0.0249, 0.0325 and 0.0133 m, with holes of the log bridged by straight lines.
-#[test]
-fn the_teams_flight_is_flown_again_as_it_was() {
-    let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::default() };
-    let Some(plain) = flown_again(&options, 0) else { return println!("skipped: no log") };
-    let plain_m = apart_m(&plain);
-    for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
-        assert!(*found_m <= most_m, "{plain_m}");
-    }
-    // What the plain model lacks most: the drone rears up against its motion.
-    options.vehicle.airspeed_moment_n_s = 4.7e-4;
-    let better_m = apart_m(&flown_again(&options, 0).unwrap());
-    assert!(better_m.x < 0.8 * plain_m.x, "{better_m} against {plain_m}");
-    assert!(better_m.y <= 0.033 && better_m.z <= 0.0135, "{better_m}");
-}
-
-#[test]
-fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
-    let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
-    let mut mean_sq = Vector3::<f64>::zeros();
-    for seed in 0..8 {
-        let Some((flown, _)) = flown_again(&options, seed) else {
-            return println!("skipped: no log");
-        };
-        let rmse_m = track(&flown, Part::Airborne).unwrap().rmse_m;
-        mean_sq += rmse_m.component_mul(&rmse_m) / 8.0;
-    }
-    // The real flight, airborne, against its setpoints as the log holds them.
-    for (found, real_m) in mean_sq.iter().map(|sq| sq.sqrt()).zip([0.097, 0.046, 0.059]) {
-        assert!((found / real_m - 1.0).abs() < 0.1, "{found} m of {real_m} m");
-    }
-}
-
 /// A bow of 60 samples with a hole of half a second in it, `up_m` above its design.
 fn bow(name: &str, up_m: f64) -> Trace {
     let samples = (0..60).filter(|k| !(30..40).contains(k)).map(|k| {
@@ -214,17 +152,6 @@ fn golden_plots_are_the_same_to_the_byte() {
         ("error.svg", error_over_time(&traces)),
     ];
     for (name, svg) in plots {
-        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden/report").join(name);
-        if std::env::var_os(BLESS).is_some() {
-            assert!(svg.len() <= 16 << 10, "a golden of {} bytes is too large", svg.len());
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(&path, &svg).unwrap();
-        }
-        let wanted = std::fs::read_to_string(&path).unwrap_or_default();
-        if svg != wanted {
-            let found = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-            std::fs::write(&found, svg).unwrap();
-            panic!("{name} differs: look at {}, bless with {BLESS}=1", found.display());
-        }
+        assert_golden(&format!("report/{name}"), &svg);
     }
 }

@@ -1,17 +1,15 @@
 //! Digests of a few flights, `golden/flight/digests.txt`: every build on every machine flies the same
-//! bits, with any number of threads.
-//!
-//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it digests` writes them anew; say in the commit
-//! what changed the flights.
+//! bits, with any number of threads. The plan is a formula, so that only the simulator moves them.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
     ControllerKind, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
 };
+
+use crate::golden::assert_golden;
 
 /// Presets, controllers, estimators and sensors, each at least once.
 fn cases() -> Vec<(&'static str, SimOptions)> {
@@ -66,8 +64,8 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
     ]
 }
 
-/// Up, to the right at 0.2 m/s, up, and down to the floor: what no change of a planner changes.
-fn road() -> Plan {
+/// Up, to the right at 0.2 m/s, up, and down to the floor.
+fn fixed_plan() -> Plan {
     let corners = [
         (0.0, [0.0, 0.0, 0.0]),
         (0.5, [0.0, 0.0, 0.4]),
@@ -105,7 +103,7 @@ fn digest(plan: &Plan, options: &SimOptions) -> String {
 
 #[test]
 fn every_build_flies_the_same_bits() {
-    let (plan, cases) = (road(), cases());
+    let (plan, cases) = (fixed_plan(), cases());
     // As many threads as cases, and the whole again on one.
     let found: Vec<String> = std::thread::scope(|scope| {
         let threads = cases.iter().map(|(_, options)| scope.spawn(|| digest(&plan, options)));
@@ -118,11 +116,5 @@ fn every_build_flies_the_same_bits() {
         assert_eq!(found.len(), 64, "{name} flies: {found}");
         writeln!(text, "{found}  {name}").unwrap();
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/flight/digests.txt");
-    if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(&path, &text).unwrap();
-    }
-    let wanted = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(text, wanted, "bless with NOCTOGRAPH_BLESS=1 where the change is wanted");
+    assert_golden("flight/digests.txt", &text);
 }

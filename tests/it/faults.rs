@@ -1,12 +1,11 @@
-//! The score's answer to ten faults at six levels each, `golden/score/faults.txt`: photographs that
-//! the simulator, its lamps and its camera make, of three words a cell.
+//! The verdict on ten faults at six levels each, `golden/score/faults.txt`: photographs that the
+//! simulator, its lamps and its camera make, of three words a cell.
 //!
-//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it faults` writes the table anew; say in the commit
-//! what changed it. `cargo run --release --example faults -- sheet` shows the photographs.
-
-use std::path::Path;
+//! `cargo run --release --example faults -- sheet` shows the photographs.
 
 use bench::{FAULTS, LEVELS, WORDS, table};
+
+use crate::golden::assert_golden;
 
 #[path = "../../examples/faults/bench.rs"]
 mod bench;
@@ -34,11 +33,6 @@ fn rank_correlation(values: &[f64]) -> f64 {
 #[test]
 fn every_fault_takes_probability_level_by_level() {
     let found = table(&FAULTS).unwrap();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/score/faults.txt");
-    if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(&path, &found).unwrap();
-    }
     let lines: Vec<&str> = found.lines().collect();
     assert_eq!(lines.len(), 2 + FAULTS.len() * LEVELS, "a head, the clean word, and every level");
     assert!(lines[1].starts_with("none") && WORDS.iter().all(|word| lines[1].contains(word)));
@@ -50,6 +44,5 @@ fn every_fault_takes_probability_level_by_level() {
         assert!(rho <= -0.95, "{}: {falling:?}, rank correlation {rho}", fault.name);
         assert!(falling[LEVELS - 1] < 0.1, "{} at its worst: {falling:?}", fault.name);
     }
-    let wanted = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(found, wanted, "bless with NOCTOGRAPH_BLESS=1 where the change is wanted");
+    assert_golden("score/faults.txt", &found);
 }

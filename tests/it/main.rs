@@ -1,4 +1,7 @@
-//! Tests through the front door: the command, the golden images, and claims about the whole road.
+//! Tests of the command and of the library from outside.
+//!
+//! Two environment variables matter: `NOCTOGRAPH_REQUIRE_GPU` makes a missing graphics device a
+//! failure, `NOCTOGRAPH_BLESS` writes the golden files anew.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod camera;
@@ -15,5 +18,10 @@ mod photos;
 mod plan;
 mod road;
 mod study;
-mod team_log;
+mod team_data;
 mod twins;
+
+/// Whether a missing graphics device is a failure; else what needs one is left out.
+fn gpu_required() -> bool {
+    std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some()
+}

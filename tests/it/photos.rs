@@ -8,6 +8,7 @@ use noctograph::light::LightTrace;
 use noctograph::photo::Photo;
 
 use crate::cli::{fails, json, noctograph};
+use crate::gpu_required;
 
 /// A light trace of so many drones' third, at a height of its own.
 fn streak(x_m: f64, rgb: [f64; 3]) -> String {
@@ -71,7 +72,6 @@ fn fly_three(folder: &Path) {
 fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_thread_count() {
     let folder = tempfile::tempdir().unwrap();
     fly_three(folder.path());
-    let required = std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some();
     for effect in ["double-spin", "solid", "memory", "fade", "off"] {
         let scene = format!("[light]\nring_effect = \"{effect}\"\nring_color = [40, 10, 90]\n");
         std::fs::write(folder.path().join("s.toml"), scene).unwrap();
@@ -85,7 +85,7 @@ fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_t
         let on_cpu = hash("cpu", "1").unwrap();
         for threads in ["1", "4"] {
             let on_gpu = hash("wgpu", threads);
-            assert!(on_gpu.is_some() || !required, "{effect}: no device");
+            assert!(on_gpu.is_some() || !gpu_required(), "{effect}: no device");
             if let Some(on_gpu) = on_gpu {
                 assert_eq!(on_gpu, on_cpu, "{effect} with {threads} threads");
             }

@@ -9,6 +9,8 @@ use noctograph::photo::develop;
 use noctograph::scene::Scene;
 use noctograph::{letters, light, plan, score, sim};
 
+use crate::gpu_required;
+
 /// A word on film, with the camera that took it.
 struct Taken {
     film: Film,
@@ -142,10 +144,8 @@ fn the_light_of_the_board_shows_the_way_between_letters() {
 #[test]
 fn both_backends_take_the_same_photo() {
     let by_cpu = on_cpu("LOG", |_| {});
-    let by_device = match std::env::var_os("NOCTOGRAPH_REQUIRE_GPU") {
-        Some(_) => take("LOG", |_| {}, BackendChoice::Wgpu),
-        None => take("LOG", |_| {}, BackendChoice::Auto),
-    };
+    let device = if gpu_required() { BackendChoice::Wgpu } else { BackendChoice::Auto };
+    let by_device = take("LOG", |_| {}, device);
     assert!(by_cpu.film == by_device.film, "the films differ");
 }
 

@@ -1,9 +1,15 @@
-//! Both backends leave the same bits: whole scenes through the public door.
+//! Both backends leave the same film, bit by bit, and the film of `golden/expose/films.txt`. The
+//! lamps move by formulas, so that only the exposure moves it.
+
+use std::fmt::Write;
 
 use nalgebra::Vector3;
 use noctograph::camera::{Camera, CameraOptions, Framing};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose};
 use noctograph::light::{Emitter, Lamp, LightSample, LightTrace};
+
+use crate::golden::assert_golden;
+use crate::gpu_required;
 
 /// A lamp on a figure of eight, sampled at `hz` for `duration_s`, beginning at a phase.
 fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
@@ -48,7 +54,7 @@ fn leveled(mut lamp: Lamp, level: impl Fn(f64) -> f64) -> Lamp {
 }
 
 #[test]
-fn fourteen_scenes_leave_the_same_film_on_both_backends() {
+fn golden_films_are_the_same_on_both_backends() {
     let usual = || camera(|_| {});
     let one = || vec![figure(8, 250, 0.0, WHITE)];
     let three = |duration_s, hz| {
@@ -83,7 +89,7 @@ fn fourteen_scenes_leave_the_same_film_on_both_backends() {
             0.005,
         ),
     ];
-    let required = std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some();
+    let mut digests = String::new();
     for (name, lamps, camera, merge_tolerance_px) in scenes {
         let trace = LightTrace { lamps };
         let on = |backend| {
@@ -94,7 +100,9 @@ fn fourteen_scenes_leave_the_same_film_on_both_backends() {
         assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");
         match on(BackendChoice::Wgpu) {
             Ok(on_gpu) => assert!(on_gpu.film == on_cpu, "{name} differs on {}", on_gpu.adapter),
-            Err(e) => assert!(!required, "{name}: {e}"),
+            Err(e) => assert!(!gpu_required(), "{name}: {e}"),
         }
+        writeln!(digests, "{}  {name}", on_cpu.sha256()).unwrap();
     }
+    assert_golden("expose/films.txt", &digests);
 }

@@ -3,6 +3,7 @@
 
 use super::super::outline::Ink;
 use super::axis::{Axis, Branch};
+use crate::statistics::median;
 
 /// Two junctions nearer than this by the larger radius are one: a crossing shows as two.
 const ONE_JUNCTION: f64 = 1.0;
@@ -153,7 +154,7 @@ impl Limb {
             );
         }
         let length = along[along.len() - 1];
-        let usual = median(&self.radii);
+        let usual = median(self.radii.iter().copied()).expect("a line has points");
         let latest = (TRUST[1] * radius).min(TRUST_SHARE * length);
         let earliest = (TRUST[0] * radius).min(latest);
         let n = self.points.len();
@@ -400,10 +401,4 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 fn near(a: [f64; 2], b: [f64; 2], reach: f64) -> bool {
     libm::hypot(a[0] - b[0], a[1] - b[1]) <= reach
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted[sorted.len() / 2]
 }

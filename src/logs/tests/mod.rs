@@ -8,7 +8,7 @@ use super::*;
 use crate::flight::{FlightSample, Quantity, airborne};
 
 mod broken;
-mod real;
+mod team_data;
 
 /// Time of sample `i` of a block with a phase of its own.
 fn stamp_ms(i: u32, phase_ms: u32) -> u32 {

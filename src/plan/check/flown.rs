@@ -4,6 +4,7 @@
 use super::{Finding, Profile, Severity};
 use crate::flight::{Flight, FlightSample};
 use crate::plan::lamp::StrokeEnd;
+use crate::statistics::weighted_quantile;
 
 /// What became of a plan in a simulated flight.
 #[derive(Clone, Copy, Debug)]
@@ -120,14 +121,7 @@ fn median_dose(painted: &[(f64, f64, f64)]) -> f64 {
         .filter(|(_, length_m, _)| *length_m > 0.0)
         .map(|(_, length_m, light_s)| (light_s / length_m, *length_m))
         .collect();
-    doses.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half_m = 0.5 * doses.iter().map(|dose| dose.1).sum::<f64>();
-    let mut so_far_m = 0.0;
-    let middle = doses.iter().find(|dose| {
-        so_far_m += dose.1;
-        so_far_m >= half_m
-    });
-    middle.map_or(0.0, |dose| dose.0)
+    weighted_quantile(&mut doses, 0.5).unwrap_or(0.0)
 }
 
 fn dwell(flown: &Flown<'_>) -> Finding {

@@ -14,7 +14,7 @@ const SHORT_M: f64 = 0.02;
 /// Looks at the letters of a drawing. How the light begins and ends matters only where the plan
 /// follows the letters' own moves, as the reference team's does.
 #[must_use]
-pub fn check_letters(strokes: &Strokes, style: Style) -> Vec<Finding> {
+pub fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
     let glyphs = || strokes.glyphs.iter();
     let doubled = glyphs().filter_map(|glyph| {
         let doubled_m = doubled_m(&glyph.moves);
@@ -22,7 +22,7 @@ pub fn check_letters(strokes: &Strokes, style: Style) -> Vec<Finding> {
     });
     let fix = "write with font ae483-fixed or simplex";
     let mut findings = vec![finding("doubled stroke", doubled, "every line drawn once", fix)];
-    if style == Style::Team {
+    if matches!(style, Style::Team(_)) {
         let named = |fault: fn(&Glyph) -> bool| {
             glyphs().filter(move |glyph| fault(glyph)).map(|glyph| glyph.character.to_string())
         };
@@ -92,8 +92,13 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
 mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
+    use crate::plan::PlanOptions;
 
-    fn faults(word: &str, font: &str, style: Style) -> Vec<(&'static str, String)> {
+    fn styles() -> (Style, Style) {
+        (Style::default(), PlanOptions::even().style)
+    }
+
+    fn faults(word: &str, font: &str, style: &Style) -> Vec<(&'static str, String)> {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
         let findings = check_letters(&write(word, &options).unwrap(), style);
         let bad = findings.into_iter().filter(|f| f.severity != Severity::Fine);
@@ -102,19 +107,19 @@ mod tests {
 
     #[test]
     fn the_papers_w_and_x_are_found_and_the_repaired_ones_are_not() {
-        let team = Style::Team;
-        assert_eq!(faults("W", "ae483", team), [("doubled stroke", "W (0.51 m)".into())]);
-        let x = faults("X", "ae483", team);
+        let (team, _) = styles();
+        assert_eq!(faults("W", "ae483", &team), [("doubled stroke", "W (0.51 m)".into())]);
+        let x = faults("X", "ae483", &team);
         assert_eq!(x, [("tail", "X".into()), ("light never off", "X".into())]);
         for word in ["W", "X", "I", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"] {
-            assert_eq!(faults(word, "ae483-fixed", team), [], "{word}");
+            assert_eq!(faults(word, "ae483-fixed", &team), [], "{word}");
         }
     }
 
     #[test]
     fn i_jumps_and_an_even_plan_mends_what_is_no_fault_of_the_drawing() {
-        assert!(faults("I", "ae483", Style::Team).contains(&("pen jump", "I".into())));
-        assert_eq!(faults("XNO", "ae483", Style::Even), [], "lights and ways are planned anew");
-        assert_eq!(faults("W", "ae483", Style::Even).len(), 1, "what is drawn twice is");
+        assert!(faults("I", "ae483", &styles().0).contains(&("pen jump", "I".into())));
+        assert_eq!(faults("XNO", "ae483", &styles().1), [], "lights and ways are planned anew");
+        assert_eq!(faults("W", "ae483", &styles().1).len(), 1, "what is drawn twice is");
     }
 }

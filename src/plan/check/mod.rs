@@ -254,7 +254,7 @@ fn headlights(plan: &Plan) -> Finding {
 mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
-    use crate::plan::{Exposure, PlanOptions, fleet, plan};
+    use crate::plan::{EvenStyle, Exposure, PlanOptions, fleet, plan};
 
     fn of<'a>(findings: &'a [Finding], check: &str) -> &'a Finding {
         findings.iter().find(|finding| finding.check == check).unwrap()
@@ -279,8 +279,9 @@ mod tests {
     #[test]
     fn what_goes_beyond_a_limit_stops_the_flight_and_says_where() {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        let fast =
-            PlanOptions { dark_speed_m_s: 2.0, acceleration_m_s2: 4.0, ..PlanOptions::even() };
+        let limits =
+            EvenStyle { dark_speed_m_s: 2.0, acceleration_m_s2: 4.0, ..EvenStyle::default() };
+        let fast = PlanOptions::even_with(limits);
         let findings = check_plans(&[plan(&strokes, &fast).unwrap()], &Profile::indoor());
         assert_eq!(of(&findings, "acceleration").severity, Severity::Stop, "{findings:?}");
         let wide = LetterOptions { width_m: 2.0, ..LetterOptions::default() };
@@ -295,7 +296,7 @@ mod tests {
     fn headlights_that_are_dimmed_are_found() {
         let strokes = write("O", &LetterOptions::default()).unwrap();
         let of_exposure = |exposure| {
-            let options = PlanOptions { exposure, ..PlanOptions::even() };
+            let options = PlanOptions::even_with(EvenStyle { exposure, ..EvenStyle::default() });
             let findings = check_plans(&[plan(&strokes, &options).unwrap()], &Profile::indoor());
             of(&findings, "headlights").clone()
         };
