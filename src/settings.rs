@@ -188,7 +188,6 @@ undeclared!(
     crate::camera::CameraOptions,
     crate::expose::ExposeOptions,
     crate::photo::PhotoOptions,
-    crate::score::ScoreOptions,
 );
 
 impl<T: Described> Described for Option<T> {

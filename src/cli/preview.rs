@@ -79,7 +79,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Outcome> {
             "word": verdict.as_ref().map(|verdict| &verdict.word),
             "read": verdict.as_ref().map(|verdict| &verdict.read),
             "legible": verdict.as_ref().map(|verdict| verdict.legible),
-            "probability": verdict.as_ref().map(|verdict| verdict.probability),
+            "readability": verdict.as_ref().map(|verdict| verdict.readability),
             "letters": verdict.as_ref().map(|verdict| &verdict.letters),
             "causes": verdict.as_ref().map(|verdict| &verdict.causes),
             "advice": verdict.as_ref().map(|verdict| &verdict.advice),

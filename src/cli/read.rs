@@ -36,9 +36,9 @@ pub(super) fn run(args: &ReadArgs) -> Result<Outcome> {
     } else if reading.text.is_empty() {
         print("nothing is written there\n")?;
     } else {
-        let mut text = format!("{}\n\nletter    p     similarity\n", reading.text);
+        let mut text = format!("{}\n\nletter    p\n", reading.text);
         for letter in &reading.letters {
-            text += &format!("{:10}{:.2}  {:.2}\n", letter.letter, letter.p, letter.similarity);
+            text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
         }
         print(&text)?;
     }

@@ -10,17 +10,26 @@ use crate::score::{Reason, Verdict};
 
 /// The verdict: a line for the word, a row for each letter.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
-    let Verdict { word, read, legible, probability, .. } = verdict;
+    let Verdict { word, read, legible, readability, .. } = verdict;
     let legible = if *legible { "legible" } else { "NOT legible" };
-    let mut text = format!("{word} reads as {read}: {legible} (probability {probability:.2})\n");
+    let mut text = format!("{word} reads as {read}: {legible} (readability {readability:.2})\n");
     if let Some(reason) = verdict.reason {
         text += &format!("because   {}\n", in_words(reason));
     }
-    text += "\nletter    best      runner-up margin\n";
+    text += "\nletter    best      p     rivals\n";
     for letter in &verdict.letters {
         let shown = |c: Option<char>| c.map_or("-".to_owned(), String::from);
-        let (best, runner_up) = (shown(letter.best), shown(letter.runner_up));
-        text += &format!("{:10}{best:10}{runner_up:10}{:+.3}\n", letter.expected, letter.margin);
+        let rivals = letter.rivals.iter().filter(|rival| rival.p >= 0.01);
+        let rivals: Vec<String> =
+            rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
+        let (expected, best, p) = (letter.expected, shown(letter.best), letter.p);
+        text += &format!("{expected:10}{best:10}{p:.2}  {}\n", rivals.join(", "));
+    }
+    if let Some(rival) = verdict.rival.as_ref().filter(|rival| rival.p >= 0.05) {
+        text += &format!("\nIt may be taken for {} ({:.2} to {word}).\n", rival.word, rival.p);
+    }
+    if let Some(faithfulness) = verdict.faithfulness {
+        text += &format!("\nLight agrees with the strokes by {faithfulness:.2}.\n");
     }
     if let Some(second) = verdict.second_opinion.as_ref().filter(|second| *second != word) {
         let second = if second.is_empty() { "nothing" } else { second };

@@ -4,9 +4,9 @@
 //! Strokes move across their own direction only: along it, light may be missing.
 
 use super::PX_PER_H;
-use super::partial::turn;
 use super::raster::whole;
-use super::trace::{CORNER_RAD, Segment, Trace, walk};
+use super::segment::{CORNER_RAD, Segment, normal, turn, walk};
+use super::trace::Trace;
 
 /// How far beside a stroke its light is looked for: 0.25 H, as far as a letter may be shifted.
 const REACH_PX: i32 = 8;
@@ -118,13 +118,6 @@ fn smooth(offs: &[Option<f64>], index: usize) -> f64 {
     }
 }
 
-/// Across a segment, to its left on the page.
-fn normal([from, to]: Segment) -> [f64; 2] {
-    let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-    let length = libm::hypot(dx, dy);
-    [-dy / length, dx / length]
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::raster::Raster;
@@ -136,7 +129,7 @@ mod tests {
         for y in 12..15 {
             page.values[y * 64 + 10..y * 64 + 40].fill(1.0);
         }
-        let trace = Trace::of(&page);
+        let trace = Trace::new(&page);
         let bent = trace.bend(&[vec![[[10.0, 9.5], [60.0, 9.5]]]]);
         assert!(bent.found[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
         assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);

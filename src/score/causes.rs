@@ -17,6 +17,8 @@ pub struct Cause {
     pub missing: Option<MissingRun>,
     /// How late the lamp went off, where light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
+    /// The letter that it looks like, where the design is at fault.
+    pub reads_as: Option<char>,
     /// What the letter's share in the choice would gain without it, −1 to 1: the photo was read
     /// again with the fault taken out. `None` where it cannot be taken out.
     pub gain: Option<f64>,
@@ -87,8 +89,7 @@ pub struct Known {
 }
 
 /// The sentence for all faults of a kind.
-pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], word: &str, known: &Known) -> String {
-    let letters: Vec<char> = word.chars().collect();
+pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], letters: &[char], known: &Known) -> String {
     let mut named: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
         let name = format!("{} ({})", letters[index], index + 1);
@@ -136,10 +137,15 @@ pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], word: &str, known: &K
             "Come nearer or take a longer lens: letters have few pixels.".into()
         }
         CauseKind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
-        CauseKind::Design => format!(
-            "Draw {who} otherwise: as the font has it, it looks like another letter to those who do \
-             not know the font."
-        ),
+        CauseKind::Design => {
+            let alike = causes.iter().filter_map(|cause| {
+                let letter = letters[cause.letter?];
+                Some(format!("{letter} is read as {}", cause.reads_as?))
+            });
+            let mut alike: Vec<String> = alike.collect();
+            alike.dedup();
+            format!("Choose another font, or draw {who} otherwise: this font's {}.", alike.join(", "))
+        }
         CauseKind::OffPath => format!(
             "Fly nearer the path in {who}: light runs up to {most_mm:.0} mm beside the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(

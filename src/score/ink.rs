@@ -25,15 +25,6 @@ impl Page {
         }
     }
 
-    /// Fills an outline and draws its rim with a round pen.
-    pub(super) fn fill(&mut self, outline: &Path, rim_px: f32, page_from_outline: Transform) {
-        if let Some(path) = outline.clone().transform(page_from_outline) {
-            self.0.fill_path(&path, FillRule::Winding, true, Transform::identity());
-            // The rim is about a pixel wide: rounding its corners would be lost.
-            self.line(&path, rim_px, LineJoin::Bevel);
-        }
-    }
-
     // The path lies on the page already, so the pen stays round however it was stretched.
     fn line(&mut self, path: &Path, pen_px: f32, line_join: LineJoin) {
         let stroke =

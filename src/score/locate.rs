@@ -4,7 +4,7 @@
 //! many, else from the first to the last. The plane is taken as seen square on, with its own scale
 //! across and down and a slope of the line.
 
-use super::spell::{ReadLetter, Reading};
+use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};

@@ -4,8 +4,15 @@ use tiny_skia::Transform;
 
 use super::light::{Frame, Light, Rgb};
 use super::view::View;
-use super::{PX_PER_H, align, cap_height_m};
+use super::{PX_PER_H, cap_height_m};
 use crate::letters::Strokes;
+
+/// Farthest that the word is sought from its place, in cap heights: a little beyond what counts as
+/// in range, so that a word out of range is seen to be there.
+pub(super) const SEARCH_H: f64 = 0.75;
+
+/// Largest scale that is tried; the smallest is its inverse.
+pub(super) const SEARCH_SCALE: f64 = 1.25;
 
 /// A grid of square pixels in the plane of the word.
 #[derive(Clone, Debug)]
@@ -59,9 +66,9 @@ impl Grid {
         let [left, bottom, right, top] = strokes.bounds_m();
         let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
         // Shift, and half a cap height for the window and the blur.
-        let margin_m = (align::SEARCH_H + 0.5) * cap_height_m(strokes);
+        let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
         let side = |length_m: f64| {
-            let pixels = (length_m * align::SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
+            let pixels = (length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
             #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
             #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
             let pixels = pixels.ceil() as usize;

@@ -1,36 +1,36 @@
-//! The prepared reader: all that can be known of a word before its photo is seen. One photo after
-//! another is then read in some milliseconds.
+//! The reader of one word: prepared once, it reads one photo after another in some milliseconds.
 
 use super::align::Finder;
-use super::bank::{Bank, Classes};
-use super::calibration::{CALIBRATION, ln_share, loss, probability};
+use super::calibration::{CALIBRATION, readability};
 use super::color;
 use super::ink::Page;
 use super::level;
 use super::light::{Light, Rgb, luminance};
-use super::matching::{Match, Surroundings};
+use super::net;
+use super::page::LetterPage;
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, whole};
-use super::verdict::{LetterVerdict, Placement, Reason, Rival, Verdict};
+use super::sequence::{Choice, Classes, Columns, classes_of};
+use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
+use super::verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
 use super::view::View;
 use super::{
-    BLUR_PX, FAINT, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_PX, PX_PER_H, SCALES,
-    ScoreOptions, cap_height_m, check, check_size,
+    BLUR_H, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, SCALES, ScoreOptions,
+    cap_height_m, check, check_size,
 };
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};
 use crate::photo::Photo;
 
-/// Share of a letter's intended ink whose mean is the color of its ink. Much more takes in the dark
-/// beside a letter that is half missing.
+/// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
+/// beside letters that are half missing.
 const INK_SHARE: f64 = 0.5;
 
-/// Change of a letter's picture, of its light, from which its ink's color is worth a second look.
-const COLOR_MATTERS: f32 = 0.05;
+/// Shares below this are left out of a letter's row of confusions.
+const LEAST_SHARE: f64 = 0.001;
 
-/// Pens that a faultless photo may be drawn with: 0.05, 0.07 and 0.10 H. How wide a trail glows,
-/// the references do not know, and it is no fault.
-const PHOTO_PENS_PX: [f32; 3] = [0.05 * 32.0, PEN_PX, 0.10 * 32.0];
+/// Rivals that a letter names.
+const N_RIVALS: usize = 3;
 
 /// Reads photos of one word.
 pub struct Reader {
@@ -38,45 +38,33 @@ pub struct Reader {
     pub(super) strokes: Strokes,
     pub(super) home: Placed,
     finder: Finder,
-    pub(super) classes: Classes,
-    pub(super) banks: Vec<Bank>,
-    pub(super) cells: Vec<Cell>,
-}
-
-/// The place of one letter.
-pub(super) struct Cell {
-    /// Index of its bank.
-    pub(super) bank: usize,
-    pub(super) class: usize,
-    pub(super) grid: Grid,
-    /// Pixels that its ink should cover.
-    ink_px: f64,
-    pub(super) surroundings: Surroundings,
-    /// ln p of its faultless drawing.
-    pub(super) ln_faultless: f64,
+    /// The classes of the net that count as each letter.
+    expected: Vec<Classes>,
+    /// Where each line of the word is cut out.
+    pub(super) lines: Vec<Grid>,
+    /// One for each letter.
+    pub(super) pages: Vec<LetterPage>,
+    /// Pixels of a page that each letter's ink should cover.
+    pub(super) ink_px: Vec<f64>,
 }
 
 /// A word as it is seen.
 pub(super) struct Sight {
     pub(super) verdict: Verdict,
-    /// One for each letter; none where the word was not found.
-    pub(super) looks: Vec<Look>,
-    pub(super) placed: Option<Placed>,
-    /// Full light by the least light that stands out.
-    pub(super) contrast: Option<f32>,
+    /// `None` where the photo does not show the word, or nothing shines there.
+    pub(super) seen: Option<Seen>,
 }
 
-/// A letter as it is seen.
-pub(super) struct Look {
-    pub(super) verdict: LetterVerdict,
-    pub(super) loss: f64,
-    /// Its light on the page, 1 is fully lit; `None` where there is none.
-    pub(super) picture: Option<Raster>,
-    /// Of this, what has the color of its ink and no other.
-    pub(super) ink: Option<Raster>,
-    pub(super) matches: Vec<Match>,
-    /// Where the letter is found beside its place: right and down, in pixels of the page.
-    pub(super) shift: [isize; 2],
+/// The light of a word.
+pub(super) struct Seen {
+    pub(super) light: Light,
+    pub(super) placed: Placed,
+    /// Level of light that counts as fully lit.
+    pub(super) full_light: f32,
+    /// The same by the least light that stands out.
+    pub(super) contrast: f32,
+    /// One for each line of the word.
+    pub(super) strips: Vec<Strip>,
 }
 
 impl std::fmt::Debug for Reader {
@@ -90,58 +78,27 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) for an empty word or a drawing, a character that neither
-    /// the font nor the typeface has, letters too narrow or too wide to be letters, or an option out
-    /// of range.
+    /// [`Error::Input`](crate::error::Error::Input) for an empty word or a drawing, a character that
+    /// leaves no light, letters too narrow or too wide, or an option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
         options.check()?;
         check(strokes)?;
         let home = Placed::home(strokes);
-        let mut reader = Self {
+        let ink_px = |glyph: &Glyph| {
+            let length_h = lit_length_m(glyph) / glyph.cell.cap_height_m;
+            length_h * PEN_H * f64::from(PX_PER_H) * f64::from(PX_PER_H)
+        };
+        let same_line = |a: &Glyph, b: &Glyph| a.cell.baseline_m == b.cell.baseline_m;
+        Ok(Self {
             options: options.clone(),
             strokes: strokes.clone(),
             home,
             finder: Finder::new(strokes, home),
-            classes: Classes::of(strokes.glyphs.iter().map(|glyph| glyph.character)),
-            banks: Vec::new(),
-            cells: Vec::new(),
-        };
-        for index in 0..strokes.glyphs.len() {
-            let cell = reader.prepare(index);
-            reader.cells.push(cell);
-        }
-        Ok(reader)
-    }
-
-    fn prepare(&mut self, index: usize) -> Cell {
-        let glyph = &self.strokes.glyphs[index];
-        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
-        // Equal cells differ in the last bits of their widths.
-        let known = self.banks.iter().position(|bank| (bank.layout.aspect - aspect).abs() < 1e-6);
-        let index_of_bank = known.unwrap_or(self.banks.len());
-        if known.is_none() {
-            let fonts = self.strokes.font.as_slice();
-            let references = self.options.references;
-            let may_lose: Vec<char> = self.strokes.glyphs.iter().map(|g| g.character).collect();
-            self.banks.push(Bank::draw(aspect, &self.classes, fonts, references, &may_lose));
-        }
-        let bank = &self.banks[index_of_bank];
-        let grid = bank.layout.grid(&glyph.cell);
-        let beside = [index.checked_sub(1), Some(index + 1)].into_iter().flatten();
-        let beside = beside.filter_map(|at| self.strokes.glyphs.get(at));
-        let neighbours = draw(&grid, &self.home, beside.clone(), PEN_PX);
-        let class = self.classes.class_of(glyph.character);
-        let surroundings = Surroundings::new(bank, &neighbours, Some(class));
-        let n_classes = self.classes.len();
-        let ln_faultless = PHOTO_PENS_PX.map(|pen_px| {
-            let letters = beside.clone().chain([glyph]);
-            let faultless = draw(&grid, &self.home, letters, pen_px);
-            ln_share(&surroundings.compare(bank, &faultless, n_classes), class)
-        });
-        let ln_faultless = ln_faultless.into_iter().fold(f64::INFINITY, f64::min);
-        let length_h = lit_length_m([glyph]) / glyph.cell.cap_height_m;
-        let ink_px = length_h * f64::from(PX_PER_H) * f64::from(PEN_PX);
-        Cell { bank: index_of_bank, class, grid, ink_px, surroundings, ln_faultless }
+            expected: strokes.glyphs.iter().map(|glyph| classes_of(glyph.character)).collect(),
+            lines: strokes.glyphs.chunk_by(same_line).map(line).collect(),
+            pages: strokes.glyphs.iter().map(|glyph| LetterPage::new(&glyph.cell)).collect(),
+            ink_px: strokes.glyphs.iter().map(ink_px).collect(),
+        })
     }
 
     /// Reads a photo.
@@ -157,180 +114,197 @@ impl Reader {
         Ok(self.sight(photo, view)?.verdict)
     }
 
+    /// The strips that a photo shows, for the training of the net: of each line of the word, its
+    /// columns and the bytes of 40 rows of them, two channels a pixel; none where nothing shines.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::score`].
+    pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
+        let seen = self.see(photo, view)?;
+        let strips = seen.iter().flat_map(|seen| &seen.strips);
+        Ok(strips.map(|strip| (strip.width, strip.bytes().collect())).collect())
+    }
+
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
+        let cap_height_px = self.cap_height_px(view);
+        let verdict = match (self.see(photo, view)?, cap_height_px) {
+            (Ok(seen), _) => {
+                let verdict = self.judge(&seen, cap_height_px);
+                return Ok(Sight { verdict, seen: Some(seen) });
+            }
+            (Err(reason), px) => Verdict::unseen(&self.strokes, reason, px),
+        };
+        Ok(Sight { verdict, seen: None })
+    }
+
+    /// Finds the word's light.
+    fn see(&self, photo: &Photo, view: &View) -> Result<std::result::Result<Seen, Reason>> {
         check_size(photo, view)?;
         let grid = self.finder.grid();
-        let unseen = |reason, cap_height_px| {
-            let verdict = Verdict::unseen(&self.strokes.word, reason, cap_height_px);
-            Ok(Sight { verdict, looks: Vec::new(), placed: None, contrast: None })
+        let frame = grid.frame(view, &self.home);
+        let decoded =
+            grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
+        let Some(light) = decoded else { return Ok(Err(Reason::NotInPhoto)) };
+        let colors = grid.resample(&light, view, &self.home);
+        let bright = brightness(grid, &colors);
+        let ink_px = self.ink_px.iter().sum();
+        let Some((full_light, contrast)) = level::full_light(&bright, light.sky, ink_px) else {
+            return Ok(Err(Reason::NoLight));
         };
-        let Some(light) = Light::decode(photo, view, grid, &self.home) else {
-            return unseen(Reason::NotInPhoto, None);
-        };
-        let pixel_px = grid.pixel_px(view, &self.home).unwrap_or(0.0);
-        let cap_height_px = f64::from(PX_PER_H) * pixel_px;
-        let seen = brightness(grid, &grid.resample(&light, view, &self.home));
-        let Some((full_light, contrast)) = level::full_light(&seen, light.sky, self.ink_px())
-        else {
-            return unseen(Reason::NoLight, Some(cap_height_px));
-        };
-        let placed = self.finder.place(&seen.exposed(full_light));
+        let placed = self.finder.place(&bright.exposed(full_light));
+        let color = color::of_brightest(&colors, whole(INK_SHARE * ink_px));
+        let cut = |grid| Strip::cut(grid, &light, view, &placed, color, full_light);
+        let strips = self.lines.iter().map(cut).collect();
+        Ok(Ok(Seen { light, placed, full_light, contrast, strips }))
+    }
 
-        let looks: Vec<Look> = (0..self.cells.len())
-            .map(|index| self.look(index, &light, view, &placed, full_light))
-            .collect();
-        let worst_loss = looks.iter().map(|look| look.loss).fold(0.0, f64::max);
-        let letters: Vec<LetterVerdict> = looks.iter().map(|look| look.verdict.clone()).collect();
+    /// Height of a capital in the photo; `None` where the photo cannot show it.
+    fn cap_height_px(&self, view: &View) -> Option<f64> {
+        self.finder.grid().pixel_px(view, &self.home).map(|px| f64::from(PX_PER_H) * px)
+    }
 
-        let Placed { shift_m, scale, rotation_rad, .. } = placed;
+    /// The shares at each column of some strips.
+    pub(super) fn columns(strips: &[Strip]) -> Columns {
+        Columns::joined(strips.iter().map(|strip| Columns::from_logits(&net::logits(strip))))
+    }
+
+    /// What stands in the place of each letter.
+    pub(super) fn choices(&self, strips: &[Strip]) -> Vec<Choice> {
+        Self::columns(strips).choices(&self.expected)
+    }
+
+    fn judge(&self, seen: &Seen, cap_height_px: Option<f64>) -> Verdict {
+        let columns = Self::columns(&seen.strips);
+        let choices = columns.choices(&self.expected);
+        let readability = readability(&choices);
+        let rival = self.rival(&columns, &choices);
+        let letters: Vec<LetterVerdict> =
+            choices.iter().zip(&self.strokes.glyphs).map(|(choice, glyph)| letter(choice, glyph)).collect();
+
+        let Placed { shift_m, scale, rotation_rad, .. } = seen.placed;
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
         let in_range = libm::hypot(shift_m[0], shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&scale)
             && rotation_rad.abs() <= MAX_ROTATION_RAD;
-        let probability = probability(worst_loss);
-        let right = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        let reads = right && probability >= self.options.legible_probability;
+        let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
+        let legible = is_likeliest && readability >= self.options.legible_probability;
         let reason = match () {
+            () if legible => None,
             () if !in_range => Some(Reason::OutOfRange),
-            () if reads => None,
-            // Few pixels lower the probability by themselves (docs/calibration.md).
-            () if cap_height_px < MIN_CAP_HEIGHT_PX => Some(Reason::TooSmall),
+            () if cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX) => Some(Reason::TooSmall),
             () => Some(Reason::Misread),
         };
-        let verdict = Verdict {
+        Verdict {
             word: self.strokes.word.clone(),
             read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
-            legible: reason.is_none(),
-            probability: if in_range { probability } else { 0.0 },
+            legible,
+            readability,
+            rival,
+            faithfulness: None,
             calibration: CALIBRATION,
             placement: Some(Placement { shift_m, scale, rotation_rad }),
-            cap_height_px: Some(cap_height_px),
+            cap_height_px,
             letters,
             reason,
             second_opinion: None,
             causes: Vec::new(),
             advice: Vec::new(),
+        }
+    }
+
+    /// The likeliest other word: with another letter in one place, or as a free reading has it.
+    fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<RivalWord> {
+        let word: Vec<char> = self.strokes.glyphs.iter().map(|glyph| glyph.character).collect();
+        let own = columns.ln_p(&self.expected);
+        let by_letter = choices.iter().enumerate().filter_map(|(index, choice)| {
+            let &(letter, p) = choice.others.first()?;
+            let mut rival = word.clone();
+            rival[index] = letter_like(letter, word[index]);
+            Some((rival.into_iter().collect::<String>(), libm::log(p / choice.p.max(1e-300))))
+        });
+        let is_word = |text: &str| {
+            let sets: Vec<Classes> = text.chars().map(classes_of).collect();
+            sets.len() == word.len() && sets.iter().zip(&self.expected).all(|(a, b)| a & b != 0)
         };
-        Ok(Sight { verdict, looks, placed: Some(placed), contrast: Some(contrast) })
-    }
-
-    /// Looks at one letter.
-    fn look(
-        &self,
-        index: usize,
-        light: &Light,
-        view: &View,
-        placed: &Placed,
-        full_light: f32,
-    ) -> Look {
-        let cell = &self.cells[index];
-        let bank = &self.banks[cell.bank];
-        let expected = self.strokes.glyphs[index].character;
-        let colors = cell.grid.resample(light, view, placed);
-        let bright = brightness(&cell.grid, &colors).exposed(full_light);
-        let picture = bright.blur(BLUR_PX);
-        if bank.layout.brightest_in_cell(&picture) < FAINT {
-            return Look {
-                verdict: LetterVerdict::unseen(expected),
-                loss: f64::INFINITY,
-                picture: None,
-                ink: None,
-                matches: Vec::new(),
-                shift: [0, 0],
-            };
-        }
-        let compare =
-            |picture: &Raster| cell.surroundings.compare(bank, picture, self.classes.len());
-        let mut matches = compare(&picture);
-        let mut shown = bright.clone();
-        let color = color::of_brightest(&colors, whole(INK_SHARE * cell.ink_px));
-        let values = color::held(&colors, color);
-        let ink = Raster { values, ..bright.clone() }.exposed(full_light);
-        let total: f32 = bright.values.iter().sum();
-        let change: f32 = ink.values.iter().zip(&bright.values).map(|(a, b)| (a - b).abs()).sum();
-        if change > COLOR_MATTERS * total {
-            let by_color = compare(&ink.blur(BLUR_PX));
-            // Whichever shows some letter best, not whichever shows the right one.
-            if best(&by_color) > best(&matches) {
-                (matches, shown) = (by_color, ink.clone());
-            }
-        }
-        let ink = pure_ink(cell, light, view, placed, full_light);
-        let loss = loss(&matches, cell.class, cell.ln_faultless);
-        let shift = matches[cell.class].shift;
-        Look {
-            verdict: self.judge(index, &matches),
-            loss,
-            picture: Some(shown),
-            ink: Some(ink),
-            matches,
-            shift,
-        }
-    }
-
-    fn judge(&self, index: usize, matches: &[Match]) -> LetterVerdict {
-        let (cell, glyph) = (&self.cells[index], &self.strokes.glyphs[index]);
-        let expected = glyph.character;
-        let n_classes = self.classes.len();
-        let mut order: Vec<usize> = (0..n_classes).collect();
-        order.sort_by(|a, b| matches[*b].similarity.total_cmp(&matches[*a].similarity));
-        let is_whole = matches[order[0]].similarity >= matches[n_classes].similarity;
-        let name = |class: usize| self.classes.name(class, Some(expected));
-        let p = |class: usize| libm::exp(ln_share(matches, class));
-        let similarity = |class: usize| f64::from(matches[class].similarity);
-        let rivals = order.iter().filter(|class| **class != cell.class).take(3);
-        let own = &matches[cell.class];
-        let [right, down] = own.shift.map(|px| px as f64 * cell.grid.pitch_m);
-        LetterVerdict {
-            expected,
-            best: is_whole.then(|| name(order[0])),
-            runner_up: Some(name(order[1])),
-            margin: similarity(order[0]) - similarity(order[1]),
-            similarity: similarity(cell.class),
-            p: p(cell.class),
-            no_letter: p(n_classes),
-            rivals: rivals.map(|&class| Rival { letter: name(class), p: p(class) }).collect(),
-            shift_m: [right, -down],
-            scale: self.banks[cell.bank].templates[own.template].scale,
-            ..LetterVerdict::unseen(expected)
-        }
-    }
-
-    /// Pixels that the word's ink should cover.
-    fn ink_px(&self) -> f64 {
-        self.cells.iter().map(|cell| cell.ink_px).sum()
+        let free = columns.freely().into_iter().map(|(text, _)| text);
+        let free = free.filter(|text| !is_word(text) && !text.is_empty());
+        let free = free.take(2).map(|text| {
+            let sets: Vec<Classes> = text.chars().map(classes_of).collect();
+            let like = |(at, c): (usize, char)| letter_like(c, word[at.min(word.len() - 1)]);
+            (text.chars().enumerate().map(like).collect(), columns.ln_p(&sets) - own)
+        });
+        let best = by_letter.chain(free).reduce(|a, b| if b.1 > a.1 { b } else { a });
+        best.map(|(word, ln_odds)| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) })
     }
 }
 
-/// Light in the color of the strokes alone, told by the photo's own pixels: one of ours holds a stroke
-/// and the status light beside it.
-fn pure_ink(cell: &Cell, light: &Light, view: &View, placed: &Placed, full_light: f32) -> Raster {
-    let frame = cell.grid.frame(view, placed);
-    let pixels = frame.map_or(Vec::new(), |frame| light.within(&frame));
-    let share = INK_SHARE * cell.ink_px / (cell.grid.width * cell.grid.height) as f64;
+/// The verdict on one letter.
+fn letter(choice: &Choice, glyph: &Glyph) -> LetterVerdict {
+    let expected = glyph.character;
+    let rival = |(letter, p): &(char, f64)| Rival { letter: letter_like(*letter, expected), p: *p };
+    let best_other = choice.others.first();
+    let best = match best_other {
+        _ if choice.none > choice.p && best_other.is_none_or(|other| choice.none > other.1) => None,
+        Some((other, p)) if *p > choice.p => Some(letter_like(*other, expected)),
+        _ => Some(expected),
+    };
+    LetterVerdict {
+        best,
+        p: choice.p,
+        no_letter: choice.none,
+        rivals: choice.others.iter().take(N_RIVALS).map(rival).collect(),
+        confusion: choice.others.iter().filter(|other| other.1 >= LEAST_SHARE).map(rival).collect(),
+        ..LetterVerdict::unseen(expected)
+    }
+}
+
+/// A letter in the case of another one.
+fn letter_like(letter: char, like: char) -> char {
+    if like.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
+}
+
+/// Where a line of letters is cut out of the word's plane.
+fn line(glyphs: &[Glyph]) -> Grid {
+    let cell = glyphs[0].cell;
+    let pitch_m = cell.cap_height_m / CAP_PX as f64;
+    let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+    let ends = lit.flat_map(|step| [step.from_m[0], step.to_m[0]]);
+    let (left, right) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), x| (left.min(x), right.max(x)));
+    let width = whole(((right - left) / pitch_m).ceil()) + 2 * MARGIN_PX;
+    Grid {
+        left_m: left - MARGIN_PX as f64 * pitch_m,
+        top_m: cell.baseline_m + cell.cap_height_m + HEAD_ROW as f64 * pitch_m,
+        pitch_m,
+        width: width.next_multiple_of(2),
+        height: HEIGHT,
+    }
+}
+
+/// Length of what a letter's lit moves draw.
+fn lit_length_m(glyph: &Glyph) -> f64 {
+    let lit = glyph.moves.iter().filter(|step| step.lit);
+    lit.map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1])).sum()
+}
+
+/// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's own
+/// pixels: one of ours holds a stroke and the status light beside it.
+pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
+    let grid = &page.grid;
+    let frame = grid.frame(view, &seen.placed);
+    let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(&frame));
+    let share = INK_SHARE * ink_px / (grid.width * grid.height) as f64;
     let n_brightest = whole(share * pixels.len() as f64);
     let color =
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) };
     let pure = color::pure(color);
-    let pure = cell.grid.resample_of(light, view, placed, |light| [pure(light); 3]);
-    let pure = brightness(&cell.grid, &pure);
+    let pure = grid.resample_of(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
+    let pure = brightness(grid, &pure);
     // Thin strokes fill our pixels by half: half of the ink is full light, whatever the word's is.
     let mut levels = pure.values.clone();
-    let rank = whole(INK_SHARE * cell.ink_px).min(levels.len() - 1);
+    let rank = whole(INK_SHARE * ink_px).min(levels.len() - 1);
     let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
-    pure.exposed(full_light.min(level))
-}
-
-/// Length of what the letters' lit moves draw.
-fn lit_length_m<'a>(glyphs: impl IntoIterator<Item = &'a Glyph>) -> f64 {
-    let moves = glyphs.into_iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
-    moves
-        .map(|step| libm::hypot(step.to_m[0] - step.from_m[0], step.to_m[1] - step.from_m[1]))
-        .sum()
-}
-
-fn best(matches: &[Match]) -> f32 {
-    matches.iter().map(|found| found.similarity).fold(f32::NEG_INFINITY, f32::max)
+    pure.exposed(seen.full_light.min(level))
 }
 
 fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
@@ -338,16 +312,16 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
     Raster { width: grid.width, height: grid.height, values }
 }
 
-/// Letters as the trail should draw them, blurred.
+/// Letters as the trail should draw them on a grid of `cap_px` pixels to a cap height, blurred.
 pub(super) fn draw<'a>(
     grid: &Grid,
     home: &Placed,
     glyphs: impl Iterator<Item = &'a Glyph>,
-    pen_px: f32,
+    cap_px: f32,
 ) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
-        page.stroke(&glyph.moves, pen_px, grid.page_from_plane(home));
+        page.stroke(&glyph.moves, PEN_H as f32 * cap_px, grid.page_from_plane(home));
     }
-    page.dry().blur(BLUR_PX)
+    page.dry().blur(BLUR_H * cap_px)
 }

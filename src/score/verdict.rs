@@ -1,27 +1,31 @@
-//! The verdict: what was read, how surely, and where the word hangs. `verdict.json` is this, with the
-//! flight's digest.
+//! The verdict on a photo: the content of `verdict.json`.
 
 use serde::Serialize;
 
 use super::calibration::{CALIBRATION, Calibration};
 use super::causes::{Advice, Cause};
+use crate::letters::Strokes;
 
 /// Whether a photo's word is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// The word that should be there.
     pub word: String,
-    /// What is there, letter by letter: the best match, `?` where there is no light or no
-    /// letter, such as one that lacks a stroke.
+    /// The likeliest letter in the place of each, `?` where there is none.
     pub read: String,
-    /// Whether it reads: every letter is the best match of its cell, and the probability reaches
-    /// [`super::ScoreOptions::legible_probability`].
+    /// Whether visitors read it: the readability reaches [`super::ScoreOptions::legible_probability`],
+    /// and no other word is likelier.
     pub legible: bool,
-    /// Probability that the reader of `calibration` reads the word, 0 to 1.
-    pub probability: f64,
-    /// How the probability was made.
+    /// Probability that a visitor reads the word at first sight, 0 to 1.
+    pub readability: f64,
+    /// The likeliest other word; `None` where nothing can be seen.
+    pub rival: Option<RivalWord>,
+    /// How much of the intended strokes has light, and of the light has strokes: harmonic mean of both
+    /// shares, 0 to 1; `None` where it was not asked for.
+    pub faithfulness: Option<f64>,
+    /// How the readability was made.
     pub calibration: Calibration,
-    /// Where the word hangs; `None` where there is no light.
+    /// Placement of the word; `None` where there is no light.
     pub placement: Option<Placement>,
     /// Height of a capital in the photo, pixels; `None` where the photo does not show the place.
     pub cap_height_px: Option<f64>,
@@ -29,7 +33,8 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible; `None` where it is.
     pub reason: Option<Reason>,
-    /// What is read where nobody says what should be there; `None` where it was not asked for.
+    /// Blind recognition: the text that is read without knowledge of the word; `None` where it was not
+    /// asked for.
     pub second_opinion: Option<String>,
     /// What is wrong, the most costly first; empty where it was not asked for.
     pub causes: Vec<Cause>,
@@ -37,7 +42,16 @@ pub struct Verdict {
     pub advice: Vec<Advice>,
 }
 
-/// Where the word hangs, against where it was intended.
+/// A word that a photo may be taken for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RivalWord {
+    /// The word.
+    pub word: String,
+    /// Its share in the choice between it and the expected word, 0 to 1.
+    pub p: f64,
+}
+
+/// Placement of the word against the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
     /// To the right and up, in the plane of the word.
@@ -53,27 +67,18 @@ pub struct Placement {
 pub struct LetterVerdict {
     /// The letter that should be there.
     pub expected: char,
-    /// The letter that fits best; `None` where there is no light, or where the expected letter less
-    /// a stroke, or a blot, fits better than any.
+    /// The likeliest letter; `None` where it is likeliest that there is none.
     pub best: Option<char>,
-    /// The letter that fits second best.
-    pub runner_up: Option<char>,
-    /// Similarity of the best less that of the runner-up, 0 to 2.
-    pub margin: f64,
-    /// Similarity of the expected letter: correlation less what shift and stretch cost, up to 1.
-    pub similarity: f64,
-    /// Share of the expected letter in the choice among all, 0 to 1.
+    /// Share of the expected letter in the choice among all, the other letters being right, 0 to 1.
     pub p: f64,
-    /// Share of what is no letter: the expected one less a stroke, or a blot, 0 to 1.
+    /// Share of no letter at all, 0 to 1.
     pub no_letter: f64,
-    /// The three likeliest other letters, the likeliest first: it looks like them.
+    /// The three likeliest other letters, the likeliest first.
     pub rivals: Vec<Rival>,
-    /// Where the letter stands against its place in the word, to the right and up.
-    pub shift_m: [f64; 2],
-    /// Width and height by the intended ones: the nearest of the scales that are tried.
-    pub scale: [f64; 2],
-    /// Share of the intended strokes that has light within 0.1 cap heights, the letter put where
-    /// it was found; this and the next four are left out where they were not asked for.
+    /// Offset of the letter from its place in the word, to the right and up; this and the next four are
+    /// left out where they were not asked for.
+    pub shift_m: Option<[f64; 2]>,
+    /// Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it.
     pub recall: Option<f64>,
     /// Share of the light's lines that is within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
@@ -81,7 +86,7 @@ pub struct LetterVerdict {
     pub missing_mm: Option<f64>,
     /// Length of the light's lines away from the intended strokes.
     pub stray_mm: Option<f64>,
-    /// Shares of all letters in the choice, the likeliest first, down to a thousandth.
+    /// Shares of all other letters in the choice, the likeliest first, down to a thousandth.
     pub confusion: Vec<Rival>,
 }
 
@@ -113,13 +118,16 @@ pub enum Reason {
 
 impl Verdict {
     /// A word of which nothing can be seen.
-    pub(super) fn unseen(word: &str, reason: Reason, cap_height_px: Option<f64>) -> Self {
-        let letters: Vec<_> = word.chars().map(LetterVerdict::unseen).collect();
+    pub(super) fn unseen(strokes: &Strokes, reason: Reason, cap_height_px: Option<f64>) -> Self {
+        let letters: Vec<_> =
+            strokes.glyphs.iter().map(|glyph| LetterVerdict::unseen(glyph.character)).collect();
         Self {
-            word: word.to_owned(),
+            word: strokes.word.clone(),
             read: "?".repeat(letters.len()),
             legible: false,
-            probability: 0.0,
+            readability: 0.0,
+            rival: None,
+            faithfulness: None,
             calibration: CALIBRATION,
             placement: None,
             cap_height_px,
@@ -138,14 +146,10 @@ impl LetterVerdict {
         Self {
             expected,
             best: None,
-            runner_up: None,
-            margin: 0.0,
-            similarity: 0.0,
             p: 0.0,
             no_letter: 0.0,
             rivals: Vec::new(),
-            shift_m: [0.0; 2],
-            scale: [1.0; 2],
+            shift_m: None,
             recall: None,
             precision: None,
             missing_mm: None,

@@ -86,7 +86,7 @@ impl Outcome {
     }
 
     fn of(verdict: &Verdict, flown: Option<Flown>, lost: Option<String>) -> Self {
-        let p = verdict.probability;
+        let p = verdict.readability;
         let log_odds = libm::log(p / (1.0 - p)).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS);
         let letters = &verdict.letters;
         #[expect(clippy::cast_precision_loss, reason = "at most 256 letters")]
@@ -97,7 +97,7 @@ impl Outcome {
             legible: verdict.legible,
             probability: p,
             log_odds,
-            similarity: letters.iter().map(|letter| letter.similarity).sum::<f64>() / n,
+            similarity: letters.iter().map(|letter| letter.p).sum::<f64>() / n,
             flown,
             lost,
         }
