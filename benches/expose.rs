@@ -21,7 +21,7 @@ use noctograph::camera::{Camera, CameraOptions, Framing};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose, project};
 use noctograph::light::LightTrace;
 use noctograph::scene::Scene;
-use noctograph::{letters, light, plan, sim};
+use noctograph::shoot::Shoot;
 
 /// 28 mm at 4 m.
 fn camera() -> Camera {
@@ -79,11 +79,8 @@ fn bench(c: &mut Criterion) {
 /// NOOR as the default scene flies it.
 fn noor() -> (LightTrace, Camera) {
     let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
-    let strokes = letters::write("NOOR", &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    (light::light(&flight, &scene.light, scene.seed, 0).unwrap(), camera)
+    let lighting = Shoot::new(scene).unwrap().lighting(&|_, _| {}).unwrap();
+    (lighting.trace, lighting.camera)
 }
 
 fn floor(c: &mut Criterion) {

@@ -7,7 +7,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, PlanOptions, plan};
-use noctograph::sim::{ControllerKind, SimOptions, fly};
+use noctograph::sim::{ControllerKind, Drone, SimOptions, fly};
 
 fn flight(criterion: &mut Criterion) {
     let strokes = write("NOOR", &LetterOptions::default()).expect("it flies");
@@ -17,7 +17,9 @@ fn flight(criterion: &mut Criterion) {
     group.sample_size(20);
     let mut case = |name: &str, options: SimOptions| {
         group.bench_function(name, |bencher| {
-            bencher.iter(|| fly(black_box(&plan), &options, 1, &mut |_| {}).expect("it flies"));
+            bencher.iter(|| {
+                fly(black_box(&plan), &Drone::new(&options, 1), &mut |_| {}).expect("it flies")
+            });
         });
     };
     for (name, kind) in [

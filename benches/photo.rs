@@ -10,22 +10,19 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
-use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::expose::{BackendChoice, Film};
 use noctograph::photo::exr::Precision;
 use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::Scene;
-use noctograph::{letters, light, plan, sim};
+use noctograph::shoot::{Judging, Shoot};
 
 /// NOOR as the default scene writes it.
 fn noor() -> (Film, Camera) {
-    let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
-    let strokes = letters::write("NOOR", &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    (expose(&trace, &camera, &options).unwrap().film, camera)
+    let mut scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
+    scene.expose.backend = BackendChoice::Cpu;
+    let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    let shot = shoot.take(&|_, _| {}).unwrap();
+    (shot.exposure.film, shot.camera)
 }
 
 fn photo(c: &mut Criterion) {

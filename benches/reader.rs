@@ -7,24 +7,21 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use noctograph::expose::{BackendChoice, ExposeOptions, expose};
-use noctograph::photo::{Photo, develop};
+use noctograph::expose::BackendChoice;
+use noctograph::letters::Strokes;
+use noctograph::photo::Photo;
 use noctograph::scene::Scene;
 use noctograph::score::{Reader, View};
-use noctograph::{letters, light, plan, sim};
+use noctograph::shoot::{Judging, Shoot};
 
 /// The default preview of a word, and how to read it.
-fn preview(word: &str, size_px: [u32; 2]) -> (letters::Strokes, Photo, View) {
-    let mut scene = Scene::default();
+fn preview(word: &str, size_px: [u32; 2]) -> (Strokes, Photo, View) {
+    let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
     [scene.camera.width_px, scene.camera.height_px] = size_px;
-    let strokes = letters::write(word, &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), 0, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light, 0, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
-    (strokes, develop(&film, &camera, &scene.photo, 0).unwrap(), (&camera).into())
+    scene.expose.backend = BackendChoice::Cpu;
+    let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    let shot = shoot.take(&|_, _| {}).unwrap();
+    (shot.strokes.unwrap(), shot.photo, (&shot.camera).into())
 }
 
 fn read(c: &mut Criterion) {

@@ -1,6 +1,5 @@
 //! Throughput of the scoring path: NOOR planned, flown, exposed on a small film and read, on one core.
-//! Goal: 25 flights a second and core, so 40 ms each, or 320 ms for eight, which is how a study flies
-//! them. And what of it is the flight.
+//! Goal: 25 flights a second and core, so 40 ms each; and the part of it that is the flight.
 
 use std::hint::black_box;
 
@@ -20,14 +19,6 @@ fn scored_flight(criterion: &mut Criterion) {
         };
         group.bench_function(format!("{name}, flown and read"), |bencher| {
             bencher.iter(|| black_box(ready.outcome(next()).expect("it flies")));
-        });
-        let eight: Vec<u64> = (0..8).collect();
-        group.bench_function(format!("{name}, eight flown together and read"), |bencher| {
-            bencher.iter(|| {
-                for (flight, seed) in ready.fly_all(&eight).into_iter().zip(&eight) {
-                    black_box(ready.worth(flight, *seed).expect("it flies"));
-                }
-            });
         });
         group.bench_function(format!("{name}, flown"), |bencher| {
             bencher.iter(|| black_box(ready.fly(next()).expect("it flies")));

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, Plan, PlanOptions, plan};
-use noctograph::sim::{EstimatorKind, FLY_TOGETHER, Gusts, Positioning, SimOptions, fly_together};
+use noctograph::sim::{Drone, EstimatorKind, Gusts, Positioning, SimOptions, fly};
 
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;
@@ -47,21 +47,18 @@ fn processor_time(since: Instant) -> Duration {
     ns.map_or(since.elapsed(), Duration::from_nanos)
 }
 
-/// Flies seeds 0 to `n` on all cores, so many together: processor time of all, and wall time.
-fn thousand(plan: &Plan, options: &SimOptions, n: u64, together: u64) -> (Duration, Duration) {
+/// Flies seeds 0 to `n` on all cores: processor time of all, and wall time.
+fn thousand(plan: &Plan, options: &SimOptions, n: u64) -> (Duration, Duration) {
     let (start, next) = (Instant::now(), AtomicU64::new(0));
     let core = || {
         let from = processor_time(start);
         loop {
-            let first = next.fetch_add(together, Ordering::Relaxed);
-            if first >= n {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed >= n {
                 return processor_time(start) - from;
             }
-            let drones: Vec<_> =
-                (first..n.min(first + together)).map(|seed| (options, seed)).collect();
-            let flights = fly_together(plan, options, &drones);
-            assert!(flights.iter().all(Result::is_ok), "it flies");
-            std::hint::black_box(flights);
+            let flight = fly(plan, &Drone::new(options, seed), &mut |_| {});
+            std::hint::black_box(flight.expect("it flies"));
         }
     };
     let used = std::thread::scope(|scope| {
@@ -82,16 +79,14 @@ fn main() {
         ("sweeps, EKF, gusts", gusts),
     ];
     println!(
-        "{n} flights of {:.1} s                   CPU, ms each   wall, s   CPU / 2, s",
+        "{n} flights of {:.1} s        CPU, ms each      wall, s   CPU / 2, s",
         plan.duration_s()
     );
     for (name, options) in cases {
-        for (how, together) in [("alone", 1), ("together", FLY_TOGETHER as u64)] {
-            let (used, wall) = thousand(&plan, &options, n, together);
-            #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
-            let each_ms = used.as_secs_f64() * 1e3 / n as f64;
-            let (wall_s, half_s) = (wall.as_secs_f64(), used.as_secs_f64() / 2.0);
-            println!("{name:26}{how:12}{each_ms:12.2}{wall_s:13.2}{half_s:13.2}");
-        }
+        let (used, wall) = thousand(&plan, &options, n);
+        #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
+        let each_ms = used.as_secs_f64() * 1e3 / n as f64;
+        let (wall_s, half_s) = (wall.as_secs_f64(), used.as_secs_f64() / 2.0);
+        println!("{name:26}{each_ms:16.2}{wall_s:13.2}{half_s:13.2}");
     }
 }

@@ -14,13 +14,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use image::{RgbImage, imageops};
-use noctograph::expose::{self, BackendChoice, ExposeOptions};
+use noctograph::expose::BackendChoice;
+use noctograph::light::RingEffect;
 use noctograph::photo::Photo;
 use noctograph::plan::{PlanOptions, Style};
 use noctograph::scene::Scene;
 use noctograph::score::Verdict;
+use noctograph::shoot::{Judging, Shoot};
 use noctograph::sim::ControllerKind;
-use noctograph::{letters, light, photo, score, sim};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -58,25 +59,16 @@ fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     // The board's own lights are no part of the letters.
     scene.light.led_bitmask = 128;
-    scene.light.ring_effect = light::RingEffect::Off;
+    scene.light.ring_effect = RingEffect::Off;
     scene
 }
 
 fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
-    let strokes = letters::write(word, &scene.letters)?;
-    let mut trace = light::LightTrace::default();
-    let mut end_s = 0.0_f64;
-    for (drone, planned) in (0_u64..).zip(scene.plans(&strokes)?) {
-        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {})?;
-        trace.append(light::light(&flight, &scene.light, scene.seed, drone)?);
-        end_s = end_s.max(planned.plan.duration_s());
-    }
-    let camera = scene.camera.camera(strokes.bounds_m(), end_s)?;
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let exposure = expose::expose(&trace, &camera, &options)?;
-    let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
-    let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
-    Ok((verdict, photo))
+    let mut scene = Scene { word: word.to_owned(), ..scene.clone() };
+    scene.expose.backend = BackendChoice::Cpu;
+    let shoot = Shoot { judging: Judging::Scored, ..Shoot::new(scene)? };
+    let shot = shoot.take(&|_, _| {})?;
+    Ok((shot.verdict.ok_or("a word is read")?, shot.photo))
 }
 
 fn characters() -> Outcome<()> {

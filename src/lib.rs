@@ -11,19 +11,14 @@
 //! ```
 //!
 //! ```
-//! use noctograph::{expose, letters, light, photo, plan, scene::Scene, score, sim};
+//! use noctograph::{scene::Scene, shoot::Shoot};
 //! # fn main() -> noctograph::error::Result<()> {
-//! let mut scene = Scene::default();
+//! let mut scene = Scene { word: "NO".to_owned(), ..Scene::default() };
 //! (scene.camera.width_px, scene.camera.height_px) = (480, 270);
-//! let strokes = letters::write("NO", &scene.letters)?;
-//! let plan = plan::plan(&strokes, &scene.plan)?;
-//! let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_done| {})?;
-//! let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s())?;
-//! let trace = light::light(&flight, &scene.light, scene.seed, 0)?;
-//! let exposure = expose::expose(&trace, &camera, &scene.expose)?;
-//! let photo = photo::develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
-//! let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
-//! println!("{} reads as {}", verdict.word, verdict.read);
+//! let shot = Shoot::new(scene)?.take(&|_stage, _done| {})?;
+//! if let Some(verdict) = shot.verdict {
+//!     println!("{} reads as {}", verdict.word, verdict.read);
+//! }
 //! # Ok(())
 //! # }
 //! ```
@@ -50,9 +45,10 @@
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
-//! | 7 | [`study`] | scenes → ranking, tuned scene, learned plan, what breaks a word; sweeps, a store |
-//! | 8 | [`report`] | products → plots, sheets |
-//! | 9 | [`cli`] | what was typed |
+//! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
+//! | 8 | [`study`] | scenes → ranking, tuned scene, learned plan, what breaks a word; sweeps, a store |
+//! | 9 | [`report`] | products → plots, sheets |
+//! | 10 | [`cli`] | what was typed |
 //!
 //! What a room must not know keeps the house good:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
@@ -89,6 +85,7 @@ pub mod report;
 pub mod scene;
 pub mod score;
 mod settings;
+pub mod shoot;
 pub mod sim;
 mod statistics;
 pub mod study;

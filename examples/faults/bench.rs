@@ -6,17 +6,18 @@
 //! commands that go missing are taken out of the plan, and less light is dimmer lamps, since an
 //! exposure cannot be shorter than its flight.
 
+use std::num::NonZero;
+
 use nalgebra::Vector3;
 use noctograph::camera::{Camera, ImagePoint};
 use noctograph::error::Result;
-use noctograph::expose;
 use noctograph::letters::{self, Strokes};
-use noctograph::light::{self, RingEffect};
-use noctograph::photo::{self, Photo};
+use noctograph::light::RingEffect;
 use noctograph::plan::{Plan, PlanOptions};
 use noctograph::scene::Scene;
 use noctograph::score::Reader;
-use noctograph::sim::{self, ControllerKind};
+use noctograph::shoot::{Actual, Judging, Shoot, Shot};
+use noctograph::sim::ControllerKind;
 use noctograph::study::Conditions;
 
 /// Levels of a fault.
@@ -47,13 +48,6 @@ pub(crate) struct Setting {
     pub(crate) conditions: Conditions,
     /// Share of each letter's light commands that go missing in one run.
     pub(crate) missing_frac: f64,
-}
-
-/// A photograph with all that is needed to score it.
-pub(crate) struct Shot {
-    pub(crate) strokes: Strokes,
-    pub(crate) camera: Camera,
-    pub(crate) photo: Photo,
 }
 
 /// The ten faults. Levels are of a word half a metre high that is written at 0.2 m/s.
@@ -222,18 +216,21 @@ impl Setting {
     /// Plans, flies and photographs it.
     pub(crate) fn shoot(&self) -> Result<Shot> {
         let (known, actual) = (&self.known, &self.actual);
-        let strokes = letters::write(&known.word, &known.letters)?;
-        let mut plan = known.first_plan(&strokes)?;
-        self.lose_light(&mut plan);
-        let seed = actual.seed;
-        let (drone, lamps) = self.conditions.draw(seed).apply(actual);
-        let flight = sim::fly_unlike(&plan, &known.sim(), &drone, seed, &mut |_| {})?;
-        let trace = light::light(&flight, &lamps, seed, 0)?;
-        let camera = actual.camera.camera(strokes.bounds_m(), plan.duration_s())?;
-        let film = expose::project(&trace, &camera, &actual.expose)?
-            .develop_on(std::num::NonZero::<usize>::MIN);
-        let photo = photo::develop(&film, &camera, &actual.photo, seed)?;
-        Ok(Shot { strokes, camera, photo })
+        let scene = Scene {
+            seed: actual.seed,
+            camera: actual.camera.clone(),
+            expose: actual.expose,
+            photo: actual.photo.clone(),
+            ..known.clone()
+        };
+        let mut shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene)? };
+        let plan = &mut shoot.plans[0].plan;
+        self.lose_light(plan);
+        shoot.scene.camera.shutter_close_s.get_or_insert(plan.duration_s());
+        let (sim, light) = self.conditions.draw(actual.seed).apply(actual);
+        shoot.actual = vec![Actual { sim, light }];
+        shoot.cores = Some(NonZero::<usize>::MIN);
+        shoot.take(&|_, _| {})
     }
 
     /// Takes a run of light commands out of each letter; a graver run holds a slighter one.
@@ -283,19 +280,20 @@ fn line(
         let mut setting = Setting::clean(word, seed);
         turn(&mut setting)?;
         let shot = setting.shoot()?;
-        let at = match readers.iter().position(|(strokes, _)| *strokes == shot.strokes) {
+        let written = shot.strokes.expect("a word was written");
+        let at = match readers.iter().position(|(strokes, _)| *strokes == written) {
             Some(at) => at,
             None => {
-                let reader = Reader::new(&shot.strokes, &setting.known.score)?;
-                readers.push((shot.strokes, reader));
+                let reader = Reader::new(&written, &setting.known.score)?;
+                readers.push((written, reader));
                 readers.len() - 1
             }
         };
         let verdict = readers[at].1.score(&shot.photo, &(&shot.camera).into())?;
         let worst = verdict.letters.iter().min_by(|a, b| a.p.total_cmp(&b.p));
         let worst = worst.map_or('?', |letter| letter.expected);
-        sum += verdict.probability;
-        each += &format!(" | {:.3} {} {worst}", verdict.probability, verdict.read);
+        sum += verdict.readability;
+        each += &format!(" | {:.3} {} {worst}", verdict.readability, verdict.read);
     }
     Ok(format!("{name} | {:.4}{each}\n", sum / WORDS.len() as f64))
 }

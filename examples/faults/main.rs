@@ -125,8 +125,9 @@ fn shoot(set: Set, n: usize, folder: &Path) -> Outcome<()> {
         photo.write_png(fs::File::create(folder.join(&file))?, None, &[])?;
         let (name, level) = fault.map_or(("clean", 0), |(at, level)| (FAULTS[at].name, level + 1));
         let letters = &setting.known.letters;
-        write!(list, "{file},{},{name},{level},{}", shot.strokes.word, letters.font)?;
-        let corners = corners_px(&shot.strokes, &shot.camera);
+        let strokes = shot.strokes.as_ref().ok_or("a word was written")?;
+        write!(list, "{file},{},{name},{level},{}", strokes.word, letters.font)?;
+        let corners = corners_px(strokes, &shot.camera);
         for [x, y] in corners {
             write!(list, ",{x:.1},{y:.1}")?;
         }
@@ -174,7 +175,7 @@ fn rate(folder: &Path) -> Outcome<()> {
         let strokes = letters::write(&scene.word, &scene.letters)?;
         let camera = scene.camera.camera(strokes.bounds_m(), 1.0)?;
         let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
-        let p = verdict.probability;
+        let p = verdict.readability;
         let calibration = verdict.calibration;
         let loss = (calibration.offset - libm::log(p / (1.0 - p))) / calibration.slope;
         let reason = verdict.reason.map_or(String::new(), |reason| format!("{reason:?}"));

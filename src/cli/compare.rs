@@ -5,85 +5,57 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use nalgebra::Vector3;
+use serde_json::{Value, json};
 
-use super::inputs::{PositionName, import_flight};
-use super::outputs::OutputFolder;
-use super::{Outcome, print, show};
+use super::flags::FlightFlags;
+use super::names::named;
+use super::output::OutputFolder;
+use super::report::{Report, line};
+use super::show;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, compare};
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::geometry::Attitude;
-use crate::logs::ImportOptions;
+use crate::logs::PositionSource;
 use crate::report::{Trace, error_over_time, front_view, top_view};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
-    /// Flight or log to judge, such as a simulated flight
+    /// Flight or log, such as a simulated flight
     a: PathBuf,
-    /// Flight or log to hold it against, such as a real flight's
+    /// Flight or log that it is compared with, such as a real flight's
     b: PathBuf,
     /// Part of both flights that is compared
-    #[arg(long, value_name = "PART", default_value = "airborne")]
-    part: PartName,
-    /// Add this many seconds to B's clock, instead of setting it by the designs
+    #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
+    part: Part,
+    /// Seconds to add to B's clock [default: the designs are aligned]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     offset: Option<f64>,
-    /// Position of a log that is compared; of a flight file, estimate takes what was believed
-    #[arg(long, value_name = "SOURCE", default_value = "best")]
-    position: PositionName,
-    /// Another position of B
-    #[arg(long, value_name = "SOURCE")]
-    position_b: Option<PositionName>,
-    /// Join samples of a log, and those of B, over no longer a gap than this, in seconds
-    #[arg(long, value_name = "S")]
-    max_gap: Option<f64>,
+    #[command(flatten)]
+    flights: FlightFlags,
+    /// Position of B, where it differs from --position
+    #[arg(long, value_name = "SOURCE", hide_possible_values = true,
+          value_parser = named::<PositionSource>())]
+    position_b: Option<PositionSource>,
     /// Folder for plots: flight-xy.svg, flight-xz.svg and error.svg
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
 }
 
-/// Part of a flight.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum PartName {
-    /// While letters are written
-    Letters,
-    /// Between take-off and landing
-    Airborne,
-    /// From the first sample to the last
-    All,
-}
-
-impl From<PartName> for Part {
-    fn from(name: PartName) -> Self {
-        match name {
-            PartName::Letters => Self::Letters,
-            PartName::Airborne => Self::Airborne,
-            PartName::All => Self::All,
-        }
-    }
-}
-
-/// What `-o` leaves.
+/// Files of `-o`.
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
-pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
+pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
-    let mut options = ComparisonOptions {
-        part: args.part.into(),
+    let options = ComparisonOptions {
+        part: args.part,
         alignment: args.offset.map_or(Alignment::Design, Alignment::Offset),
-        ..ComparisonOptions::default()
+        max_gap_s: args.flights.max_gap,
     };
-    let mut import = ImportOptions { position: args.position.into(), ..Default::default() };
-    if let Some(max_gap_s) = args.max_gap {
-        (options.max_gap_s, import.max_gap_s) = (max_gap_s, max_gap_s);
-    }
-    let a = import_flight(&args.a, &import)?;
-    import.position = args.position_b.unwrap_or(args.position).into();
-    let b = import_flight(&args.b, &import)?;
+    let a = args.flights.read(&args.a)?;
+    let position = args.position_b.unwrap_or(args.flights.position);
+    let b = FlightFlags { position, ..args.flights }.read(&args.b)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
     let tracking = [&a, &b].map(|flight| track(flight, options.part).ok());
@@ -91,14 +63,9 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome> {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
-    if args.json {
-        let digests = [a.sha256(), b.sha256()];
-        let json = to_json(args, &comparison, &tracking, &digests, &files);
-        print(&format!("{json}\n"))?;
-    } else {
-        print(&table(args, &comparison, &tracking, &files))?;
-    }
-    Ok(Outcome::Done)
+    let json = to_json(args, &comparison, &tracking, &[a.sha256(), b.sha256()]);
+    let gap = if files.is_empty() { "" } else { "\n" };
+    Ok(Report::new(table(args, &comparison, &tracking) + gap, json).with_files(&files))
 }
 
 fn plots(
@@ -127,15 +94,14 @@ fn to_json(
     comparison: &Comparison,
     [a, b]: &[Option<Tracking>; 2],
     [digest_a, digest_b]: &[String; 2],
-    files: &[PathBuf],
-) -> serde_json::Value {
+) -> Value {
     let side = |path: &Path, digest: &str, tracking: &Option<Tracking>| {
         let tracking = tracking.as_ref().map(show::tracking_json);
-        serde_json::json!({ "file": path, "sha256": digest, "tracking": tracking })
+        json!({ "file": path, "sha256": digest, "tracking": tracking })
     };
     let (rmse, mean) = (comparison.rmse_m, comparison.mean_m);
     let turned = comparison.attitude_rmse.map(|a| [a.yaw_rad, a.pitch_rad, a.roll_rad]);
-    serde_json::json!({
+    json!({
         "part": comparison.part.name(),
         "offset_s": comparison.offset_s,
         "samples": comparison.n_samples,
@@ -146,26 +112,19 @@ fn to_json(
         "attitude_rmse_rad": turned,
         "a": side(&args.a, digest_a, a),
         "b": side(&args.b, digest_b, b),
-        "files": files,
     })
 }
 
-/// The team's Tables 1 (flown against design) and 2 (observer), for both flights and between them.
-fn table(
-    args: &CompareArgs,
-    comparison: &Comparison,
-    tracking: &[Option<Tracking>; 2],
-    files: &[PathBuf],
-) -> String {
+/// Errors of both flights against their designs, of their observers, and between them.
+fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Tracking>; 2]) -> String {
     let part = show::in_part(comparison.part);
-    // Whole milliseconds, and no minus before nothing.
+    // Whole milliseconds, and no minus sign before zero.
     let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
     let [from_s, to_s] = comparison.span_s;
     let mut text = format!("A         {}\nB         {}\n", args.a.display(), args.b.display());
-    text += &format!(
-        "compared  {part}, {from_s:.2} to {to_s:.2} s, {} samples; B's clock {offset_s:+.3} s\n",
-        comparison.n_samples
-    );
+    let n = comparison.n_samples;
+    let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
+    text += &line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
 
     text += "\nRMSE, m                        x       y       z  in plane\n";
     text += &row("A against B", comparison.rmse_m);
@@ -190,13 +149,6 @@ fn table(
         let share = 100.0 * d.in_corridor_frac;
         Some(format!("{:24}{:+8.3}{:+8.3}{share:15.1} %\n", "", d.min_y_m, d.max_y_m))
     });
-    if !files.is_empty() {
-        text.push('\n');
-    }
-    for (index, file) in files.iter().enumerate() {
-        let title = if index == 0 { "files" } else { "" };
-        text += &format!("{title:10}{}\n", file.display());
-    }
     text
 }
 
@@ -205,7 +157,7 @@ fn row(name: &str, v: Vector3<f64>) -> String {
     format!("{name:24}{:8.4}{:8.4}{:8.4}{:10.4}\n", v.x, v.y, v.z, v.xz().norm())
 }
 
-/// A row for each flight that can tell.
+/// A row for each flight that has the figure.
 fn rows(
     tracking: &[Option<Tracking>; 2],
     name: &str,

@@ -1,49 +1,51 @@
-//! `noctograph coverage`: where Lighthouse base stations see the drone, and how well they place it.
+//! `noctograph coverage`: where Lighthouse base stations see the drone, and how accurately.
 
 use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::inputs::{SceneFlags, strokes};
-use super::outputs::Output;
-use super::{Outcome, coverage_map, print};
+use super::coverage_map;
+use super::flags::{LetterFlags, SceneFlags, set_word};
+use super::output::Output;
+use super::report::Report;
 use crate::error::Result;
 use crate::sim::{Coverage, coverage};
 
-/// What is looked at around a word, and without one.
+/// Margin around the word, and the region where there is no word.
 const MARGIN_M: f64 = 0.5;
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
 #[derive(Debug, Args)]
 pub(super) struct CoverageArgs {
-    /// Word whose surroundings are looked at; the scene's where it is left out
+    /// Word at the center of the map [default: the scene's]
+    #[arg(conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
-    /// Left, bottom, right and top of what is looked at, in metres; half a metre around the word
-    /// where it is left out
+    #[command(flatten)]
+    letters: LetterFlags,
+    /// Left, bottom, right and top of the map, in meters [default: half a meter around the word]
     #[arg(long, value_name = "L,B,R,T", value_parser = bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Depth of the plane that is looked at, in metres; the word is written at 0
+    /// Depth of the plane of the map, in meters; the word is written at 0
     #[arg(long, value_name = "Y", default_value = "0", allow_hyphen_values = true)]
     depth: f64,
-    /// Distance between two places that are looked at, in metres
+    /// Distance between two points of the map, in meters
     #[arg(long, value_name = "M", default_value = "0.05")]
     step: f64,
     /// Map to write (SVG)
     #[arg(short, long, value_name = "FILE", default_value = "coverage.svg")]
     output: PathBuf,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
 }
 
-pub(super) fn run(args: &CoverageArgs) -> Result<Outcome> {
-    let mut scene = args.scene.load()?;
-    let drawn = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
-    let has_word = args.word.is_some() || drawn;
-    let word = if has_word { Some(strokes(&mut scene, args.word.as_deref())?) } else { None };
+pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
+    let mut scene = args.scene.load(&args.letters.settings())?;
+    if let Some(word) = &args.word {
+        set_word(&mut scene, word);
+    }
+    let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     let word_m = word.map(|strokes| strokes.bounds_m());
     let around = |[l, b, r, t]: [f64; 4]| {
         [l - MARGIN_M, (b - MARGIN_M).max(0.0), r + MARGIN_M, t + MARGIN_M]
@@ -54,18 +56,13 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Outcome> {
     let map = coverage_map::svg(&grid, word_m);
     let path = output.keep(|out| out.write_all(map.as_bytes()))?;
     let n_stations = scene.sensors.stations.len();
-    if args.json {
-        let (seen_frac, quantiles_m) = (grid.seen_frac(), quantiles_m(&grid));
-        let json = serde_json::json!({
-            "n_stations": n_stations, "seen_frac": seen_frac,
-            "error_median_m": quantiles_m.map(|q| q[0]), "error_p95_m": quantiles_m.map(|q| q[1]),
-            "error_max_m": quantiles_m.map(|q| q[2]), "coverage": grid, "files": [path],
-        });
-        print(&format!("{json}\n"))?;
-    } else {
-        print(&format!("{}files     {}\n", table(&grid, n_stations, bounds_m), path.display()))?;
-    }
-    Ok(Outcome::Done)
+    let (seen_frac, quantiles_m) = (grid.seen_frac(), quantiles_m(&grid));
+    let json = json!({
+        "n_stations": n_stations, "seen_frac": seen_frac,
+        "error_median_m": quantiles_m.map(|q| q[0]), "error_p95_m": quantiles_m.map(|q| q[1]),
+        "error_max_m": quantiles_m.map(|q| q[2]), "coverage": grid,
+    });
+    Ok(Report::new(table(&grid, n_stations, bounds_m), json).with_files(&[path]))
 }
 
 /// Median, 95th percentile and largest error.
@@ -78,7 +75,7 @@ fn quantiles_m(grid: &Coverage) -> Option<[f64; 3]> {
 fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4]) -> String {
     let mut text = format!(
         "plane     x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {:.2} m\n\
-         seen      by two or more of {n_stations} base stations: {:.1} % of {} places\n",
+         seen      by two or more of {n_stations} base stations: {:.1} % of {} points\n",
         grid.y_m,
         100.0 * grid.seen_frac(),
         grid.places.len(),
@@ -89,9 +86,9 @@ fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4
                 "error     median {median:.1} mm, 95 % below {most:.1} mm, worst {worst:.1} mm\n"
             )
         }
-        None => "error     no place is seen by two\n".to_owned(),
+        None => "error     no point is seen by two\n".to_owned(),
     };
-    text += "\nstations  places    share\n";
+    text += "\nstations  points    share\n";
     for n in 0..=n_stations {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
         if places > 0 {
@@ -100,11 +97,11 @@ fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4
             text += &format!("{n:<10}{places:<10}{share:.1} %\n");
         }
     }
-    text
+    text + "\n"
 }
 
 fn bounds(text: &str) -> std::result::Result<[f64; 4], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     let numbers = numbers.and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| "wanted left,bottom,right,top in metres, such as -1,0,1,2".to_owned())
+    numbers.ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())
 }

@@ -1,72 +1,62 @@
-//! `noctograph fly`: a plan, or the setpoints of a real flight, are flown in the simulator.
+//! `noctograph fly`: plans, or the setpoints of real flights, are flown in the simulator.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::json;
 
-use super::inputs::{SceneFlags, read_flight};
-use super::outputs::Output;
-use super::progress::Progress;
-use super::{Outcome, print, show, tell};
+use super::flags::{FlightFlags, SceneFlags};
+use super::output::Outputs;
+use super::progress::watch;
+use super::report::Report;
+use super::{show, tell, warn};
 use crate::error::Result;
-use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
-use crate::scene::Scene;
-use crate::sim;
+use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {
-    /// Plan to fly, as `noctograph plan` writes it
-    #[arg(required_unless_present = "setpoints", conflicts_with = "setpoints")]
-    plan: Option<PathBuf>,
+    /// Plans to fly, one for each drone, as `noctograph plan` writes them
+    #[arg(
+        required_unless_present = "setpoints",
+        conflicts_with = "setpoints",
+        value_name = "PLAN"
+    )]
+    plans: Vec<PathBuf>,
     /// Fly the setpoints of this flight or log instead, as they were sent
-    #[arg(long, value_name = "LOG")]
-    setpoints: Option<PathBuf>,
+    #[arg(long, value_name = "FILE")]
+    setpoints: Vec<PathBuf>,
+    #[command(flatten)]
+    flight: FlightFlags,
     #[command(flatten)]
     scene: SceneFlags,
-    /// Flight to write
-    #[arg(short, long, value_name = "FILE", default_value = "flight.csv")]
-    output: PathBuf,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
+    /// Flight to write, or a folder for several [default: flight.csv, or flights]
+    #[arg(short, long, value_name = "FILE|DIR")]
+    output: Option<PathBuf>,
 }
 
-impl FlyArgs {
-    fn plan(&self) -> Result<Plan> {
-        let Some(log) = self.setpoints.as_deref() else {
-            return Plan::read_csv(self.plan.as_deref().expect("clap wants one of them"));
-        };
-        let Replay { plan, n_restored } = replay(&read_flight(log)?)?;
-        if n_restored > 0 {
-            tell(&format!("warning: the log lost {n_restored} setpoints, put back evenly"));
-        }
-        Ok(plan)
-    }
+pub(super) fn run(args: &FlyArgs) -> Result<Report> {
+    let scene = args.scene.load(&[])?;
+    let read = args.plans.iter().map(|path| Plan::read_csv(path));
+    let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log)));
+    let shoot = Shoot::with_plans(scene, plans.collect::<Result<_>>()?)?;
+    let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
+    let flights = shoot.fly(&watch())?;
+    flights.iter().for_each(|flight| warn(&flight.warnings));
+    let files = outputs.keep(&flights, |flight, mut out| flight.write_csv(&mut out))?;
+    let json = match flights.as_slice() {
+        [flight] => json!({ "flight": show::flight_json(flight) }),
+        flights => json!({ "flights": flights.iter().map(show::flight_json).collect::<Vec<_>>() }),
+    };
+    Ok(Report::new(flights.iter().map(show::flight_lines).collect(), json).with_files(&files))
 }
 
-pub(super) fn run(args: &FlyArgs) -> Result<Outcome> {
-    let scene = args.scene.load()?;
-    let plan = args.plan()?;
-    let output = Output::create(&args.output)?;
-    let flight = fly(&plan, &scene)?;
-    let path = output.keep(|out| flight.write_csv(out))?;
-    if args.json {
-        let json = serde_json::json!({ "flight": show::flight_json(&flight), "files": [path] });
-        print(&format!("{json}\n"))?;
-    } else {
-        let file = path.display();
-        print(&format!("{}files     {file}\n", show::flight_lines(&flight)))?;
+/// The setpoints of a log, as a plan.
+fn sent(args: &FlyArgs, log: &Path) -> Result<Plan> {
+    let Replay { plan, n_restored } = replay(&args.flight.read(log)?)?;
+    if n_restored > 0 {
+        let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
+        tell("warning: ", &text);
     }
-    Ok(Outcome::Done)
-}
-
-/// Flies with a progress bar, and tells the flight's warnings.
-pub(super) fn fly(plan: &Plan, scene: &Scene) -> Result<Flight> {
-    let mut progress = Progress::new("flying");
-    let flight = sim::fly(plan, &scene.sim(), scene.seed, &mut |done| progress.update(done))?;
-    for warning in &flight.warnings {
-        tell(&format!("warning: {warning}"));
-    }
-    Ok(flight)
+    Ok(plan)
 }

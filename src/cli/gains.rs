@@ -1,84 +1,72 @@
-//! `noctograph gains`: what regulator and observer a drone gets, and what they stand.
-
-use std::path::PathBuf;
+//! `noctograph gains`: gains of controller and observer, poles and stability margins.
 
 use clap::Args;
 use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};
 
-use super::{Outcome, print, tell};
+use super::flags::SceneFlags;
+use super::report::{Report, wrapped};
+use super::tell;
 use crate::control::Margins;
 use crate::error::Result;
-use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {
-    /// Scene file (TOML) with vehicle, controller and observer; the default where it is left out
-    #[arg(long, value_name = "FILE")]
-    scene: Option<PathBuf>,
-    /// Lag of the motors that the gain is held against, seconds; the vehicle's, or 0.072 where it
-    /// has none
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Motor lag that the margins are computed for, in seconds [default: the vehicle's, or 0.072
+    /// where it has none]
     #[arg(long, value_name = "S")]
     motor_lag: Option<f64>,
-    /// Print Bryson's weights from the motors' range as well
+    /// Print Bryson's weights for the range of the motors as well
     #[arg(long)]
     bryson: bool,
-    /// Print one JSON object instead of tables
-    #[arg(long)]
-    json: bool,
 }
 
-pub(super) fn run(args: &GainsArgs) -> Result<Outcome> {
-    let scene = args.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?;
+pub(super) fn run(args: &GainsArgs) -> Result<Report> {
+    let scene = args.scene.load(&[])?;
     let own_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     for warning in &design.warnings {
-        tell(&format!("warning: {warning}"));
+        tell("warning: ", warning);
     }
-    if args.json {
-        print(&format!("{}\n", to_json(&design)))?;
-    } else {
-        print(&tables(&design))?;
-        if args.bryson {
-            print(&bryson(&design, &scene.controller.r))?;
-        }
-    }
-    Ok(Outcome::Done)
+    let bryson = if args.bryson { bryson(&design, &scene.controller.r) } else { String::new() };
+    Ok(Report::new(tables(&design) + &bryson, to_json(&design)))
 }
 
-/// Everything for people, at most 80 columns wide.
+/// Everything for people.
 fn tables(design: &Design) -> String {
     let Design { controllability_rank, observability_rank, .. } = design;
-    let seen: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
+    let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let hidden = design.unobservable.join(", ");
     let mut text = format!(
-        "model     at hover: the motors reach {controllability_rank} of 12 states, the position \
-         shows {observability_rank} of 9\n          not shown: {hidden}\n",
+        "model     at hover: 12 states, {controllability_rank} controllable by the motors\n          \
+         9 observer states, {observability_rank} observable by the position (not: {hidden})\n",
     );
     text += "\nK         u = u_hover - K (x - x_des), transposed\n";
     text += &matrix(&design.k.transpose(), &design.states, &INPUTS);
     text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
-    text += &matrix(&design.l, &seen, &["y_x", "y_y", "y_z"]);
+    text += &matrix(&design.l, &observed, &["y_x", "y_y", "y_z"]);
     let lag_s = design.motor_lag_s;
     text +=
         &format!("\npoles     1/s\n{}", pole_lines("regulator", design.regulator_poles.as_ref()));
     text += &pole_lines(&format!("  {lag_s} s lag"), design.lagging_poles.as_ref());
     text += &pole_lines("observer", design.observer_poles.as_ref());
-    text += "\nmargins   gain, phase and where (rad/s), loop broken at each input\n";
-    text += &format!("{:10}{:33}with {lag_s} s of motor lag\n", "", "motors that obey at once");
+    text += "\nmargins   gain, phase and crossover (rad/s), loop broken at each input\n";
+    text += &format!("{:10}{:33}with {lag_s} s of motor lag\n", "", "without motor lag");
     for (i, input) in INPUTS.iter().enumerate() {
-        let of =
+        let shown =
             |margins: &Option<[Margins; 4]>| margins.map_or("unstable".into(), |m| margin(&m[i]));
-        let (now, late) = (of(&design.margins), of(&design.lagging_margins));
+        let (now, late) = (shown(&design.margins), shown(&design.lagging_margins));
         text += &format!("{input:10}{now:33}{late}\n");
     }
     let longest = design.longest_lag_s.map_or("over a second".into(), |s| format!("{s:.3} s"));
-    text + &format!("longest   motor lag that the gain stands: {longest}\n")
+    text + &format!("longest   motor lag with a stable loop: {longest}\n")
 }
 
-/// A row a state, a column an output or input; zeros as a dash.
+/// A row for each state, a column for each output or input; zeros as a dash.
 fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
     let mut text = format!("{:12}", "");
     columns.iter().for_each(|name| text += &format!("{name:>14}"));
@@ -96,32 +84,22 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
     text
 }
 
-/// Six decimals, fewer for what is large.
+/// Six decimals, three for large numbers.
 fn figure(value: f64) -> String {
     if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.3}") }
 }
 
-/// Poles as far as lines go, a pair as one.
+/// Poles, wrapped; a conjugate pair as one.
 fn pole_lines(name: &str, poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else {
         return format!("{name:14}not found: the iteration did not converge\n");
     };
-    let mut lines = vec![String::new()];
-    for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
-        let word = match pole.im {
-            0.0 => format!("{:.2}", pole.re),
-            im => format!("{:.2}±{im:.2}i", pole.re),
-        };
-        let line = lines.last_mut().expect("there is always one");
-        if line.chars().count() + word.chars().count() > 63 {
-            lines.push(word);
-        } else {
-            let gap = if line.is_empty() { "" } else { "  " };
-            *line += &format!("{gap}{word}");
-        }
-    }
-    let named = std::iter::once(name).chain(std::iter::repeat(""));
-    lines.iter().zip(named).map(|(line, name)| format!("{name:14}{line}\n")).collect()
+    let upper = poles.iter().filter(|pole| pole.im >= 0.0);
+    let words = upper.map(|pole| match pole.im {
+        0.0 => format!("{:.2}", pole.re),
+        im => format!("{:.2}±{im:.2}i", pole.re),
+    });
+    wrapped(&format!("{name:14}"), &words.collect::<Vec<_>>().join("  "))
 }
 
 fn margin(margins: &Margins) -> String {
@@ -137,14 +115,13 @@ fn margin(margins: &Margins) -> String {
 fn bryson(design: &Design, r: &[f64; 4]) -> String {
     let mut text =
         "\nbryson    1 / (largest deviation from hover within the motors' range)^2\n".to_owned();
-    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.r is");
+    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.r");
     for (i, input) in INPUTS.iter().enumerate() {
         let (deviation, weight) = (design.largest_inputs[i], design.bryson_r[i]);
         let unit = if i == 3 { "N" } else { "N m" };
         let ratio = r[i] / weight;
-        text += &format!(
-            "{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times it\n"
-        );
+        text +=
+            &format!("{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times\n");
     }
     let [x, y, z, f] = design.bryson_r;
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
@@ -160,7 +137,7 @@ fn to_json(design: &Design) -> Value {
     };
     let margins = |margins: &Option<[Margins; 4]>| {
         margins.map(|margins| {
-            let of = |(input, m): (&str, Margins)| {
+            let one = |(input, m): (&str, Margins)| {
                 json!({
                     "input": input,
                     "gain_up": m.gain_up,
@@ -169,7 +146,7 @@ fn to_json(design: &Design) -> Value {
                     "crossover_rad_s": m.crossover_rad_s,
                 })
             };
-            INPUTS.into_iter().zip(margins).map(of).collect::<Vec<_>>()
+            INPUTS.into_iter().zip(margins).map(one).collect::<Vec<_>>()
         })
     };
     json!({

@@ -1,51 +1,44 @@
-//! `noctograph identify`: figures of a drone and weights of its observer, from a flight's log.
+//! `noctograph identify`: parameters of a drone and weights of its observer, from a flight log.
 
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::inputs::read_flight;
-use super::{Outcome, print};
+use super::flags::{FlightFlags, SceneFlags};
+use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
 use crate::sim::identify::yaw::ReactionTorque;
 use crate::sim::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 
 #[derive(Debug, Args)]
 pub(super) struct IdentifyArgs {
-    /// Log of a flight, or a flight of ours
+    /// Log of a flight, or a simulated flight
     #[arg(required_unless_present = "pendulum_period")]
     log: Option<PathBuf>,
-    /// Scene file (TOML) with the vehicle's mass and arm; the default where it is left out
-    #[arg(long, value_name = "FILE")]
-    scene: Option<PathBuf>,
-    /// Period of one swing of a pendulum test, seconds: prints the moment of inertia
+    #[command(flatten)]
+    flight: FlightFlags,
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Period of one swing of a pendulum test, in seconds: gives the moment of inertia
     #[arg(long, value_name = "S", requires = "pendulum_pivot")]
     pendulum_period: Option<f64>,
-    /// From the pendulum's pivot to the centre of mass, metres
+    /// Distance from the pendulum's pivot to the center of mass, in meters
     #[arg(long, value_name = "M", requires = "pendulum_period")]
     pendulum_pivot: Option<f64>,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
 }
 
-pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
-    let vehicle = args.scene.as_deref().map_or(Ok(Scene::default()), Scene::read)?.vehicle;
+pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
+    let vehicle = args.scene.load(&[])?.vehicle;
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
     let inertia_kg_m2 = inertia.transpose()?;
-    let flight = args.log.as_deref().map(read_flight).transpose()?;
+    let flight = args.log.as_deref().map(|log| args.flight.read(log)).transpose()?;
     let found =
         flight.map(|flight| identify(&flight, &vehicle)).transpose().map_err(named(args))?;
-    if args.json {
-        print(&format!("{}\n", to_json(found.as_ref(), inertia_kg_m2)))?;
-    } else {
-        let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
-        let found = found.as_ref().map(table);
-        print(&[found, inertia].into_iter().flatten().collect::<String>())?;
-    }
-    Ok(Outcome::Done)
+    let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
+    let text = [found.as_ref().map(table), inertia].into_iter().flatten().collect();
+    Ok(Report::new(text, to_json(found.as_ref(), inertia_kg_m2)))
 }
 
 /// Puts the log's name in the place of "flight".
@@ -65,21 +58,18 @@ fn table(found: &Identified) -> String {
     let mut text = format!(
         "samples       {} in the air, mean commands {m1:.0} {m2:.0} {m3:.0} {m4:.0}\n\
          k_F           {:.4e} N per unit of a motor's command\n\
-         torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, given by the motors\n\
-         centre        of mass x {com_x:+.2} mm, y {com_y:+.2} mm from the motors' middle\n",
+         torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, mean of the motors\n\
+         center        of mass: x {com_x:+.2} mm, y {com_y:+.2} mm from the motors' center\n",
         found.n_samples, found.k_f_n
     );
     if let Some(reaction) = found.reaction {
         let ReactionTorque { k_m_n_m, half_width_n_m, correlation } = reaction;
-        text += &format!(
-            "k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} N m per unit of a motor's command \
-             (95 %)\n"
-        );
+        let per_unit = "N m per unit of a motor's command (95 %)";
+        text += &format!("k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}\n");
         if !reaction.is_identifiable() {
-            text += &format!(
-                "              not identifiable from this log: yaw was not excited (correlation \
-                 {correlation:.2})\n"
-            );
+            let why = "not identifiable from this log: yaw was not excited";
+            let why = format!("{why} (correlation {correlation:.2})");
+            text += &wrapped(&format!("{:14}", ""), &why);
         }
     }
     if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
@@ -102,7 +92,7 @@ fn table(found: &Identified) -> String {
 
 fn to_json(found: Option<&Identified>, inertia_kg_m2: Option<f64>) -> serde_json::Value {
     let reaction = found.and_then(|found| found.reaction);
-    serde_json::json!({
+    json!({
         "samples": found.map(|found| found.n_samples),
         "mean_motors": found.map(|found| found.mean_motors),
         "k_f_n": found.map(|found| found.k_f_n),

@@ -1,89 +1,97 @@
-//! `noctograph learn`: the next reference and light schedule, from what earlier flights missed.
+//! `noctograph learn`: the setpoints and light schedule of a word, from its earlier flights.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::json;
 
-use super::inputs::read_flight;
-use super::outputs::Output;
-use super::studies::on_threads;
-use super::{Outcome, print, tell};
+use super::flags::{FlightFlags, SetFlag, find_scene};
+use super::output::Output;
+use super::report::{Report, line};
+use super::studies::open_store;
+use super::tell;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::flight::comparison::{ComparisonOptions, compare};
 use crate::plan::{Plan, relight};
-use crate::study::{Conditions, Contender, LearnOptions, Prepared, Round, Store, correct, learn};
+use crate::study::{Conditions, LearnOptions, Prepared, Round, correct, learn};
 
 #[derive(Debug, Args)]
-#[command(after_help = "The folder holds scene.toml and plan-WORD.csv: `noctograph rank FOLDER` \
-                        flies it, `noctograph fly FOLDER/plan-WORD.csv` too. After a real flight: \
-                        noctograph learn my.toml WORD --from-log flight.json --sent \
-                        FOLDER/plan-WORD.csv writes the plan for the next one.")]
+#[command(
+    after_help = "The folder holds scene.toml and plan-WORD.csv: rank and preview take it as a \
+                  scene, fly and preview take the plan. After a real flight, the plan of the next \
+                  one:\n  noctograph learn my.toml WORD --flight log.json \\\n    --sent \
+                  FOLDER/plan-WORD.csv"
+)]
 pub(super) struct LearnArgs {
-    /// Scene to fly, as for rank
+    /// Scene: a file, a preset, team, pid, geometric, tuned, or a learned folder
     scene: String,
     /// Word to write
     word: String,
-    /// Learn from these flights or logs of one plan, instead of simulated ones: one round
-    #[arg(long, value_name = "LOG", num_args = 1..)]
-    from_log: Vec<PathBuf>,
-    /// Plan that was sent in those flights; the scene's own where it is left out
-    #[arg(long, value_name = "FILE", requires = "from_log")]
+    #[command(flatten)]
+    set: SetFlag,
+    /// Learn one round from these flights or logs of one plan, instead of simulated ones
+    #[arg(long, value_name = "FILE", num_args = 1.., alias = "from-log")]
+    flight: Vec<PathBuf>,
+    #[command(flatten)]
+    flights: FlightFlags,
+    /// Plan that was sent in those flights [default: the scene's]
+    #[arg(long, value_name = "FILE", requires = "flight")]
     sent: Option<PathBuf>,
     /// Most rounds
     #[arg(long, value_name = "N", default_value_t = LearnOptions::default().rounds)]
     rounds: u32,
-    /// Flights of a round, over which errors are averaged
+    /// Flights of each round, over which errors are averaged
     #[arg(long, value_name = "N", default_value_t = LearnOptions::default().flights)]
-    flights: u32,
-    /// Share of the error that a round takes off
-    #[arg(long, value_name = "SHARE", default_value_t = LearnOptions::default().gain)]
+    repeats: u32,
+    /// Fraction of the error that a round takes off
+    #[arg(long, value_name = "FRACTION", default_value_t = LearnOptions::default().gain)]
     gain: f64,
-    /// Smoothing of the error, in seconds: more keeps noise out, less follows corners
+    /// Smoothing of the error, in seconds: more rejects noise, less follows corners
     #[arg(long, value_name = "S", default_value_t = LearnOptions::default().smooth_s)]
     smooth: f64,
-    /// Seed of all seeds
+    /// Seed that all seeds are drawn from
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Threads; as many as the machine has where it is left out
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
     /// Folder for scene.toml, plan-WORD.csv and flights.jsonl
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-learn")]
     output: PathBuf,
 }
 
-pub(super) fn run(args: &LearnArgs) -> Result<Outcome> {
+pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     crate::error::within("--gain", args.gain, 0.0, 1.0)?;
     crate::error::within("--smooth", args.smooth, 0.0, 10.0)?;
-    crate::error::within("--flights", args.flights.into(), 1.0, 1e4)?;
-    let contender = Contender::find(&args.scene)?;
+    crate::error::within("--repeats", args.repeats.into(), 1.0, 1e4)?;
+    let contender = find_scene(&args.scene, &args.set.set)?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
     let options = LearnOptions {
         rounds: args.rounds,
-        flights: args.flights,
+        flights: args.repeats,
         gain: args.gain,
         smooth_s: args.smooth,
         seed: args.seed,
     };
-    let store = Store::open(&args.output)?;
+    let store = open_store(&args.output)?;
     let scene_file = Output::create(&args.output.join("scene.toml"))?;
     let plan_file = Output::create(&args.output.join(format!("plan-{}.csv", ready.word())))?;
-    let plan = if args.from_log.is_empty() {
-        print(
-            "round   P(read)   contour      rmse      lag\n                     mm        mm        s\n",
-        )?;
-        let mut number = 0;
+    let (mut text, mut rounds) = (String::new(), Vec::new());
+    let plan = if args.flight.is_empty() {
+        text += "round   P(read)   contour      rmse      lag\n                     mm        \
+                 mm        s\n";
         let mut watch = |round: &Round| {
             let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
-            let kept = if kept { "" } else { "  no better beyond chance" };
+            let number = rounds.len();
+            tell("", &format!("round {number}: read with probability {p:.3}"));
+            let note = if kept { "" } else { "  not significantly better" };
             let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
-            let _ =
-                print(&format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{kept}\n"));
-            number += 1;
+            text += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
+            rounds.push(json!({
+                "legibility": p, "contour_m": contour_m, "rmse_m": rmse_m, "lag_s": lag_s,
+                "kept": kept,
+            }));
         };
-        on_threads(args.threads, || learn(&ready, &options, Some(&store), &mut watch))??.plan
+        learn(&ready, &options, Some(&store), &mut watch)?.plan
     } else {
         from_logs(args, &ready, &options)?
     };
@@ -98,25 +106,33 @@ pub(super) fn run(args: &LearnArgs) -> Result<Outcome> {
         scene_file.keep(|out| out.write_all(toml.as_bytes()))?,
         plan_file.keep(|out| plan.write_csv(out))?,
     ];
-    let files = paths.map(|path| path.display().to_string()).join("\n          ");
-    print(&format!("files     {files}\n"))?;
-    Ok(Outcome::Done)
+    text += &line("learned", ready.word());
+    let json = json!({ "word": ready.word(), "rounds": rounds });
+    Ok(Report::new(text, json).with_files(&paths))
 }
 
 /// One round from flights that were flown elsewhere.
 fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Plan> {
     let sent = args.sent.as_deref().map_or(Ok(ready.sent().clone()), Plan::read_csv)?;
-    let flights = args.from_log.iter().map(|path| on_the_plans_clock(path, ready, &sent));
+    let flights = args
+        .flight
+        .iter()
+        .map(|path| on_the_plans_clock(args.flights.read(path)?, path, ready, &sent));
     let flights = flights.collect::<Result<Vec<Flight>>>()?;
     if flights.len() == 1 {
-        tell("warning: a single flight cannot tell what repeats; fly the plan again if you can");
+        let text = "one flight does not show which errors repeat; fly the plan again if you can";
+        tell("warning: ", text);
     }
     correct(&sent, ready.scene(), &flights, options)
 }
 
 /// A flight with the clock, the letters and the design of the plan that it flew.
-fn on_the_plans_clock(path: &Path, ready: &Prepared, sent: &Plan) -> Result<Flight> {
-    let mut flight = read_flight(path)?;
+fn on_the_plans_clock(
+    mut flight: Flight,
+    path: &Path,
+    ready: &Prepared,
+    sent: &Plan,
+) -> Result<Flight> {
     let place = || path.display().to_string();
     let hint = "name the plan that was sent with --sent, and the word that it wrote";
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
@@ -125,7 +141,7 @@ fn on_the_plans_clock(path: &Path, ready: &Prepared, sent: &Plan) -> Result<Flig
     }
     let sending = ready.sending(sent.clone());
     // The log's design is what was sent; so must be that of the flight whose clock it is set by.
-    let mut planned = ready.scene().rehearse(sent)?;
+    let mut planned = crate::shoot::rehearse(ready.scene(), sent)?;
     let mut at = 0;
     for sample in &mut planned.samples {
         while sent.setpoints.get(at + 1).is_some_and(|s| s.time_s <= sample.time_s + 1e-6) {

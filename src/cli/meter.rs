@@ -1,73 +1,65 @@
-//! `noctograph meter`: how the lamps of a flight are exposed, and what to set.
+//! `noctograph meter`: the exposure of each lamp, and the settings that mend it.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::fly::fly;
-use super::inputs::{Lamps, PictureFlags, SceneFlags, bounds_m, lamps, one_drone, strokes};
-use super::{Outcome, print};
+use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
+use super::progress::watch;
+use super::report::Report;
+use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{Reading, floor_stops, meter};
-use crate::scene::Scene;
+use crate::shoot::Lighting;
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {
-    /// Word to plan, fly and measure; the scene's where it is left out
-    word: Option<String>,
-    /// Flight or light trace (t,x,y,z,r,g,b) to measure instead of flying the word; one for each
-    /// drone
-    #[arg(long, value_name = "FILE")]
+    #[command(flatten)]
+    subject: SubjectFlags,
+    /// Flights, logs or light traces (t,x,y,z,r,g,b) to measure instead of a simulation, one for
+    /// each drone
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "inputs")]
     flight: Vec<PathBuf>,
     #[command(flatten)]
-    scene: SceneFlags,
+    flights: FlightFlags,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Where the middle of the trail should be, in stops over saturation
+    /// Exposure wanted in the middle of the trail, in stops over saturation
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     target_stops: f64,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
 }
 
-pub(super) fn run(args: &MeterArgs) -> Result<Outcome> {
+pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     crate::error::within("--target-stops", args.target_stops, -30.0, 30.0)?;
-    let mut scene = args.scene.load()?;
-    args.picture.apply(&mut scene)?;
-    let found = read(args, &mut scene)?;
-    if args.json {
-        print(&format!("{}\n", json(&found, args.target_stops)))?;
-    } else {
-        print(&table(&found, args.target_stops))?;
-    }
-    Ok(Outcome::Done)
+    let shoot = match args.flight.as_slice() {
+        [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
+        paths => {
+            let mut scene = args.subject.scene()?;
+            args.picture.apply(&mut scene)?;
+            args.flights.shoot(scene, args.subject.word.as_deref(), paths)?
+        }
+    };
+    let scene = shoot.scene.clone();
+    let Lighting { trace, camera, warnings, .. } = shoot.lighting(&watch())?;
+    warn(&warnings);
+    let found = Found {
+        readings: meter(&trace, &camera)?,
+        ambient_stops: scene.photo.ambient_stops(&camera),
+        floor_stops: floor_stops(&trace, &camera, &scene.expose),
+        camera,
+    };
+    Ok(Report::new(table(&found, args.target_stops), json(&found, args.target_stops)))
 }
 
-/// What the meter found.
+/// Exposures of the lamps and of what they and the room light.
 struct Found {
     camera: Camera,
     readings: Vec<Reading>,
-    /// Room in the picture's middle, and the floor where it is brightest, in stops over saturation.
+    /// Stops over saturation of the room in the middle of the picture; `None`: dark.
     ambient_stops: Option<f64>,
+    /// Stops over saturation of the floor where it is brightest; `None`: dark.
     floor_stops: Option<f64>,
-}
-
-fn read(args: &MeterArgs, scene: &mut Scene) -> Result<Found> {
-    let (bounds_m, lamps) = if args.flight.is_empty() {
-        let strokes = strokes(scene, args.word.as_deref())?;
-        one_drone(scene)?;
-        let flight = fly(&scene.first_plan(&strokes)?, scene)?;
-        (strokes.bounds_m(), Lamps::of(&flight, scene, 0)?)
-    } else {
-        (bounds_m(scene, args.word.as_deref())?, lamps(&args.flight, scene)?)
-    };
-    let camera = scene.camera.camera(bounds_m, lamps.end_s)?;
-    let readings = meter(&lamps.trace, &camera)?;
-    let ambient_stops = scene.photo.ambient_stops(&camera);
-    let floor_stops = floor_stops(&lamps.trace, &camera, &scene.expose);
-    Ok(Found { camera, readings, ambient_stops, floor_stops })
 }
 
 fn table(found: &Found, target_stops: f64) -> String {

@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::{LetterFlags, PlanFlags, SceneFlags, read_flight, strokes};
-use super::outputs::{Output, OutputFolder};
-use super::{Outcome, print};
-use crate::error::{Error, Result};
-use crate::flight::mean_error_m;
+use super::flags::{FlightFlags, LetterFlags, PlanFlags, SceneFlags, set_word};
+use super::output::{Output, Outputs, is_svg};
+use super::report::{Report, wrapped};
+use crate::error::Result;
+use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
-use crate::scene::Planned;
+use crate::shoot::{self, Planned};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
-    /// Word to write; the scene's where it is left out
+    /// Word to write [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
@@ -25,90 +25,70 @@ pub(super) struct PlanArgs {
     letters: LetterFlags,
     #[command(flatten)]
     plan: PlanFlags,
-    /// Flight of the same drone whose mean error is taken off every setpoint
-    #[arg(long, value_name = "FLIGHT")]
+    /// Flight or log of the same drone whose mean error is subtracted from every setpoint
+    #[arg(long, value_name = "FILE")]
     after: Option<PathBuf>,
-    /// Plan to write, or a drawing of it (a name that ends in .svg); a folder for several drones
-    #[arg(short, long, value_name = "FILE", default_value = "plan.csv")]
-    output: PathBuf,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    flight: FlightFlags,
+    /// Plan to write, a drawing of it (*.svg), or a folder for several drones [default: plan.csv,
+    /// or plans]
+    #[arg(short, long, value_name = "FILE|DIR")]
+    output: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &PlanArgs) -> Result<Outcome> {
-    let mut scene = args.scene.load()?;
-    args.letters.apply(&mut scene)?;
-    args.plan.apply(&mut scene);
+pub(super) fn run(args: &PlanArgs) -> Result<Report> {
+    let settings = [args.letters.settings(), args.plan.settings()].concat();
+    let mut scene = args.scene.load(&settings)?;
     if let Some(path) = &args.after {
-        scene.plan.mean_error_m = mean_error(path)?;
+        scene.plan.mean_error_m = mean_error(path, &args.flight)?;
     }
     scene.check()?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
-    let drawing = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
-    let several = scene.plan.drones > 1 && !drawing;
-    let sink = if several {
-        Sink::Folder(OutputFolder::create(&args.output)?)
-    } else {
-        Sink::File(Output::create(&args.output)?)
-    };
-    let planned = scene.plans(&strokes)?;
-    let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
-    let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
-    let files = match sink {
-        Sink::Folder(folder) => write_folder(folder, &plans, &strokes.word)?,
-        Sink::File(file) if drawing => {
-            let svg = plan_view(&plans, title);
-            vec![file.keep(|out| out.write_all(svg.as_bytes()))?]
-        }
-        Sink::File(file) => vec![file.keep(|out| plans[0].write_csv(out))?],
-    };
-    if args.json {
-        print(&format!("{}\n", json(title, &planned, &files)))?;
-    } else {
-        print(&table(title, &planned, &files))?;
+    if let Some(word) = &args.word {
+        set_word(&mut scene, word);
     }
-    Ok(Outcome::Done)
+    let strokes = scene.strokes()?;
+    let output = match &args.output {
+        Some(path) if is_svg(path) => Sink::Drawing(Output::create(path)?),
+        path => {
+            let n = scene.plan.drones as usize;
+            Sink::Plans(Outputs::create(path.as_deref(), "plan", n)?)
+        }
+    };
+    let planned = shoot::plan(&scene, &strokes)?;
+    let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
+    let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
+    let files = match output {
+        Sink::Plans(outputs) => outputs.keep(&plans, |plan, mut out| plan.write_csv(&mut out))?,
+        Sink::Drawing(file) => {
+            vec![file.keep(|out| out.write_all(plan_view(&plans, title).as_bytes()))?]
+        }
+    };
+    Ok(Report::new(table(title, &planned), json(title, &planned)).with_files(&files))
 }
 
 enum Sink {
-    File(Output),
-    Folder(OutputFolder),
+    Plans(Outputs),
+    Drawing(Output),
 }
 
 /// The mean error of an earlier flight while it wrote.
-fn mean_error(path: &Path) -> Result<[f64; 3]> {
-    let mean_m = mean_error_m(&read_flight(path)?).ok_or_else(|| {
-        let hint = "name a flight of `noctograph fly`, or `import` a log with --word";
-        Error::input(path.display().to_string(), "no letters", "a flight that writes", hint)
-    })?;
-    Ok(mean_m.into())
+fn mean_error(path: &Path, flags: &FlightFlags) -> Result<[f64; 3]> {
+    Ok(track(&flags.read(path)?, Part::Letters)?.mean_error_m.into())
 }
 
-/// One plan a drone, and the drawing of all.
-fn write_folder(folder: OutputFolder, plans: &[Plan], word: &str) -> Result<Vec<PathBuf>> {
-    let mut names: Vec<String> = (1..=plans.len()).map(|n| format!("plan-{n}.csv")).collect();
-    for (plan, name) in plans.iter().zip(&names) {
-        folder.write(name, |out| plan.write_csv(out))?;
-    }
-    let svg = plan_view(plans, word);
-    folder.write("plan.svg", |out| out.write_all(svg.as_bytes()))?;
-    names.push("plan.svg".to_owned());
-    folder.keep(&names.iter().map(String::as_str).collect::<Vec<_>>())
-}
-
-/// Seconds of light, and the largest streak at a stroke's end.
+/// Seconds of light.
 fn light_s(plan: &Plan) -> f64 {
     let lit = plan.lit();
     let rows = plan.setpoints.windows(2).zip(&lit).filter(|(_, lit)| **lit > 0.0);
     rows.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum()
 }
 
+/// Largest streak at the end of a stroke.
 fn worst_streak_m(planned: &Planned) -> Option<f64> {
     planned.ends.iter().map(|end| end.streak_m.abs()).max_by(f64::total_cmp)
 }
 
-fn json(word: &str, planned: &[Planned], files: &[PathBuf]) -> serde_json::Value {
+fn json(word: &str, planned: &[Planned]) -> serde_json::Value {
     let drones = planned.iter().map(|planned| {
         let plan = &planned.plan;
         let ends = planned.ends.iter().map(|end| {
@@ -127,30 +107,24 @@ fn json(word: &str, planned: &[Planned], files: &[PathBuf]) -> serde_json::Value
     let n: usize = planned.iter().map(|planned| planned.plan.setpoints.len()).sum();
     serde_json::json!({
         "word": word, "duration_s": longest_s, "setpoints": n,
-        "drones": drones.collect::<Vec<_>>(), "files": files,
+        "drones": drones.collect::<Vec<_>>(),
     })
 }
 
-fn table(word: &str, planned: &[Planned], files: &[PathBuf]) -> String {
+fn table(word: &str, planned: &[Planned]) -> String {
     let mut text = String::new();
-    for (index, planned) in planned.iter().enumerate() {
-        let plan = &planned.plan;
-        let whose = if index > 0 || planned.plan.setpoints.is_empty() {
-            format!("drone {}", index + 1)
-        } else {
-            word.to_owned()
+    for (index, drone) in planned.iter().enumerate() {
+        let plan = &drone.plan;
+        let name = match planned.len() {
+            1 => word.to_owned(),
+            _ => format!("drone {}", index + 1),
         };
-        text += &format!(
-            "{whose}: {:.1} s, {:.1} s of them lit, {} setpoints",
-            plan.duration_s(),
-            light_s(plan),
-            plan.setpoints.len()
-        );
-        if let Some(streak_m) = worst_streak_m(planned) {
-            text += &format!(", streaks up to {:.1} mm at strokes' ends", 1e3 * streak_m);
+        let (duration_s, lit_s, n) = (plan.duration_s(), light_s(plan), plan.setpoints.len());
+        let mut found = format!("{duration_s:.1} s, {lit_s:.1} s of them lit, {n} setpoints");
+        if let Some(streak_m) = worst_streak_m(drone) {
+            found += &format!(", streaks up to {:.1} mm at stroke ends", 1e3 * streak_m);
         }
-        text += "\n";
+        text += &wrapped(&format!("{name:10}"), &found);
     }
-    let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-    text + &format!("written to {}\n", names.join(", "))
+    text
 }

@@ -1,13 +1,16 @@
-//! A progress bar for what takes longer than a second, where somebody looks at the terminal.
+//! Progress of work that takes longer than a second, where stderr is a terminal.
 
 use std::io::IsTerminal;
+use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A piece of work that tells how far it is.
+use crate::shoot::Stage;
+
+/// A bar for work that reports its progress.
 #[derive(Debug)]
 pub(super) struct Progress {
     what: &'static str,
@@ -17,7 +20,7 @@ pub(super) struct Progress {
 
 const STEPS: u64 = 1000;
 
-/// Work that takes no longer than this shows nothing.
+/// Work up to this long shows no progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Progress {
@@ -25,14 +28,14 @@ impl Progress {
         Self { what, start: Instant::now(), bar: None }
     }
 
-    /// Says something before the bar, such as the best so far.
+    /// Sets the text before the bar, such as the best result so far.
     pub(super) fn note(&self, text: String) {
         if let Some(bar) = &self.bar {
             bar.set_message(text);
         }
     }
 
-    /// Shows the share of the work that is done, 0 to 1.
+    /// Shows the fraction of the work that is done, 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
         if self.bar.is_none() {
             let late = self.start.elapsed() > PATIENCE;
@@ -62,7 +65,7 @@ impl Drop for Progress {
     }
 }
 
-/// A piece of work that cannot tell how far it is: a spinner turns while it lasts.
+/// A spinner for work that does not report its progress.
 #[derive(Debug)]
 pub(super) struct Busy {
     /// Closed when the work is done.
@@ -93,6 +96,19 @@ impl Drop for Busy {
         self.work = None;
         if let Some(spinner) = self.spinner.take() {
             let _ = spinner.join();
+        }
+    }
+}
+
+/// Shows the progress of a shoot.
+pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
+    let shown: Mutex<(Option<Progress>, Option<Busy>)> = Mutex::new((None, None));
+    move |stage, done| {
+        let Ok(mut shown) = shown.lock() else { return };
+        match stage {
+            Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
+            Stage::Exposing if done < 1.0 => *shown = (None, Some(Busy::new("exposing"))),
+            Stage::Exposing => *shown = (None, None),
         }
     }
 }

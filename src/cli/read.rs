@@ -1,46 +1,40 @@
-//! `noctograph read`: what word a photograph shows, without being told.
+//! `noctograph read`: the word in a photograph, recognized blindly.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{Corners, flat};
-use super::{Outcome, print};
+use super::flags::CameraFlags;
+use super::report::{Outcome, Report};
+use super::square_on::{Corners, square_on};
 use crate::error::Result;
 use crate::photo::Photo;
 use crate::score::read;
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
-    /// Photo to read: PNG or JPEG, ours or a camera's
+    /// Photo to read: PNG or JPEG, a render or a camera's
     photo: PathBuf,
-    /// The line's upper left, upper right, lower right and lower left corner in the photo, in
-    /// pixels, where it is seen at an angle
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y")]
+    /// Corners of the line in the photo, clockwise from the upper left, in pixels: for a photo
+    /// taken at an angle
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
-    /// Scene file (TOML) whose camera took the photo
-    #[arg(long, value_name = "FILE", conflicts_with = "corners")]
-    camera: Option<PathBuf>,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    camera: CameraFlags,
 }
 
-pub(super) fn run(args: &ReadArgs) -> Result<Outcome> {
+pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = Photo::read(&args.photo)?;
-    let photo = flat(photo, args.corners.as_ref(), args.camera.as_deref())?;
+    let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read(&photo)?;
-    if args.json {
-        let json = serde_json::to_value(&reading).expect("a reading is plain data");
-        print(&format!("{json:#}\n"))?;
-    } else if reading.text.is_empty() {
-        print("nothing is written there\n")?;
-    } else {
-        let mut text = format!("{}\n\nletter    p\n", reading.text);
-        for letter in &reading.letters {
-            text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
-        }
-        print(&text)?;
+    let json = serde_json::to_value(&reading).expect("a reading is plain data");
+    if reading.text.is_empty() {
+        let report = Report::new("no writing found\n".into(), json);
+        return Ok(report.with_outcome(Outcome::NotLegible));
     }
-    Ok(if reading.text.is_empty() { Outcome::NotLegible } else { Outcome::Done })
+    let mut text = format!("{}\n\nletter    p\n", reading.text);
+    for letter in &reading.letters {
+        text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
+    }
+    Ok(Report::new(text, json))
 }

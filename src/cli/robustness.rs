@@ -1,65 +1,55 @@
-//! `noctograph robustness`: what breaks the word first.
+//! `noctograph robustness`: the disturbance that makes a word illegible first.
 
 use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::outputs::Output;
-use super::studies::{StudyFlags, counter};
-use super::{Outcome, print};
+use super::output::Output;
+use super::report::Report;
+use super::studies::{StudyFlags, counter, open_store};
 use crate::error::Result;
 use crate::report::endurance;
-use crate::study::{
-    Conditions, Contender, Endurance, Factor, RobustnessOptions, Store, robustness,
-};
+use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness};
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {
-    /// Scene, as for rank
+    /// Scene: a file, a preset, team, pid, geometric, tuned, or a learned folder
     scene: String,
     #[command(flatten)]
     study: StudyFlags,
-    /// Multiples of the usual that are tried
+    /// Multiples of the usual disturbance that are tried
     #[arg(long, value_name = "X,...", value_delimiter = ',', default_value = "0,1,2,4,6,8")]
     times: Vec<f64>,
     /// Folder for robustness.csv, robustness.svg and flights.jsonl
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-robustness")]
     output: PathBuf,
-    /// Print one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
 }
 
-pub(super) fn run(args: &RobustnessArgs) -> Result<Outcome> {
+pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let options = RobustnessOptions {
-        contender: Contender::find(&args.scene)?,
+        contender: args.study.scene(&args.scene)?,
         words: args.study.words(20)?,
         usual: args.study.conditions()?,
         times: args.times.clone(),
         seed: args.study.seed,
     };
-    let store = Store::open(&args.output)?;
+    let store = open_store(&args.output)?;
     let csv = Output::create(&args.output.join("robustness.csv"))?;
     let svg = Output::create(&args.output.join("robustness.svg"))?;
     let n_each: usize = options.words.iter().map(|(_, n)| *n as usize).sum();
     let bar = counter("flying", n_each * options.times.len() * (Factor::ALL.len() + 1));
-    let found = args.study.on_threads(|| robustness(&options, Some(&store), &bar))?;
+    let found = robustness(&options, Some(&store), &bar)?;
     drop(bar);
-    let found = found?;
     let title = format!("{}: what breaks the word", options.contender.name);
     let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
     let files = [
         csv.keep(|out| write_csv(out, &found))?,
         svg.keep(|out| out.write_all(endurance(&title, &curves).as_bytes()))?,
     ];
-    if args.json {
-        print(&format!("{}\n", serde_json::json!({ "factors": found, "files": files })))?;
-        return Ok(Outcome::Done);
-    }
-    let files = files.map(|path| path.display().to_string()).join("\n          ");
-    print(&format!("{}\nfiles     {files}\n", table(&options, &found)))?;
-    Ok(Outcome::Done)
+    let json = json!({ "factors": found });
+    Ok(Report::new(table(&options, &found) + "\n", json).with_files(&files))
 }
 
 fn name(endurance: &Endurance) -> &'static str {
@@ -70,22 +60,22 @@ fn points(endurance: &Endurance) -> Vec<(f64, f64)> {
     endurance.levels.iter().map(|level| (level.times, level.legibility.value)).collect()
 }
 
-/// What once is, in the factor's own unit.
-fn once(usual: &Conditions, factor: Option<Factor>) -> String {
+/// The usual disturbance, in the factor's own unit.
+fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
     match factor {
         None => String::new(),
-        Some(Factor::Mass) => format!("σ {:.1} %", 100.0 * usual.mass_frac),
-        Some(Factor::CenterOfMass) => format!("σ {:.1} mm", 1e3 * usual.center_of_mass_m),
-        Some(Factor::MotorLag) => format!("to {:.0} ms", 1e3 * usual.motor_lag_s),
-        Some(Factor::Lighthouse) => format!("σ {:.0} mm", 1e3 * usual.lighthouse_distortion_m),
-        Some(Factor::Gusts) => format!("σ {:.2} m/s", usual.gust_m_s),
-        Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * usual.led_delay_s),
+        Some(Factor::Mass) => format!("σ {:.1} %", 100.0 * conditions.mass_frac),
+        Some(Factor::CenterOfMass) => format!("σ {:.1} mm", 1e3 * conditions.center_of_mass_m),
+        Some(Factor::MotorLag) => format!("to {:.0} ms", 1e3 * conditions.motor_lag_s),
+        Some(Factor::Lighthouse) => format!("σ {:.0} mm", 1e3 * conditions.lighthouse_distortion_m),
+        Some(Factor::Gusts) => format!("σ {:.2} m/s", conditions.gust_m_s),
+        Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
     }
 }
 
 fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text = "share of flights in which every letter reads; what breaks first is first\n\n\
-                    factor          once        breaks at"
+    let mut text = "fraction of flights in which every letter reads; the weakest factor first\n\n\
+                    factor          usual (x1)  breaks at"
         .to_owned();
     let shown = options.times.len().min(6);
     for times in &options.times[..shown] {
@@ -95,7 +85,7 @@ fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
     for e in found {
         let most = options.times.last().copied().unwrap_or_default();
         let at = e.breaks_at.map_or(format!("beyond x{most}"), |times| format!("x{times:.1}"));
-        text += &format!("{:16}{:12}{at:>9}", name(e), once(&options.usual, e.factor));
+        text += &format!("{:16}{:12}{at:>9}", name(e), usual(&options.usual, e.factor));
         for level in &e.levels[..shown] {
             text += &format!("{:7.2}", level.all_read);
         }

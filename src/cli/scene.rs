@@ -1,22 +1,44 @@
-//! `noctograph scene`: a preset as a scene file.
+//! `noctograph scene`: a whole scene file, commented.
+
+use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::{Outcome, print};
+use super::flags::{LetterFlags, PlanFlags, SceneFlags};
+use super::output::Output;
+use super::report::Report;
 use crate::error::Result;
-use crate::scene::{Preset, Scene};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
     /// Word to put into it
     word: Option<String>,
-    /// Drone to start from: ae483-2022, cf21, cf21-thrust-kit, cf-brushless or bzzz
-    #[arg(long, value_name = "NAME", default_value = Preset::default().name())]
-    preset: String,
+    /// Preset to start from, as --scene
+    #[arg(long, value_name = "NAME", conflicts_with = "scene")]
+    preset: Option<String>,
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
+    #[command(flatten)]
+    plan: PlanFlags,
+    /// Scene file to write, instead of printing it
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &SceneArgs) -> Result<Outcome> {
-    let word = args.word.clone().unwrap_or_default();
-    print(&Scene { word, ..Scene::preset(args.preset.parse()?) }.to_toml())?;
-    Ok(Outcome::Done)
+pub(super) fn run(args: &SceneArgs) -> Result<Report> {
+    let mut settings = [args.letters.settings(), args.plan.settings()].concat();
+    settings.extend(args.preset.iter().map(|name| ("preset".to_owned(), name.clone())));
+    let mut scene = args.scene.load(&settings)?;
+    scene.word = args.word.clone().unwrap_or(scene.word);
+    let toml = scene.to_toml();
+    let Some(path) = &args.output else {
+        let json = serde_json::to_value(&scene).expect("a scene is plain data");
+        return Ok(Report::new(toml, json));
+    };
+    let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
+    Ok(Report::new(String::new(), json!({})).with_files(&[file]))
 }

@@ -5,18 +5,20 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{Corners, read_flight, strokes};
-use super::outputs::Output;
-use super::{Outcome, print, show, tell};
+use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
+use super::output::{Output, is_svg};
+use super::report::{Outcome, Report};
+use super::square_on::Corners;
+use super::{show, tell};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::flight::tracking::{Part, track};
 use crate::letters::Strokes;
 use crate::photo::Photo;
-use crate::plan::{Plan, PlanOptions};
+use crate::plan::Plan;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, Known, Reader, Reading, View, locate, read};
+use crate::score::{Homography, Reader, Reading, View, locate, read};
+use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
@@ -24,58 +26,43 @@ pub(super) struct ScoreArgs {
     photo: PathBuf,
     /// Word that it should show; the scene's where it is left out
     word: Option<String>,
-    /// Scene file (TOML) with letters and camera; the one inside the photo where it is left out
-    #[arg(long, value_name = "FILE")]
-    scene: Option<PathBuf>,
-    /// Scene file (TOML) whose camera took the photo. Where there is neither this nor a scene, the
-    /// word is looked for by its ink
-    #[arg(long, value_name = "FILE")]
-    camera: Option<PathBuf>,
-    /// The word's upper left, upper right, lower right and lower left corner in the photo, in
-    /// pixels, instead of a camera
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with = "camera")]
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    camera: CameraFlags,
+    /// Corners of the word in the photo, clockwise from the upper left, in pixels, instead of a
+    /// camera
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     /// Plan that was flown: must write the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
-    /// Flight that the photo shows: tells speed, lag and distance off the path
-    #[arg(long, value_name = "FILE")]
-    flight: Option<PathBuf>,
+    /// Flights or logs that the photo shows: give speed, lag and contour error
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    flight: Vec<PathBuf>,
+    #[command(flatten)]
+    flights: FlightFlags,
     /// Picture to write, PNG or SVG: the photo with intended strokes (blue), missing ones
-    /// (orange), stray light (yellow) and each letter's probability
-    #[arg(long, value_name = "FILE")]
-    overlay: Option<PathBuf>,
-    /// Probability from which the word counts as legible; the scene's where it is left out
-    #[arg(long, value_name = "P")]
-    min_p: Option<f64>,
-    /// Print the verdict as one JSON object instead of a table
-    #[arg(long)]
-    json: bool,
+    /// (orange), stray light (yellow) and the probability of each letter
+    #[arg(short, long, value_name = "FILE", alias = "overlay")]
+    output: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
-    let output = args.overlay.as_deref().map(Output::create).transpose()?;
+pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
+    let output = args.output.as_deref().map(Output::create).transpose()?;
     let photo = Photo::read(&args.photo)?;
-    let named = match (&args.scene, &photo.scene_toml) {
-        (Some(path), _) => Some(Scene::read(path)?),
-        (None, Some(toml)) => {
-            Some(Scene::parse(toml, &format!("{} (scene)", args.photo.display()))?)
-        }
-        (None, None) => None,
-    };
-    let has_camera = named.is_some() || args.camera.is_some();
-    let mut scene = named.unwrap_or_default();
-    if let Some(path) = &args.camera {
-        scene.camera = Scene::read(path)?.camera;
-    }
-    if let Some(min_p) = args.min_p {
-        scene.score.legible_probability = min_p;
-    }
+    let inside = photo.scene_toml.as_deref();
+    let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
+    let file = format!("{} (scene)", args.photo.display());
+    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file)?;
+    args.camera.apply(&mut scene)?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, whatever word is looked for now.
-    let framed = !scene.word.is_empty() || !scene.letters.drawing.is_empty();
-    let flown = framed.then(|| strokes(&mut scene, None)).transpose()?;
-    let strokes = strokes(&mut scene, args.word.as_deref())?;
+    let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+    if let Some(word) = &args.word {
+        set_word(&mut scene, word);
+    }
+    let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
         check_plan(&Plan::read_csv(path)?, &strokes, &path.display().to_string())?;
     }
@@ -94,48 +81,37 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Outcome> {
             None => from_scene(&scene)?,
         },
     };
-    let flight = args.flight.as_deref().map(read_flight).transpose()?;
-    let known = flight.map_or(Known::default(), |flight| known(&flight, &scene.plan));
+    let flights = args.flight.iter().map(|path| args.flights.read(path));
+    let flights: Vec<Flight> = flights.collect::<Result<_>>()?;
+    let known = known(&flights, &scene.plan);
     let reader = Reader::new(&strokes, &scene.score)?;
     let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
     verdict.second_opinion = Some(reading.text);
-    if let (Some(output), Some(path)) = (output, &args.overlay) {
-        let is_svg = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        output.keep(|out| {
-            if is_svg {
+    let mut files = Vec::new();
+    if let (Some(output), Some(path)) = (output, &args.output) {
+        let svg = is_svg(path);
+        files.push(output.keep(|out| {
+            if svg {
                 out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes())
             } else {
                 overlay_photo(&photo, &marks, &verdict).write_png(out, None, &[])
             }
-        })?;
+        })?);
     }
-    if args.json {
-        print(&format!("{}\n", show::to_json(&verdict)))?;
-    } else {
-        print(&show::verdict_table(&verdict))?;
-    }
-    Ok(Outcome::of(&verdict))
-}
-
-/// What a flight tells about its photo.
-pub(super) fn known(flight: &Flight, plan: &PlanOptions) -> Known {
-    let tracking = track(flight, Part::of(flight)).ok();
-    Known {
-        speed_m_s: Some(plan.stroke_speed_m_s),
-        contour_m: tracking.as_ref().map(|tracking| tracking.contour.mean_m),
-        lag_s: tracking.map(|tracking| tracking.lag_s),
-    }
+    let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
+    let outcome = Outcome::from(&verdict);
+    let report = Report::new(show::verdict_table(&verdict), json).with_files(&files);
+    Ok(report.with_outcome(outcome))
 }
 
 /// Where a word hangs in a photo without a camera.
 fn by_ink(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = locate(photo, reading, strokes)?;
-    tell(match view {
-        Some(_) => "note: no camera was named, so the word is placed by its ink",
-        None => {
-            "note: no camera was named and no writing found: taken as framed by the default camera"
-        }
-    });
+    let text = match view {
+        Some(_) => "no camera is given: the word is located by its light",
+        None => "no camera is given and no writing found: the default camera is assumed",
+    };
+    tell("note: ", text);
     Ok(view)
 }
 

@@ -1,8 +1,9 @@
-//! Results as people read them, and as programs do.
+//! Tables and JSON that several verbs share.
 
 use nalgebra::Vector3;
+use serde_json::Value;
 
-use crate::expose::Backend;
+use super::report::{line, wrapped};
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S};
 use crate::geometry::Attitude;
@@ -12,9 +13,10 @@ use crate::score::{Reason, Verdict};
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
     let Verdict { word, read, legible, readability, .. } = verdict;
     let legible = if *legible { "legible" } else { "NOT legible" };
-    let mut text = format!("{word} reads as {read}: {legible} (readability {readability:.2})\n");
+    let verdict_line = format!("{word} reads as {read}: {legible} (readability {readability:.2})");
+    let mut text = wrapped("", &verdict_line);
     if let Some(reason) = verdict.reason {
-        text += &format!("because   {}\n", in_words(reason));
+        text += &line("because", in_words(reason));
     }
     text += "\nletter    best      p     rivals\n";
     for letter in &verdict.letters {
@@ -23,33 +25,36 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         let rivals: Vec<String> =
             rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
         let (expected, best, p) = (letter.expected, shown(letter.best), letter.p);
-        text += &format!("{expected:10}{best:10}{p:.2}  {}\n", rivals.join(", "));
+        let row = format!("{expected:10}{best:10}{p:.2}  {}", rivals.join(", "));
+        text += row.trim_end();
+        text.push('\n');
     }
     if let Some(rival) = verdict.rival.as_ref().filter(|rival| rival.p >= 0.05) {
-        text += &format!("\nIt may be taken for {} ({:.2} to {word}).\n", rival.word, rival.p);
+        let rival = format!("It may be taken for {}: share {:.2}.", rival.word, rival.p);
+        text += &wrapped("\n", &rival);
     }
     if let Some(faithfulness) = verdict.faithfulness {
-        text += &format!("\nLight agrees with the strokes by {faithfulness:.2}.\n");
+        text += &format!("\nAgreement of light and strokes: {faithfulness:.2}\n");
     }
     if let Some(second) = verdict.second_opinion.as_ref().filter(|second| *second != word) {
         let second = if second.is_empty() { "nothing" } else { second };
-        text += &format!("\nWithout being told, {second} is read.\n");
+        text += &wrapped("\n", &format!("Blind recognition reads {second}."));
     }
     for (index, advice) in verdict.advice.iter().enumerate() {
         let gain = advice.gain.map_or("?".to_owned(), |gain| format!("{gain:+.2}"));
-        let head = if index == 0 { "\ngain\n" } else { "" };
-        text += &format!("{head}{gain:6}{}\n", advice.text);
+        text += if index == 0 { "\ngain\n" } else { "" };
+        text += &wrapped(&format!("{gain:6}"), &advice.text);
     }
     text
 }
 
 fn in_words(reason: Reason) -> &'static str {
     match reason {
-        Reason::NotInPhoto => "the place of the word is not in the photo",
-        Reason::NoLight => "nothing shines in the place of the word",
+        Reason::NotInPhoto => "the photo does not show the place of the word",
+        Reason::NoLight => "there is no light in the place of the word",
         Reason::TooSmall => "its letters are less than 20 pixels high",
-        Reason::OutOfRange => "it hangs too far from its place, or is too large or too small",
-        Reason::Misread => "a letter looks like another one, or like nothing",
+        Reason::OutOfRange => "it is too far from its place, or too large or too small",
+        Reason::Misread => "a letter resembles another one, or none",
     }
 }
 
@@ -57,30 +62,26 @@ fn in_words(reason: Reason) -> &'static str {
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
     let digest = format!("digest    {}\n", flight.sha256());
-    let Ok(tracking) = track(flight, Part::of(flight)) else {
+    let Ok(tracking) = track(flight, Part::from_flight(flight)) else {
         return format!("flight    {duration_s:.1} s on the floor\n{digest}");
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
     let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
     let battery = battery.map_or_else(String::new, |(volts, joules)| {
-        format!("battery   {volts:.2} V at the end, {joules:.0} J taken\n")
+        line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
     });
+    let (part, max_m) = (in_part(tracking.part), contour.max_m);
     format!(
-        "flight    {duration_s:.1} s, RMSE {}: x {:.3}  y {:.3}  z {:.3} m\n          trails by \
-         {lag_s:.2} s, off the path by {:.3} m (mean), {:.3} m (at most)\n{battery}{digest}",
-        in_part(tracking.part),
-        rmse.x,
-        rmse.y,
-        rmse.z,
-        contour.mean_m,
-        contour.max_m
+        "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
+         {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{battery}{digest}",
+        rmse.x, rmse.y, rmse.z, contour.mean_m,
     )
 }
 
 /// Flight time, tracking error and the last of the simulator's own columns for programs; the error is
 /// null where the drone never left the floor.
-pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
-    let tracking = track(flight, Part::of(flight)).ok();
+pub(super) fn flight_json(flight: &Flight) -> Value {
+    let tracking = track(flight, Part::from_flight(flight)).ok();
     let mut json = tracking.as_ref().map_or_else(
         || serde_json::json!({ "part": null, "rmse_m": null, "lag_s": null, "contour": null }),
         tracking_json,
@@ -96,7 +97,7 @@ pub(super) fn flight_json(flight: &Flight) -> serde_json::Value {
 }
 
 /// Figures of tracking for programs; vectors are `[x, y, z]`, angles `[yaw, pitch, roll]`.
-pub(super) fn tracking_json(tracking: &Tracking) -> serde_json::Value {
+pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     let xyz = |v: Vector3<f64>| [v.x, v.y, v.z];
     let angles = |a: Attitude| [a.yaw_rad, a.pitch_rad, a.roll_rad];
     let attitude = tracking.attitude.map(|spread| {
@@ -138,18 +139,16 @@ pub(super) fn in_part(part: Part) -> &'static str {
     match part {
         Part::Letters => "over the letters",
         Part::Airborne => "in the air",
-        Part::All => "over all",
+        Part::All => "overall",
     }
 }
 
-/// Who exposed.
-pub(super) fn exposure_line(backend: Backend, adapter: &str) -> String {
-    format!("exposed   by {} on {adapter}\n", backend.name())
-}
-
-/// The verdict for programs; its fields are those of [`Verdict`].
-pub(super) fn to_json(verdict: &Verdict) -> serde_json::Value {
-    serde_json::to_value(verdict).expect("a verdict is plain data")
+/// A verdict as in verdict.json and in every `--json`: see docs/verdict.md. Without a verdict, as
+/// of a drawing, its keys are left out.
+pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<String>) -> Value {
+    let mut json = serde_json::to_value(verdict).expect("a verdict is plain data");
+    json["flight_sha256"] = flight_sha256.into();
+    json
 }
 
 /// The last figure of one of the simulator's own columns.

@@ -4,9 +4,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::outputs::Output;
-use super::{Outcome, print};
+use super::names::named;
+use super::output::{Output, is_svg};
+use super::report::{Report, line};
 use crate::error::{Error, Result};
 use crate::letters::{Font, Trace};
 use crate::report::specimen::Specimen;
@@ -18,55 +20,36 @@ const MAX_CHARACTERS: usize = 1000;
 pub(super) struct SpecimenArgs {
     /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     font: String,
-    /// Characters to show; the font's first 1000 where they are left out
+    /// Characters to show [default: the font's first 1000]
     characters: Option<String>,
-    /// What is followed of a typeface's outlines
-    #[arg(long, value_name = "NAME", default_value = "centre-line")]
-    trace: TraceName,
+    /// Lines that are followed in the outlines of a typeface
+    #[arg(long, value_name = "NAME", default_value = "centre-line", value_parser = named::<Trace>())]
+    trace: Trace,
     /// Sheet to write: *.png or *.svg
     #[arg(short, long, value_name = "FILE", default_value = "specimen.svg")]
     output: PathBuf,
 }
 
-/// What is followed of a typeface's outlines.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum TraceName {
-    CentreLine,
-    Outline,
-}
-
-impl From<TraceName> for Trace {
-    fn from(name: TraceName) -> Self {
-        match name {
-            TraceName::CentreLine => Self::CentreLine,
-            TraceName::Outline => Self::Outline,
-        }
+pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
+    let svg = is_svg(&args.output);
+    if !svg && args.output.extension().is_none_or(|end| !end.eq_ignore_ascii_case("png")) {
+        let hint = "name the sheet specimen.png or specimen.svg";
+        let found = args.output.display();
+        return Err(Error::input("--output", found, "a file *.png or *.svg", hint));
     }
-}
-
-pub(super) fn run(args: &SpecimenArgs) -> Result<Outcome> {
-    let extension = args.output.extension().and_then(|ext| ext.to_str());
-    let png = match extension.map(str::to_ascii_lowercase).as_deref() {
-        Some("png") => true,
-        Some("svg") => false,
-        _ => {
-            let found = args.output.display();
-            let hint = "name the sheet specimen.png or specimen.svg";
-            return Err(Error::input("--output", found, "a file *.png or *.svg", hint));
-        }
-    };
-    let font = Font::open(&args.font, args.trace.into())?;
+    let font = Font::open(&args.font, args.trace)?;
     let wanted = args.characters.clone().unwrap_or_else(|| font.characters());
-    let blank = |c: &char| !c.is_whitespace();
-    let some: String = wanted.chars().filter(blank).take(MAX_CHARACTERS).collect();
+    let visible: Vec<char> = wanted.chars().filter(|c| !c.is_whitespace()).collect();
+    let shown: String = visible.iter().take(MAX_CHARACTERS).collect();
     let output = Output::create(&args.output)?;
-    let sheet = Specimen::new(&font, &some);
+    let sheet = Specimen::new(&font, &shown);
     let path = output.keep(|out| {
-        if png { write_png(&sheet, out) } else { out.write_all(sheet.svg().as_bytes()) }
+        if svg { out.write_all(sheet.svg().as_bytes()) } else { write_png(&sheet, out) }
     })?;
-    let (n, all) = (some.chars().count(), wanted.chars().filter(blank).count());
-    print(&format!("{}: {n} of {all} characters, written to {}\n", font.name(), path.display()))?;
-    Ok(Outcome::Done)
+    let (n, all) = (shown.chars().count(), visible.len());
+    let text = line("font", &format!("{}: {n} of {all} characters", font.name()));
+    let json = json!({ "font": font.name(), "characters": shown, "asked": all });
+    Ok(Report::new(text, json).with_files(&[path]))
 }
 
 fn write_png(sheet: &Specimen, out: &mut impl Write) -> std::io::Result<()> {

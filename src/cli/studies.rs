@@ -1,45 +1,48 @@
-//! What the verbs of the study share: which words, seeds and conditions, and its folder of results.
+//! Flags and tables that the verbs of studies share.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use clap::Args;
+use serde_json::json;
 
-use super::outputs::Output;
+use super::flags::{SetFlag, find_scene};
+use super::output::Output;
 use super::progress::Progress;
+use super::report::{Report, wrapped};
+use super::tell;
 use crate::error::{Error, Result};
 use crate::report::{SheetRow, contact_sheet};
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Contender, Measures, Ranking, Record, Study};
+use crate::study::{Conditions, Contender, Measures, Ranking, Record, Store, Study};
 
-/// Which words are flown, how often, and in what weather.
+/// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
 pub(super) struct StudyFlags {
-    /// Words, each with its number of seeds where it differs: NOOR:200,LOG,WAX; or a file with one a
-    /// line
+    #[command(flatten)]
+    set: SetFlag,
+    /// Words, with their numbers of seeds where these differ: NOOR:200,LOG,WAX; or a file with one
+    /// on each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word; where left out 50 to rank and sweep, 20 for robustness, 6 to tune
+    /// Seeds of each word [default: rank and sweep 50, robustness 20, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed of all seeds
+    /// Seed that all seeds are drawn from
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// How flights differ from their scene: room (mass, centre of mass, motor lag, Lighthouse, gusts,
-    /// LED delay, battery), still (noise alone), or a TOML file
-    #[arg(long, value_name = "NAME", default_value = "room")]
+    /// How flights differ from their scene: room (mass, center of mass, motor lag, Lighthouse,
+    /// gusts, LED delay, battery), still (noise alone), or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
-    /// Threads; as many as the machine has where it is left out
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) threads: usize,
 }
 
 impl StudyFlags {
-    /// The study of some contenders.
-    pub(super) fn study(&self, contenders: Vec<Contender>) -> Result<Study> {
+    /// A study of some scenes.
+    pub(super) fn study(&self, scenes: &[String]) -> Result<Study> {
         let study = Study {
-            contenders,
+            contenders: scenes.iter().map(|named| self.scene(named)).collect::<Result<_>>()?,
             words: self.words(50)?,
             conditions: self.conditions()?,
             seed: self.seed,
@@ -48,26 +51,26 @@ impl StudyFlags {
         Ok(study)
     }
 
+    /// A scene with the keys that were set.
+    pub(super) fn scene(&self, named: &str) -> Result<Contender> {
+        find_scene(named, &self.set.set)
+    }
+
     /// The conditions that were named.
     pub(super) fn conditions(&self) -> Result<Conditions> {
         match self.conditions.as_str() {
             "room" => Ok(Conditions::default()),
             "still" => Ok(Conditions::still()),
-            file => {
-                let text = std::fs::read_to_string(file);
-                let text = text.map_err(|source| Error::read(Path::new(file), source))?;
-                Conditions::parse(&text, file)
-            }
+            file => Conditions::parse(&read_text(file)?, file),
         }
     }
 
-    /// The words with their numbers of seeds: `usual` where nobody says how many.
+    /// The words with their numbers of seeds, where none is given a usual one.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
-                let text = std::fs::read_to_string(named);
-                let text = text.map_err(|source| Error::read(Path::new(named), source))?;
+                let text = read_text(named)?;
                 let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
@@ -89,24 +92,23 @@ impl StudyFlags {
         })?;
         Ok((word.to_owned(), n))
     }
+}
 
-    /// Runs work on as many threads as were asked for.
-    pub(super) fn on_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T> {
-        on_threads(self.threads, work)
+fn read_text(file: &str) -> Result<String> {
+    std::fs::read_to_string(file).map_err(|source| Error::read(file.as_ref(), source))
+}
+
+/// Opens a study's folder of flights, and says how many are there already.
+pub(super) fn open_store(folder: &Path) -> Result<Store> {
+    let store = Store::open(folder)?;
+    if store.n_known() > 0 {
+        let text = format!("{}: {} flights are there already", folder.display(), store.n_known());
+        tell("note: ", &text);
     }
+    Ok(store)
 }
 
-/// Runs work on so many threads; 0: as many as the machine has.
-pub(super) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Error::Infeasible {
-        what: format!("{threads} threads cannot be started: {error}"),
-        hint: "ask for fewer with --threads".into(),
-    })?;
-    Ok(pool.install(work))
-}
-
-/// A bar that hears from any thread how many of `total` are done.
+/// A progress bar that any thread may call with the number of `total` that are done.
 pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync {
     let progress = Mutex::new(Progress::new(what));
     move |done| {
@@ -117,7 +119,7 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     }
 }
 
-/// Writes what a ranking leaves in its folder: both tables, the ranking for programs, and photos.
+/// Writes a ranking to its folder: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) fn write_ranking(
     folder: &Path,
     study: &Study,
@@ -274,7 +276,14 @@ fn write_flights(out: impl Write, records: &[Record]) -> std::io::Result<()> {
     out.flush()
 }
 
-/// The ranking as people read it, within 80 columns.
+/// A ranking for people and for programs.
+pub(super) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
+    let (measures, pairs) = (&ranking.measures, &ranking.pairs);
+    let json = json!({ "flights": flights, "measures": measures, "pairs": pairs });
+    Report::new(ranking_table(study, ranking) + "\n", json)
+}
+
+/// The ranking for people.
 pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     let words = match study.words.as_slice() {
         [(word, n)] => format!("{word}, {n} seeds"),
@@ -284,10 +293,8 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
             words.iter().map(|(_, n)| *n as usize).sum::<usize>()
         ),
     };
-    let mut text = format!(
-        "{words}; the same seeds for all; intervals of 95 %\n\n      scene              P(read)  \
-         interval        worst 10 %  all letters  lost\n"
-    );
+    let mut text = wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"));
+    text += "\n      scene              P(read)  interval        worst 10 %  all letters  lost\n";
     for m in &ranking.measures {
         let (p, read) = (m.legibility, 100.0 * m.all_read.value);
         text += &format!(

@@ -1,31 +1,33 @@
 //! `noctograph sweep`: a ranking's flights in shards, for any engine that can run a command.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use serde_json::json;
 
-use super::outputs::Output;
-use super::studies::{StudyFlags, counter, on_threads, ranking_table, write_ranking};
-use super::{Outcome, print};
+use super::output::Output;
+use super::report::{Report, line};
+use super::studies::{StudyFlags, counter, ranking_report, write_ranking};
 use crate::error::{Error, Result};
-use crate::study::{Contender, Shard, Store, Sweep, rank};
+use crate::study::{Shard, Store, Sweep, rank};
 
 #[derive(Debug, Subcommand)]
 pub(super) enum SweepVerb {
-    /// Write down which flights there are: the file that every worker reads
+    /// List the flights: the file that every worker reads
     Plan(PlanArgs),
-    /// Fly one shard of a plan; what lies there already is not flown again
+    /// Fly one shard of a plan, unless it is there already
     Run(RunArgs),
-    /// Gather the shards: the same bytes however they were cut, and the ranking
+    /// Merge the shards into a ranking: the same bytes however they were cut
     Merge(MergeArgs),
-    /// Print a Slurm array script that flies a plan
+    /// Print a script for Slurm that flies a plan as an array of tasks
     Slurm(SlurmArgs),
 }
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
     /// Scenes, as for rank
-    #[arg(required = true)]
+    #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
@@ -44,12 +46,9 @@ pub(super) struct PlanArgs {
 pub(super) struct RunArgs {
     /// Plan, as `sweep plan` writes it
     plan: PathBuf,
-    /// Which part, of how many: 3/20
+    /// Shard to fly, of how many: 3/20
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     shard: String,
-    /// Threads; as many as the machine has where it is left out
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
     /// Folder for the shards
     #[arg(short, long, value_name = "DIR", default_value = "parts")]
     output: PathBuf,
@@ -61,7 +60,7 @@ pub(super) struct MergeArgs {
     plan: PathBuf,
     /// Folder with the shards
     parts: PathBuf,
-    /// Folder for the results, as of rank
+    /// Folder for the results, as for rank
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
@@ -70,7 +69,7 @@ pub(super) struct MergeArgs {
 pub(super) struct SlurmArgs {
     /// Plan, as `sweep plan` writes it
     plan: PathBuf,
-    /// Shards, a task each; minutes of work each are right
+    /// Number of shards, one for each task; some minutes of work each
     #[arg(long, value_name = "N", default_value_t = 100)]
     shards: usize,
     /// Folder for the shards, on a disk that all nodes share
@@ -78,7 +77,7 @@ pub(super) struct SlurmArgs {
     output: PathBuf,
 }
 
-pub(super) fn run(verb: &SweepVerb) -> Result<Outcome> {
+pub(super) fn run(verb: &SweepVerb) -> Result<Report> {
     match verb {
         SweepVerb::Plan(args) => plan(args),
         SweepVerb::Run(args) => fly(args),
@@ -87,59 +86,54 @@ pub(super) fn run(verb: &SweepVerb) -> Result<Outcome> {
     }
 }
 
-fn plan(args: &PlanArgs) -> Result<Outcome> {
-    let contenders = args.scenes.iter().map(|named| Contender::find(named));
-    let sweep = Sweep::new(args.study.study(contenders.collect::<Result<_>>()?)?)?;
+fn plan(args: &PlanArgs) -> Result<Report> {
+    let sweep = Sweep::new(args.study.study(&args.scenes)?)?;
     let output = Output::create(&args.output)?;
-    let path = output.keep(|out| std::io::Write::write_all(out, sweep.to_json().as_bytes()))?;
-    print(&format!("flights   {}\nfiles     {}\n", sweep.flights, path.display()))?;
-    Ok(Outcome::Done)
+    let path = output.keep(|out| out.write_all(sweep.to_json().as_bytes()))?;
+    let text = line("flights", &sweep.flights.to_string());
+    Ok(Report::new(text, json!({ "flights": sweep.flights })).with_files(&[path]))
 }
 
-fn fly(args: &RunArgs) -> Result<Outcome> {
+fn fly(args: &RunArgs) -> Result<Report> {
     let (sweep, shard) = (Sweep::read(&args.plan)?, args.shard.parse::<Shard>()?);
     let bar = counter("flying", sweep.flights.div_ceil(shard.count));
-    let run = on_threads(args.threads, || sweep.run(shard, &args.output, &bar))?;
+    let (path, flown) = sweep.run(shard, &args.output, &bar)?;
     drop(bar);
-    let (path, flown) = run?;
-    let what = if flown { "flown" } else { "there already" };
-    print(&format!("shard     {} {what}\nfiles     {}\n", args.shard, path.display()))?;
-    Ok(Outcome::Done)
+    let state = if flown { "flown" } else { "there already" };
+    let text = line("shard", &format!("{} {state}", args.shard));
+    Ok(Report::new(text, json!({ "shard": args.shard, "flown": flown })).with_files(&[path]))
 }
 
-fn merge(args: &MergeArgs) -> Result<Outcome> {
+fn merge(args: &MergeArgs) -> Result<Report> {
     let sweep = Sweep::read(&args.plan)?;
     let records = sweep.merge(&args.parts)?;
     let store = Store::open(&args.output)?;
     let path = args.output.join(Store::FLIGHTS);
     if store.n_known() > 0 && Store::read(&path)? != records {
-        let found = format!("{} flights of something else", store.n_known());
-        let hint = "name another folder with -o: nothing is written over";
+        let found = format!("{} flights of another study", store.n_known());
+        let hint = "name another folder with -o: flights are never overwritten";
         return Err(Error::input(path.display().to_string(), found, "no flights", hint));
     }
     Store::write(&path, &records)?;
     drop(store);
     let ranking = rank(&sweep.study, &records);
     let files = write_ranking(&args.output, &sweep.study, &ranking, &records)?;
-    let files: String = files.iter().map(|file| format!("{}\n", file.display())).collect();
-    let files = files.trim_end().replace('\n', "\n          ");
-    print(&format!("{}\nfiles     {files}\n", ranking_table(&sweep.study, &ranking)))?;
-    Ok(Outcome::Done)
+    Ok(ranking_report(&sweep.study, &ranking, records.len()).with_files(&files))
 }
 
-fn slurm(args: &SlurmArgs) -> Result<Outcome> {
+fn slurm(args: &SlurmArgs) -> Result<Report> {
     let sweep = Sweep::read(&args.plan)?;
     let shards = args.shards.clamp(1, sweep.flights.max(1));
     let quoted =
         |path: &PathBuf| format!("'{}'", path.display().to_string().replace('\'', r"'\''"));
     let (plan, parts) = (quoted(&args.plan), quoted(&args.output));
-    print(&format!(
-        "#!/bin/bash\n# {} flights in {shards} tasks. Submit with sbatch; submit again for what \
-         failed:\n# shards that are there are not flown again. Then: noctograph sweep merge {plan} \
-         {parts}\n#SBATCH --job-name=noctograph\n#SBATCH --array=1-{shards}\n#SBATCH \
-         --cpus-per-task=1\n#SBATCH --requeue\nset -euo pipefail\nnoctograph sweep run {plan} \
+    let script = format!(
+        "#!/bin/bash\n# {} flights in {shards} tasks. Submit with sbatch; submit again for failed \
+         tasks:\n# shards that are there are not flown again. Then:\n#   noctograph sweep merge \
+         {plan} {parts}\n#SBATCH --job-name=noctograph\n#SBATCH --array=1-{shards}\n#SBATCH \
+         --cpus-per-task=1\n#SBATCH --requeue\nset -euo pipefail\nnoctograph sweep run {plan} \\\n  \
          --shard \"$SLURM_ARRAY_TASK_ID/{shards}\" --threads 1 -o {parts}\n",
         sweep.flights
-    ))?;
-    Ok(Outcome::Done)
+    );
+    Ok(Report::new(script.clone(), json!({ "script": script })))
 }

@@ -1,15 +1,17 @@
-//! `noctograph tune`: turns a scene's knobs until its words read as surely as they can.
+//! `noctograph tune`: gains, observer and speed of a scene, tuned for legible words.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use serde_json::{Value, json};
 
-use super::outputs::Output;
+use super::names::named;
+use super::output::Output;
 use super::progress::Progress;
-use super::studies::{StudyFlags, counter, ranking_table};
-use super::{Outcome, print, tell};
+use super::report::{Report, wrapped};
+use super::studies::{StudyFlags, counter, open_store, ranking_table};
 use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::Scene;
@@ -20,34 +22,33 @@ use crate::study::{
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "A budget is a number of flights, or minutes: --budget 2000, --budget 5min. \
-                        The tuned scene is OUTPUT/scene.toml, which preview and rank take. Knobs \
-                        are keys of the scene: --knob plan.stroke_speed_m_s=0.1..0.4, --knob \
-                        'controller.q[2]*=0.1..10', --knob 'controller.kind=lqr|lqr-integral'; \
-                        without any, the usual ones for its controller are turned."
+    after_help = "The tuned scene is OUTPUT/scene.toml, which preview and rank take. Knobs are \
+                  keys of the scene with a range, a range of factors, or a choice:\n  --knob \
+                  plan.stroke_speed_m_s=0.1..0.4\n  --knob 'controller.q[2]*=0.1..10'\n  --knob \
+                  'controller.kind=lqr|lqr-integral'"
 )]
 pub(super) struct TuneArgs {
-    /// Scene to begin from, as for rank
+    /// Scene to start from, as for rank
     #[arg(default_value = "team")]
     scene: String,
     #[command(flatten)]
     study: StudyFlags,
-    /// Flights, or minutes
+    /// Budget: a number of flights, or minutes such as 5min
     #[arg(long, value_name = "N", default_value = "2000")]
     budget: String,
-    /// Who proposes: tpe (tree-structured Parzen estimation), random or grid
-    #[arg(long, value_name = "NAME", default_value = "tpe")]
-    search: SearchName,
-    /// Something to turn, instead of the usual
+    /// Search method
+    #[arg(long, value_name = "NAME", default_value = "tpe", value_parser = named::<SearchKind>())]
+    search: SearchKind,
+    /// Key of the scene to turn; may be repeated [default: the usual ones for its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
-    /// Longest flight, in seconds; that of the scene as it is where it is left out
+    /// Longest flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
-    /// Height of capitals in m, where not the scene's: smaller letters ask for more
+    /// Cap height in meters; other lengths of the letters are scaled with it
     #[arg(long, value_name = "M")]
     cap_height: Option<f64>,
-    /// Words that the result is tested on and has never seen
+    /// Words that the result is tested on and not trained on
     #[arg(
         long,
         value_name = "WORD,...",
@@ -55,29 +56,12 @@ pub(super) struct TuneArgs {
         default_value = "LOG,WAX,HELLO,QUIZ,SKY"
     )]
     test_words: Vec<String>,
-    /// Seeds of each test word, and four times as many of the training words
+    /// Seeds of each test word; the training words are tested on four times as many new ones
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-tune")]
     output: PathBuf,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum SearchName {
-    Tpe,
-    Random,
-    Grid,
-}
-
-impl From<SearchName> for SearchKind {
-    fn from(name: SearchName) -> Self {
-        match name {
-            SearchName::Tpe => Self::Tpe,
-            SearchName::Random => Self::Random,
-            SearchName::Grid => Self::Grid,
-        }
-    }
 }
 
 /// What may be spent.
@@ -103,9 +87,9 @@ impl std::str::FromStr for Budget {
     }
 }
 
-pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
+pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let budget: Budget = args.budget.parse()?;
-    let mut base = Contender::find(&args.scene)?;
+    let mut base = args.study.scene(&args.scene)?;
     if let Some(cap_height_m) = args.cap_height {
         scale_letters(&mut base.scene, cap_height_m)?;
     }
@@ -115,21 +99,18 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
     };
     let options = TuneOptions {
         knobs,
-        search: args.search.into(),
+        search: args.search,
         words: args.study.words(6)?,
         budget: budget.flights,
         limits: Limits { duration_s: args.longest, ..Limits::default() },
         conditions: args.study.conditions()?,
         seed: args.study.seed,
     };
-    let store = Store::open(&args.output)?;
+    let store = open_store(&args.output)?;
     let files = ["scene.toml", "candidates.csv", "pareto.svg"];
     let [scene_file, candidates_file, pareto_file] =
         files.map(|name| Output::create(&args.output.join(name)));
     let (scene_file, candidates_file, pareto_file) = (scene_file?, candidates_file?, pareto_file?);
-    if store.n_known() > 0 {
-        tell(&format!("{}: {} flights are there already", args.output.display(), store.n_known()));
-    }
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut watch = |n_flights: usize, best: &Candidate| {
@@ -140,8 +121,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
         progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
         budget.time.is_none() || spent < 1.0
     };
-    let tuned =
-        args.study.on_threads(|| tune(&base.scene, &options, Some(&store), &mut watch))??;
+    let tuned = tune(&base.scene, &options, Some(&store), &mut watch)?;
     drop(progress);
 
     let paths = [
@@ -149,14 +129,20 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome> {
         candidates_file.keep(|out| write_candidates(out, &options, &tuned))?,
         pareto_file.keep(|out| out.write_all(plot(&tuned).as_bytes()))?,
     ];
-    print(&report(&options, &tuned))?;
-    test(args, &options, &base, &tuned, &store)?;
-    let shown = paths.map(|path| path.display().to_string()).join("\n          ");
-    print(&format!("\nfiles     {shown}\n"))?;
-    Ok(Outcome::Done)
+    let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
+    let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
+    let json = json!({
+        "flights": tuned.n_flights,
+        "candidates": tuned.candidates.len(),
+        "best": tuned.best,
+        "knobs": options.knobs.iter().map(|knob| knob.keys.join("+")).collect::<Vec<_>>(),
+        "front": front,
+        "tests": tests,
+    });
+    Ok(Report::new(report(&options, &tuned) + &tested + "\n", json).with_files(&paths))
 }
 
-/// Makes letters another size, and all lengths of the layout with them.
+/// Scales the letters, and all lengths of their layout with them.
 fn scale_letters(scene: &mut Scene, cap_height_m: f64) -> Result<()> {
     let letters = &mut scene.letters;
     let factor = cap_height_m / letters.cap_height_m;
@@ -166,7 +152,7 @@ fn scale_letters(scene: &mut Scene, cap_height_m: f64) -> Result<()> {
     scene.check()
 }
 
-/// Where a tuned scene comes from, as the head of its file.
+/// Origin of a tuned scene, as the head of its file.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     format!(
         "# Tuned by noctograph {} from `{}`: the best of {} candidates in {} flights, seed {}.\n# \
@@ -225,8 +211,8 @@ fn plot(tuned: &Tuned) -> String {
 fn report(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let mut text = format!(
-        "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nflight time against \
-         legibility, what no candidate beats in both:\n      s   P(read)\n",
+        "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
+         flight time and legibility:\n      s   P(read)\n",
         tuned.candidates.len(),
         tuned.n_flights
     );
@@ -234,21 +220,23 @@ fn report(options: &TuneOptions, tuned: &Tuned) -> String {
         let c = &tuned.candidates[*number];
         text += &format!("{:7.1}{:10.3}\n", c.duration_s.unwrap_or_default(), c.legibility);
     }
-    text += "\nsetting of the winner, 0 to 1 within its range:\n";
+    text += "\nbest candidate, each knob from 0 to 1 within its range:\n";
     for (knob, at) in options.knobs.iter().zip(&tuned.best.point) {
-        text += &format!("  {at:4.2}  {}\n", knob.keys.join(" "));
+        text += &wrapped(&format!("  {at:4.2}  "), &knob.keys.join(" "));
     }
     text
 }
 
-/// Holds the result against the scene as it was, on seeds and on words that it has not seen.
+/// Compares the result with the scene as it was, on new seeds and on new words: tables, and the
+/// same for programs.
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,
     base: &Contender,
     tuned: &Tuned,
     store: &Store,
-) -> Result<()> {
+) -> Result<(String, Vec<Value>)> {
+    let (mut text, mut json) = (String::new(), Vec::new());
     let seen = |word: &str| options.words.iter().any(|(known, _)| known == word);
     let others = args.test_words.iter().cloned();
     let others: Vec<_> =
@@ -267,10 +255,10 @@ fn test(
         };
         let trials: Vec<_> = study.trials().collect();
         let bar = counter("testing", trials.len());
-        let run = || evaluate(&study, &trials, Some(store), &bar);
-        let records = args.study.on_threads(run)??;
+        let records = evaluate(&study, &trials, Some(store), &bar)?;
         let ranking = rank(&study, &records);
-        print(&format!("\ntested on {what} never seen: {}", ranking_table(&study, &ranking)))?;
+        text += &format!("\ntested on new {what}: {}", ranking_table(&study, &ranking));
+        json.push(json!({ "new": what, "measures": ranking.measures, "pairs": ranking.pairs }));
     }
-    Ok(())
+    Ok((text, json))
 }

@@ -49,6 +49,7 @@ use crate::camera::{Camera, check_size};
 use crate::digest::Digest;
 use crate::error::{Error, Result, within};
 use crate::light::LightTrace;
+use crate::settings::settings;
 use floor::Glow;
 use gpu::Gpu;
 use record::Record;
@@ -162,16 +163,16 @@ impl Backend {
     }
 }
 
-/// Which backend to take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BackendChoice {
-    /// A graphics device where one is found and works, else the processor.
-    #[default]
-    Auto,
-    /// A graphics device, or an error.
-    Wgpu,
-    /// The processor.
-    Cpu,
+settings! {
+    /// Which backend to take.
+    pub enum BackendChoice {
+        /// A graphics device where one is found and works, else the processor.
+        "auto" => Auto,
+        /// A graphics device, or an error.
+        "wgpu" => Wgpu,
+        /// The processor.
+        "cpu" => Cpu,
+    }
 }
 
 /// How to expose.

@@ -1,9 +1,10 @@
 //! Flights as CSV files: one row a sample, one column a number, SI units in the names.
 //!
-//! The columns of a quantity that a real log does not tell are left out together. `gap_before` is 1
-//! in the first row after a hole, and stands only in files with holes. Columns of other names are
-//! kept as [`Flight::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
-//! `battery_v` and `energy_j`.
+//! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
+//! columns of a quantity that a real log lacks are left out together. One column `light.<channel>` a
+//! light channel. `gap_before` is 1 in the first row after a gap, and is there only in files with
+//! gaps. Columns of other names are kept as [`Flight::extra`]; the simulator's are `saturated_s` and,
+//! for a drone with a battery, `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -17,60 +18,28 @@ use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 
-/// Columns of a flight file, before one `light.<channel>` for each light channel.
-///
-/// Position, estimate and design in the world frame; velocity and rate in the body frame; `letter`
-/// is 1 for the first letter of the word and 0 outside letters.
-pub const COLUMNS: [&str; 24] = [
-    "time_s",
-    "x_m",
-    "y_m",
-    "z_m",
-    "yaw_rad",
-    "pitch_rad",
-    "roll_rad",
-    "vx_body_m_s",
-    "vy_body_m_s",
-    "vz_body_m_s",
-    "wx_body_rad_s",
-    "wy_body_rad_s",
-    "wz_body_rad_s",
-    "x_estimate_m",
-    "y_estimate_m",
-    "z_estimate_m",
-    "x_design_m",
-    "y_design_m",
-    "z_design_m",
-    "m1",
-    "m2",
-    "m3",
-    "m4",
-    "letter",
-];
-
-/// The column that is 1 in the first row after a hole.
+/// The column of times, first in the file.
+const TIME: &str = "time_s";
+/// The column of letters, last before the lights: 1 for the first letter, 0 outside letters.
+const LETTER: &str = "letter";
+/// The column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";
+/// Numbers of a sample: time, those of [`Quantity::TABLE`], letter.
+const N_NUMBERS: usize = 24;
 
 impl Quantity {
-    /// Its places in [`COLUMNS`].
-    fn columns(self) -> std::ops::Range<usize> {
-        match self {
-            Self::Position => 1..4,
-            Self::Attitude => 4..7,
-            Self::Velocity => 7..10,
-            Self::Rate => 10..13,
-            Self::Estimate => 13..16,
-            Self::Design => 16..19,
-            Self::Motors => 19..23,
-        }
+    /// The places of its numbers among those of a sample.
+    pub(crate) fn places(self) -> std::ops::Range<usize> {
+        let start = 1 + 3 * self as usize;
+        start..start + Self::TABLE[self as usize].2.len()
     }
 }
 
-/// Whether a column of a flight file has a meaning of its own, so that no extra column may take
-/// its name.
-#[must_use]
-pub fn is_standard_column(name: &str) -> bool {
-    COLUMNS.contains(&name) || name == GAP || name.starts_with("light.")
+/// Whether a column has a meaning of its own, so that no extra column may take its name.
+pub(crate) fn is_standard_column(name: &str) -> bool {
+    [TIME, LETTER, GAP].contains(&name)
+        || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
+        || name.starts_with("light.")
 }
 
 impl Flight {
@@ -78,30 +47,33 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Those of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
-        let skipped: BTreeSet<usize> =
-            self.unlogged.iter().flat_map(|quantity| quantity.columns()).collect();
-        let kept: Vec<usize> = (0..COLUMNS.len()).filter(|i| !skipped.contains(i)).collect();
+        let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
+        let places = logged().flat_map(|(quantity, ..)| quantity.places());
+        let places: Vec<usize> = [0].into_iter().chain(places).chain([N_NUMBERS - 1]).collect();
         let after_gap = self.after_gap();
         let gap = (!self.gaps.is_empty()).then_some(&after_gap);
-        let header: Vec<String> = kept
+        let names = logged().flat_map(|(.., columns)| columns.iter());
+        let header: Vec<String> = [TIME]
             .iter()
-            .map(|&i| COLUMNS[i].to_owned())
+            .chain(names)
+            .chain(&[LETTER])
+            .map(|&name| name.to_owned())
             .chain(self.lights.keys().map(|channel| format!("light.{channel}")))
             .chain(gap.map(|_| GAP.to_owned()))
             .chain(self.extra.keys().cloned())
             .collect();
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
-            let numbers = numbers(sample);
-            let standard = kept.iter().map(move |&i| numbers[i]);
+            let numbers = sample.numbers();
+            let standard = places.iter().map(move |&place| numbers[place]);
             let further = self.lights.values().chain(gap).chain(self.extra.values());
             standard.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
     }
 
-    /// SHA-256 of all that a flight file tells, in hexadecimal: equal flights, equal digest, on
+    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests, on
     /// every machine and in every build.
     #[must_use]
     pub fn sha256(&self) -> String {
@@ -110,7 +82,7 @@ impl Flight {
             digest.add(quantity.name());
         }
         for sample in &self.samples {
-            digest.add_numbers(&numbers(sample));
+            digest.add_numbers(&sample.numbers());
         }
         for gap in &self.gaps {
             digest.add_numbers(gap);
@@ -122,7 +94,7 @@ impl Flight {
         digest.hex()
     }
 
-    /// 1 for each sample that ends a hole, 0 for the others.
+    /// 1 for each sample that ends a gap, 0 for the others.
     fn after_gap(&self) -> Vec<f64> {
         let mut gaps = self.gaps.iter().peekable();
         let flag = |sample: &FlightSample| {
@@ -146,29 +118,28 @@ impl Flight {
 
     fn from_table(table: &Table) -> Result<Self> {
         let time_s = table.time_s()?;
-        let mut cells: [Option<&[f64]>; COLUMNS.len()] = [None; COLUMNS.len()];
+        let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
+        cells[0] = Some(time_s);
         let mut unlogged = BTreeSet::new();
-        for quantity in Quantity::ALL {
-            let names = &COLUMNS[quantity.columns()];
+        for (quantity, _, names) in Quantity::TABLE {
             if names.iter().any(|name| table.has(name)) {
-                for (cell, name) in cells[quantity.columns()].iter_mut().zip(names) {
+                for (cell, name) in cells[quantity.places()].iter_mut().zip(names) {
                     *cell = Some(table.column(name)?);
                 }
             } else {
                 unlogged.insert(quantity);
             }
         }
-        cells[0] = Some(time_s);
-        cells[23] = table.has(COLUMNS[23]).then(|| table.column(COLUMNS[23])).transpose()?;
-        let samples: Vec<FlightSample> = (0..table.n_rows())
-            .map(|row| sample(cells.map(|c| c.map_or(0.0, |c| c[row]))))
-            .collect();
+        cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.column(LETTER)).transpose()?;
+        let number = |row: usize| cells.map(|cell| cell.map_or(0.0, |column| column[row]));
+        let samples: Vec<FlightSample> =
+            (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();
         let lights = light_columns(table)?;
         let extra = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
             extra.map(|(name, values)| (name.to_owned(), values.to_vec())).collect();
-        if unlogged.len() == Quantity::ALL.len() && extra.is_empty() {
-            table.column(COLUMNS[1])?;
+        if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
+            table.column(Quantity::TABLE[0].2[0])?;
         }
         let gaps = if table.has(GAP) {
             let flags = table.column(GAP)?.iter().skip(1);
@@ -177,25 +148,48 @@ impl Flight {
         } else {
             Vec::new()
         };
-        let warn =
-            |quantity: &Quantity| format!("no {} in the file: zeros stand for it", quantity.name());
-        let warnings = unlogged.iter().map(warn).collect();
+        let warnings = unlogged.iter().map(|q| format!("no {} in the file: set to zero", q.name()));
+        let warnings = warnings.collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
     }
 }
 
-/// A sample from its numbers in the order of [`COLUMNS`].
-fn sample(n: [f64; COLUMNS.len()]) -> FlightSample {
-    FlightSample {
-        time_s: n[0],
-        position_m: Vector3::new(n[1], n[2], n[3]),
-        attitude: Attitude { yaw_rad: n[4], pitch_rad: n[5], roll_rad: n[6] },
-        velocity_body_m_s: Vector3::new(n[7], n[8], n[9]),
-        rate_body_rad_s: Vector3::new(n[10], n[11], n[12]),
-        estimate_m: Vector3::new(n[13], n[14], n[15]),
-        design_m: Vector3::new(n[16], n[17], n[18]),
-        motors: [n[19], n[20], n[21], n[22]],
-        letter: letter_from_number(n[23]),
+impl FlightSample {
+    /// Its numbers in the order of the file.
+    pub(crate) fn numbers(&self) -> [f64; N_NUMBERS] {
+        let Attitude { yaw_rad, pitch_rad, roll_rad } = self.attitude;
+        let vectors = [
+            self.position_m,
+            Vector3::new(yaw_rad, pitch_rad, roll_rad),
+            self.velocity_body_m_s,
+            self.rate_body_rad_s,
+            self.estimate_m,
+            self.design_m,
+        ];
+        let mut numbers = [0.0; N_NUMBERS];
+        numbers[0] = self.time_s;
+        for (cells, vector) in numbers[1..].chunks_exact_mut(3).zip(vectors) {
+            cells.copy_from_slice(vector.as_slice());
+        }
+        numbers[Quantity::Motors.places()].copy_from_slice(&self.motors);
+        numbers[N_NUMBERS - 1] = number_from_letter(self.letter);
+        numbers
+    }
+
+    /// A sample from its numbers in the order of the file.
+    pub(crate) fn from_numbers(n: [f64; N_NUMBERS]) -> Self {
+        let vector = |place: usize| Vector3::from_column_slice(&n[place..place + 3]);
+        Self {
+            time_s: n[0],
+            position_m: vector(1),
+            attitude: Attitude { yaw_rad: n[4], pitch_rad: n[5], roll_rad: n[6] },
+            velocity_body_m_s: vector(7),
+            rate_body_rad_s: vector(10),
+            estimate_m: vector(13),
+            design_m: vector(16),
+            motors: [n[19], n[20], n[21], n[22]],
+            letter: letter_from_number(n[23]),
+        }
     }
 }
 
@@ -226,39 +220,6 @@ pub(crate) fn number_from_letter(letter: Option<usize>) -> f64 {
 pub(crate) fn letter_from_number(number: f64) -> Option<usize> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)
-}
-
-fn numbers(sample: &FlightSample) -> [f64; 24] {
-    let FlightSample { time_s, position_m: p, attitude: a, velocity_body_m_s: v, .. } = sample;
-    let (w, e, d) = (&sample.rate_body_rad_s, &sample.estimate_m, &sample.design_m);
-    let [m1, m2, m3, m4] = sample.motors;
-    let letter = number_from_letter(sample.letter);
-    [
-        *time_s,
-        p.x,
-        p.y,
-        p.z,
-        a.yaw_rad,
-        a.pitch_rad,
-        a.roll_rad,
-        v.x,
-        v.y,
-        v.z,
-        w.x,
-        w.y,
-        w.z,
-        e.x,
-        e.y,
-        e.z,
-        d.x,
-        d.y,
-        d.z,
-        m1,
-        m2,
-        m3,
-        m4,
-        letter,
-    ]
 }
 
 #[cfg(test)]
@@ -301,47 +262,39 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_flight_reads_back_bit_by_bit() {
-        let (flight, mut file) = (flight(), Vec::new());
+    fn read_back(flight: &Flight) -> Flight {
+        let mut file = Vec::new();
         flight.write_csv(&mut file).unwrap();
-        let back = Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap();
-        assert_eq!(back, flight);
+        Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap()
     }
 
     #[test]
-    fn holes_and_further_columns_and_what_is_not_told_read_back() {
+    fn a_flight_reads_back_bit_by_bit() {
         let mut flight = flight();
-        flight
-            .extra
-            .insert("pm.vbat".into(), (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect());
+        assert_eq!(read_back(&flight), flight);
+        let voltage = (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect();
+        flight.extra.insert("pm.vbat".into(), voltage);
         let times = |i: usize| [flight.samples[i].time_s, flight.samples[i + 1].time_s];
         flight.gaps = vec![times(3), times(4), times(30)];
         flight.unlogged = [Quantity::Motors, Quantity::Design].into();
         for sample in &mut flight.samples {
             (sample.motors, sample.design_m) = ([0.0; 4], Vector3::zeros());
         }
-        let mut file = Vec::new();
-        flight.write_csv(&mut file).unwrap();
-        let back = Flight::from_table(&Table::parse(&file[..], "flight.csv").unwrap()).unwrap();
+        let back = read_back(&flight);
         assert_eq!(back.warnings.len(), 2, "what is missing is said: {:?}", back.warnings);
-        assert_eq!(Flight { warnings: vec![], ..back }, flight);
+        assert_eq!(Flight { warnings: vec![], ..back }, flight, "gaps, extra columns, unlogged");
     }
 
     #[test]
-    fn half_a_position_is_refused() {
-        for broken in ["time_s,x_m,z_m\n0,1,2\n", "time_s\n0\n"] {
+    fn half_a_position_and_a_light_level_out_of_range_are_refused() {
+        for (broken, place) in [
+            ("time_s,x_m,z_m\n0,1,2\n", "y_m"),
+            ("time_s\n0\n", "x_m"),
+            ("time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n", "light.headlights"),
+        ] {
             let table = Table::parse(broken.as_bytes(), "f.csv").unwrap();
-            assert!(Flight::from_table(&table).is_err(), "{broken}");
+            let error = Flight::from_table(&table).unwrap_err().to_string();
+            assert!(error.contains(place), "{broken}: {error}");
         }
-    }
-
-    #[test]
-    fn a_light_level_out_of_range_is_refused() {
-        let (flight, mut file) = (flight(), Vec::new());
-        flight.write_csv(&mut file).unwrap();
-        let broken = String::from_utf8(file).unwrap().replace(",1\n", ",7\n");
-        let error = Flight::from_table(&Table::parse(broken.as_bytes(), "f.csv").unwrap());
-        assert!(error.unwrap_err().to_string().contains("light.headlights"));
     }
 }

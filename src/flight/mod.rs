@@ -1,6 +1,6 @@
-//! Flight: where the drone was, what it believed, what it was told, and its motors.
+//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over time.
 //!
-//! A simulated flight and a real flight's log meet here; below nobody can tell them apart.
+//! The simulator and the readers of real logs both make it; later stages do not depend on which.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,15 +14,14 @@ pub mod csv;
 pub mod table;
 pub mod tracking;
 
-pub use airborne::{FLYING_MOTOR_COMMAND, airborne};
-pub use tracking::{mean_error_m, mean_error_over_m, rmse_m, rmse_over_m};
+pub use airborne::airborne;
 
-/// Column of a simulated flight: time so far, s, in which a motor was asked for more or less than
-/// it has, by its range or by the battery.
+/// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
+/// battery.
 pub const SATURATED_S: &str = "saturated_s";
 /// Column of a simulated flight: voltage of the battery under load, V.
 pub const BATTERY_V: &str = "battery_v";
-/// Column of a simulated flight: energy that has left the battery so far, J.
+/// Column of a simulated flight: energy drawn from the battery so far, J.
 pub const ENERGY_J: &str = "energy_j";
 
 /// A flight of one drone, sampled over time.
@@ -37,16 +36,16 @@ pub struct Flight {
     /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and, where
     /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
-    /// Holes in a real log: times of the last sample before and of the first sample after, in
-    /// rising order. Nothing is known in between: no line is drawn and no lamp shines across one.
+    /// Gaps in a real log: times of the last sample before and of the first sample after, in rising
+    /// order. Nothing is known in between: no line is drawn and no lamp shines across one.
     pub gaps: Vec<[f64; 2]>,
-    /// What the log does not tell: the samples hold zeros there.
+    /// Quantities that the log lacks: zeros in the samples.
     pub unlogged: BTreeSet<Quantity>,
-    /// What whoever reads the flight should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Something that a sample tells, and a log may not.
+/// A quantity of a sample, which a log may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
     /// [`FlightSample::position_m`].
@@ -66,34 +65,26 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All of them, in the order of the file's columns.
-    pub const ALL: [Self; 7] = [
-        Self::Position,
-        Self::Attitude,
-        Self::Velocity,
-        Self::Rate,
-        Self::Estimate,
-        Self::Design,
-        Self::Motors,
+    /// Each quantity with its name in messages and its columns in a flight file, in order of both.
+    pub(crate) const TABLE: [(Self, &str, &[&str]); 7] = [
+        (Self::Position, "position", &["x_m", "y_m", "z_m"]),
+        (Self::Attitude, "attitude", &["yaw_rad", "pitch_rad", "roll_rad"]),
+        (Self::Velocity, "velocity", &["vx_body_m_s", "vy_body_m_s", "vz_body_m_s"]),
+        (Self::Rate, "body rate", &["wx_body_rad_s", "wy_body_rad_s", "wz_body_rad_s"]),
+        (Self::Estimate, "estimated position", &["x_estimate_m", "y_estimate_m", "z_estimate_m"]),
+        (Self::Design, "design position", &["x_design_m", "y_design_m", "z_design_m"]),
+        (Self::Motors, "motor commands", &["m1", "m2", "m3", "m4"]),
     ];
 
     /// Its name in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Position => "position",
-            Self::Attitude => "attitude",
-            Self::Velocity => "velocity",
-            Self::Rate => "body rate",
-            Self::Estimate => "estimated position",
-            Self::Design => "design position",
-            Self::Motors => "motor commands",
-        }
+        Self::TABLE[self as usize].1
     }
 }
 
 /// One instant of a flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightSample {
     /// Since the first setpoint; in a real log, since its first sample.
     pub time_s: f64,
@@ -105,10 +96,10 @@ pub struct FlightSample {
     pub velocity_body_m_s: Vector3<f64>,
     /// Angular velocity in the body frame.
     pub rate_body_rad_s: Vector3<f64>,
-    /// Position that the estimator believed in.
+    /// Position according to the estimator.
     pub estimate_m: Vector3<f64>,
-    /// Where the design wanted the drone at this instant (continuous, not held; in a real log the
-    /// setpoint in force, held).
+    /// Position of the design at this instant (continuous, not held; in a real log the setpoint in
+    /// force, held).
     pub design_m: Vector3<f64>,
     /// Motor commands m1…m4, 0…65535.
     pub motors: [f64; 4],

@@ -24,12 +24,12 @@ const MAX_NUMBERS: usize = 64 << 20;
 #[must_use]
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
-    // 2^52: added and taken away, it leaves the nearest whole number.
+    // Adding and subtracting 2^52 rounds to the nearest whole number.
     const WHOLE: f64 = 4_503_599_627_370_496.0;
     let size = (value * 1e6).abs();
     let near = (size + WHOLE) - WHOLE;
-    // Half away from zero, as `round` does, which is a call of a function on many processors; and
-    // without a branch, so that a row of numbers is rounded at once.
+    // Half away from zero, as `round`, which is a function call on many processors; without a
+    // branch, so that a row of numbers is vectorized.
     let below = near - if near > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
     let rounded = (below + above).copysign(value) / 1e6 + 0.0;
@@ -53,8 +53,7 @@ impl Table {
     /// a cell is no finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        let bytes = file.metadata().ok().map(|about| about.len());
-        Self::parse_all(file, &path.display().to_string(), bytes, MAX_NUMBERS)
+        Self::parse(file, &path.display().to_string())
     }
 
     /// Reads CSV text; `file` is its name in messages.
@@ -63,17 +62,10 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(text: impl Read, file: &str) -> Result<Self> {
-        Self::parse_all(text, file, None, MAX_NUMBERS)
+        Self::parse_up_to(MAX_NUMBERS, text, file)
     }
 
-    /// The same of a text whose length in bytes is known, where it is: a refusal then says what all
-    /// of it would need.
-    fn parse_all(
-        text: impl Read,
-        file: &str,
-        bytes: Option<u64>,
-        max_numbers: usize,
-    ) -> Result<Self> {
+    fn parse_up_to(max_numbers: usize, text: impl Read, file: &str) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
         let broken = |source: &csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
@@ -94,17 +86,9 @@ impl Table {
         let mut record = csv::StringRecord::new();
         while reader.read_record(&mut record).map_err(|e| broken(&e))? {
             if columns.first().is_some_and(|column| column.len() == max_rows) {
-                let so_far = record.position().map_or(1, csv::Position::byte).max(1);
-                let mib = |numbers: f64| numbers * size_of::<f64>() as f64 / 1_048_576.0;
-                let all = bytes.map_or(String::new(), |bytes| {
-                    let numbers = (max_rows * header.len()) as f64 * bytes as f64 / so_far as f64;
-                    format!(", which would need about {:.0} MiB of memory", mib(numbers))
-                });
-                let what = format!("more than {max_rows} rows of {} columns{all}", header.len());
-                let most = format!(
-                    "at most {MAX_ROWS} rows and {max_numbers} numbers, {:.0} MiB",
-                    mib(max_numbers as f64)
-                );
+                let what = format!("more than {max_rows} rows of {} columns", header.len());
+                let mib = (max_numbers * size_of::<f64>()) >> 20;
+                let most = format!("at most {MAX_ROWS} rows and {max_numbers} numbers, {mib} MiB");
                 return Err(too_large(what, most));
             }
             for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
@@ -172,14 +156,13 @@ impl Table {
     }
 }
 
-const REWRITE_HINT: &str = "mend the file, or let `noctograph plan` or `noctograph fly` write it \
-                            again";
+const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
 /// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
 ///
 /// # Errors
 ///
-/// What the writer says.
+/// Those of the writer.
 pub fn write_table(
     out: &mut impl Write,
     header: &[String],
@@ -200,7 +183,8 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a number of the grid in as few digits as it needs.
+/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a third of
+/// its time, for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
     let scaled = (value * 1e6).round();
     if scaled.abs() >= 4.5e15 {
@@ -278,7 +262,7 @@ mod tests {
             let wanted = if value.abs() > 4.5e9 { value } else { wanted(value) };
             assert_eq!(on_grid(value).to_bits(), wanted.to_bits(), "{value:e}");
         }
-        assert!(on_grid(f64::NAN).is_nan(), "no number stays none");
+        assert!(on_grid(f64::NAN).is_nan(), "NaN stays NaN");
     }
 
     #[test]
@@ -294,16 +278,12 @@ mod tests {
     }
 
     #[test]
-    fn a_table_of_too_many_numbers_is_refused_with_the_memory_it_would_need() {
-        let text = format!("time_s,x_m\n{}", "1.5,2.25\n".repeat(1 << 20));
-        let most = 2 << 10;
-        let bytes = Some(text.len() as u64);
-        let refused = Table::parse_all(text.as_bytes(), "flight.csv", bytes, most);
-        let error = refused.unwrap_err().to_string();
-        assert!(error.contains("more than 1024 rows of 2 columns"), "{error}");
-        // 2^21 numbers of 8 bytes.
-        assert!(error.contains("about 16 MiB of memory"), "{error}");
-        let small = &text[..9000];
-        assert!(Table::parse_all(small.as_bytes(), "flight.csv", bytes, most).is_ok(), "fewer");
+    fn a_table_of_too_many_numbers_is_refused_with_the_memory_of_the_limit() {
+        let text = format!("time_s,x_m\n{}", "1.5,2.25\n".repeat(70_000));
+        let parse = |text: &str| Table::parse_up_to(128 << 10, text.as_bytes(), "flight.csv");
+        let error = parse(&text).unwrap_err().to_string();
+        assert!(error.contains("more than 65536 rows of 2 columns"), "{error}");
+        assert!(error.contains("131072 numbers, 1 MiB"), "{error}");
+        assert!(parse(&text[..9000]).is_ok(), "fewer");
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::font;
 use crate::error::{Result, within};
+use crate::settings::settings;
 
 /// How a word is laid out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,15 +41,14 @@ pub struct LetterOptions {
     pub canvas_m: Option<[f64; 2]>,
 }
 
-/// What is followed of a typeface's outlines.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Trace {
-    /// The middle lines of their strokes, as a pen would write them.
-    #[default]
-    CentreLine,
-    /// The outlines themselves.
-    Outline,
+settings! {
+    /// Lines that are followed in the outlines of a typeface.
+    pub enum Trace {
+        /// The center lines of their strokes, as a pen would write them.
+        "centre-line" => CentreLine,
+        /// The outlines themselves.
+        "outline" => Outline,
+    }
 }
 
 /// Where a line stands beside x = 0.

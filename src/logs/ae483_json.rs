@@ -6,8 +6,8 @@
 //!
 //! All are read by one rule: an object with `time` and `data` is a variable, one with `time` and
 //! other lists is a block of variables, other objects are folders whose name goes before the names
-//! in them (`drone` excepted). Numbers, texts and lists that belong to none of these are passed
-//! over. Python writes `NaN` and `Infinity`, which JSON does not know; they count as "no value".
+//! in them (`drone` excepted). Other numbers, texts and lists are skipped. Python writes `NaN` and
+//! `Infinity`, which are not JSON; they are read as missing values.
 
 use serde_json::{Map, Value};
 
@@ -25,11 +25,6 @@ const MAX_BYTES: usize = 128 << 20;
 const MAX_VARIABLES: usize = 1024;
 
 /// Reads a JSON log.
-///
-/// # Errors
-///
-/// [`Error::Input`] with line and column of broken JSON, or with the key of a value that is no
-/// list of numbers. A text that merely ends too early is closed where it ends, with a warning.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
     if bytes.len() > MAX_BYTES {
         let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
@@ -77,8 +72,8 @@ fn broken(file: &str, source: &serde_json::Error) -> Error {
     Error::input(place, source, "JSON", HINT)
 }
 
-/// Whether stamps count milliseconds. Log periods are 10 ms to 2.55 s, so that steps above 5 are
-/// ms and steps below 0.5 are s; in between the dialect decides.
+/// Whether stamps are in milliseconds. Log periods are 10 ms to 2.55 s, so that steps above 5 are ms
+/// and steps below 0.5 are s; in between, the dialect decides.
 fn stamps_are_ms(stamps: &[f64], in_seconds: bool) -> bool {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     match median(steps) {
@@ -88,8 +83,7 @@ fn stamps_are_ms(stamps: &[f64], in_seconds: bool) -> bool {
     }
 }
 
-/// Puts `""` and spaces in place of Python's NaN and infinities, so that every other character
-/// keeps its place.
+/// Replaces Python's NaN and infinities by `""` and spaces of the same length.
 fn replace_nan(text: &mut [u8]) {
     let (mut i, mut in_string) = (0, false);
     while i < text.len() {
@@ -110,7 +104,7 @@ fn replace_nan(text: &mut [u8]) {
     }
 }
 
-/// Cuts a text that ends too early after its last whole member, and closes what is open.
+/// Cuts a text that ends too early after its last whole member, and closes the open brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -164,13 +158,11 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// One variable; it joins the block before it where their stamps are the same.
+    /// Adds a variable to the block before it where their stamps are equal, else to a new block.
     fn variable(&mut self, name: &str, time: &Value, data: &Value) -> Result<()> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
-        let n = self.common_length(name, time_s.len(), values.len());
-        time_s.truncate(n);
-        values.truncate(n);
+        self.cut_to_shorter(name, &mut time_s, &mut values);
         let column = Column { name: name.to_owned(), values };
         match self.blocks.last_mut() {
             Some(block) if block.time_s == time_s && block.clock == Clock::Drone => {
@@ -194,9 +186,8 @@ impl Reader<'_> {
             let name = format!("{name}.{key}");
             columns.push(Column { values: self.numbers(&name, value)?, name });
         }
-        for column in &columns {
-            let n = self.common_length(&column.name, time_s.len(), column.values.len());
-            time_s.truncate(n);
+        for column in &mut columns {
+            self.cut_to_shorter(&column.name, &mut time_s, &mut column.values);
         }
         for column in &mut columns {
             column.values.truncate(time_s.len());
@@ -207,12 +198,15 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn common_length(&mut self, name: &str, n_time: usize, n_data: usize) -> usize {
+    fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
+        let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
-            let text = format!("{name}: {n_time} stamps for {n_data} values; the shorter counts");
+            let text =
+                format!("{name}: {n_time} stamps for {n_data} values; the longer list is cut");
             self.warnings.push(text);
         }
-        n_time.min(n_data)
+        time_s.truncate(n_data);
+        values.truncate(n_time);
     }
 
     fn numbers(&self, name: &str, value: &Value) -> Result<Vec<f64>> {
@@ -253,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn python_nan_is_an_empty_cell_of_the_motion_capture() {
+    fn python_nan_is_a_missing_value() {
         let text = r#"{"drone": {}, "mocap": {"time": [1.0, 1.1, 1.2, 1.3, 1.4], "x": [1, NaN, -Infinity, null, 5]}}"#;
         let log = read(text.as_bytes(), "log.json").unwrap();
         assert_eq!(log.blocks[0].clock, Clock::Mocap);

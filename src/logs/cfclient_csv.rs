@@ -20,10 +20,6 @@ pub(super) fn is_header(header: &[String]) -> bool {
 }
 
 /// Reads the files of one recording, each with its name and bytes.
-///
-/// # Errors
-///
-/// [`crate::error::Error::Input`] with line and column of a cell that is no number.
 pub(super) fn read(files: &[(String, Vec<u8>)], file: &str) -> Result<Recording> {
     let mut recording =
         Recording { file: file.to_owned(), wrap_s: Some(WRAP_S), ..Recording::default() };

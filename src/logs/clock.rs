@@ -1,21 +1,21 @@
-//! Time stamps: wraps are undone, stamps that fall are dropped, a slow clock is found out.
+//! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
 
 use super::recording::{Block, Clock, Pace, Recording};
 use crate::statistics::median;
 
-/// What the firmware's microsecond counter counts per true second before August 2026:
+/// Seconds that the firmware's microsecond counter counts per true second before August 2026:
 /// `usec_time.c` sets the timer's prescaler to 84, and the hardware divides by 85.
-pub const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
+pub(super) const SLOW_CLOCK_RATIO: f64 = 84.0 / 85.0;
 
-/// A clock that falls by more than this, and did not wrap, was started again.
+/// A clock that falls by more than this without a wrap was restarted.
 const RESTART_S: f64 = 1.0;
 
-/// Stamps beyond 30,000 years are broken.
+/// Later stamps, beyond 30,000 years, are broken.
 const LATEST_S: f64 = 1e12;
 
 /// Puts every block in rising order of time and all blocks on one axis of true seconds.
 ///
-/// `clock_ratio` is how many seconds the drone's clock counts per true second.
+/// `clock_ratio`: seconds of the drone's clock per true second.
 pub(super) fn settle(recording: &mut Recording, clock_ratio: f64) {
     let Recording { blocks, wrap_s, warnings, .. } = recording;
     for block in &mut *blocks {
@@ -90,7 +90,7 @@ fn settle_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Strin
     }
 }
 
-/// Leaves out single stamps that jump ahead of the one after them.
+/// Leaves out single stamps that are later than the next one.
 fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
@@ -106,7 +106,7 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     kept
 }
 
-/// Adds `wrap_s` wherever time falls by more than half of it; how often that was.
+/// Adds `wrap_s` wherever time falls by more than half of it; returns how often.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -129,7 +129,7 @@ fn stretches(time_s: &[f64], kept: &[usize]) -> Vec<std::ops::Range<usize>> {
     edges.windows(2).map(|pair| pair[0]..pair[1]).collect()
 }
 
-/// A block whose first sample came just after a wrap belongs after the blocks that saw the wrap.
+/// Shifts a block that began just after a wrap by one wrap, as the blocks that began before it.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let drone = |block: &&mut Block| block.clock == Clock::Drone;
     let starts = blocks.iter_mut().filter(drone).map(|block| block.time_s[0]);
@@ -143,7 +143,7 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     }
 }
 
-/// Says so where blocks that should come every so many whole milliseconds come 1.2 % too fast.
+/// Warns where a block with a period of whole milliseconds arrives 1.2 % too fast.
 fn warn_of_slow_clock(recording: &mut Recording) {
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     let period_s = |block: &Block| {
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slow_clock_of_the_microsecond_counter_is_found_out() {
+    fn the_slow_microsecond_counter_is_detected_and_corrected() {
         let log = |period_s: f64| {
             let time_s = (0..200).map(|i| f64::from(i) * period_s).collect();
             let blocks = vec![Block { time_s, ..Block::default() }];
@@ -223,5 +223,9 @@ mod tests {
         };
         assert!(log(0.01 * SLOW_CLOCK_RATIO).contains("84/85"), "{}", log(0.00988));
         assert_eq!(log(0.01), "");
+        let blocks = vec![Block { time_s: vec![84.0, 168.0], ..Block::default() }];
+        let mut slow = Recording { blocks, ..Recording::default() };
+        settle(&mut slow, SLOW_CLOCK_RATIO);
+        assert!((slow.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", slow.blocks[0].time_s);
     }
 }

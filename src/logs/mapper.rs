@@ -1,17 +1,14 @@
-//! Recording → Flight: one time axis, holes where the pose is unknown, all other columns kept.
+//! Recording → Flight: one time axis, gaps where the pose is unknown, all other columns kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Vector3;
-
 use super::recording::{Channel, Clock, Recording, shortened};
-use super::sources::{Told, VelocityFrame, body_from_world, told};
+use super::sources::{Quantities, VelocityFrame, quantities};
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
 use crate::flight::csv::is_standard_column;
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity};
-use crate::geometry::Attitude;
 
 /// Most samples of a flight: 11 hours at 100 Hz.
 const MAX_SAMPLES: f64 = 4e6;
@@ -22,44 +19,37 @@ const MAX_EXTRA_CELLS: usize = 64 << 20;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// Makes the flight of a settled recording.
-///
-/// # Errors
-///
-/// [`Error::Input`] where nothing known is logged, the wanted position is not, the parts of the
-/// pose have no time in common, or the flight would be too large.
+/// Makes a flight of a recording with settled clocks.
 pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Flight> {
-    let told = told(&recording, options.position);
+    let found = quantities(&recording, options.position);
+    let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
+    let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
     let ranging = recording.names().any(|name| name.starts_with("ranging."));
-    let unlogged = unlogged(&told);
-    if unlogged.len() == Quantity::ALL.len() && !ranging {
+    if found.channels.is_empty() && !ranging {
         return Err(nothing_known(&recording));
     }
-    if told.position_m.is_none() && options.position != PositionSource::Best {
+    if unlogged.contains(&Quantity::Position) && options.position != PositionSource::Best {
         return Err(Error::input(
             &recording.file,
-            format!("no position from {:?}", options.position),
+            format!("no position from {}", options.position.name()),
             "its three columns, not all zero",
             "choose another source of position, or the best",
         ));
     }
     let mut warnings = Vec::new();
-    let axis = axis(&recording, &told, options, &mut warnings)?;
+    let axis = axis(&recording, &found, options, &mut warnings)?;
     if !unlogged.is_empty() {
         let names: Vec<&str> = unlogged.iter().map(|quantity| quantity.name()).collect();
-        warnings.push(format!("not in the log: {}; zeros stand for it", names.join(", ")));
+        warnings.push(format!("not in the log: {}; set to zero", names.join(", ")));
     }
-    let writer = Writer { told: &told, options };
     let samples: Vec<FlightSample> =
-        axis.stamps_s.iter().map(|&t| writer.sample(t, &axis)).collect();
-    warnings.extend(writer.warn_of_held_values(&axis));
+        axis.stamps_s.iter().map(|&stamp_s| sample(&found, options, stamp_s, &axis)).collect();
+    warnings.extend(warn_of_held_values(&found, options, &axis));
     warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &told.used, &axis)?;
+    let mut extra = extra(&recording, &found.used, &axis)?;
     let lights = lights(&mut extra);
-    let mut all = recording.warnings;
-    all.append(&mut warnings);
-    let gaps = axis.gaps;
-    Ok(Flight { samples, lights, extra, gaps, unlogged, warnings: all })
+    let warnings = [recording.warnings, warnings].concat();
+    Ok(Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings })
 }
 
 fn nothing_known(recording: &Recording) -> Error {
@@ -79,20 +69,7 @@ fn nothing_known(recording: &Recording) -> Error {
     )
 }
 
-fn unlogged(told: &Told) -> BTreeSet<Quantity> {
-    let missing = [
-        (Quantity::Position, told.position_m.is_none()),
-        (Quantity::Attitude, told.attitude_rad.is_none()),
-        (Quantity::Velocity, told.velocity.is_none()),
-        (Quantity::Rate, told.rate_body_rad_s.is_none()),
-        (Quantity::Estimate, told.estimate_m.is_none()),
-        (Quantity::Design, told.design_m.is_none()),
-        (Quantity::Motors, told.motors.is_none()),
-    ];
-    missing.into_iter().filter(|(_, missing)| *missing).map(|(quantity, _)| quantity).collect()
-}
-
-/// When the flight has samples.
+/// The time axis of the flight.
 struct Axis {
     /// On the clock of the recording.
     stamps_s: Vec<f64>,
@@ -108,15 +85,17 @@ impl Axis {
     }
 }
 
-/// A grid of `rate_hz` over the time in which position and attitude are both known, without the
-/// holes. Without a pose there is nothing to interpolate: the stamps of the longest block stay.
+/// A grid of the sample rate over the time in which position and attitude are both known, without
+/// the gaps. Without a pose, the stamps of the longest block.
 fn axis(
     recording: &Recording,
-    told: &Told,
+    found: &Quantities,
     options: &ImportOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
-    let pose: Vec<&Channel> = told.position_m.iter().chain(&told.attitude_rad).flatten().collect();
+    let pose = [Quantity::Position, Quantity::Attitude];
+    let pose: Vec<&Channel> =
+        pose.iter().filter_map(|quantity| found.channels.get(quantity)).flatten().collect();
     if pose.is_empty() {
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
@@ -144,33 +123,21 @@ fn axis(
             "cut the log to one flight, or lower the sample rate",
         ));
     }
-    let limits_s: Vec<f64> = pose.iter().map(|channel| gap_limit_s(channel, options)).collect();
-    let known = |stamp_s: f64| {
-        let mut channels = pose.iter().zip(&limits_s);
-        channels.all(|(channel, limit_s)| channel.linear(stamp_s, *limit_s).is_some())
-    };
-    let mut axis = Axis { stamps_s: Vec::new(), zero_s: start_s, gaps: Vec::new() };
-    let (mut last_s, mut step) = (None, 0.0);
-    let mut skipped = false;
-    while step <= steps {
-        // The last step may lie beyond the end by rounding.
-        let stamp_s = (start_s + step / options.sample_rate_hz).min(end_s);
-        if known(stamp_s) {
-            if let Some(last_s) = last_s.filter(|_| skipped) {
-                axis.gaps.push([axis.time_s(last_s), axis.time_s(stamp_s)]);
-            }
-            axis.stamps_s.push(stamp_s);
-            (last_s, skipped) = (Some(stamp_s), false);
-        } else {
-            skipped = true;
-        }
-        step += 1.0;
-    }
+    let known =
+        |stamp_s: f64| pose.iter().all(|channel| interpolated(channel, stamp_s, options).is_some());
+    // The last step may lie beyond the end by rounding.
+    let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
+    let steps: Vec<u32> = (0..=steps as u32).filter(|step| known(stamp_s(*step))).collect();
+    let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
+    let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
+    let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
+    axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
     warnings.extend(warn_of_gaps(&axis));
     Ok(axis)
 }
 
-/// Samples further apart are not joined: the setting, or two and a half periods of a slower log.
+/// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.
 fn gap_limit_s(channel: &Channel, options: &ImportOptions) -> f64 {
     options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
 }
@@ -182,106 +149,71 @@ fn warn_of_gaps(axis: &Axis) -> Option<String> {
     let shown: Vec<String> =
         axis.gaps.iter().map(|gap| format!("{:.2}–{:.2} s", gap[0], gap[1])).collect();
     Some(format!(
-        "{} gap(s) in the pose, {total_s:.2} s together, longest {:.2} s, left as holes: {}",
+        "{} gap(s) in the pose, {total_s:.2} s together, longest {:.2} s, left out: {}",
         axis.gaps.len(),
         length_s(longest),
         shortened(&shown),
     ))
 }
 
-/// No room is so large: positions farther out are probably in another unit.
+/// Larger than any room: positions beyond are probably in another unit.
 const FARTHEST_M: f64 = 100.0;
 
 fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
     let farthest_m = samples.iter().map(|sample| sample.position_m.amax()).fold(0.0, f64::max);
     let text = format!(
-        "the position reaches {farthest_m:.0} m: is it in metres? A column of millimetres is named \
+        "the position reaches {farthest_m:.0} m: is it in meters? A column of millimeters is named \
          x_mm"
     );
     (farthest_m > FARTHEST_M).then_some(text)
 }
 
-/// Writes samples from channels.
-struct Writer<'a> {
-    told: &'a Told,
-    options: &'a ImportOptions,
-}
-
-impl Writer<'_> {
-    fn sample(&self, stamp_s: f64, axis: &Axis) -> FlightSample {
-        let told = self.told;
-        let vector = |channels: &Option<[Channel; 3]>| {
-            channels.as_ref().map_or(Vector3::zeros(), |channels| self.measured(channels, stamp_s))
-        };
-        let held = |channel: &Channel| channel.held(stamp_s);
-        let angles_rad = vector(&told.attitude_rad);
-        let attitude = Attitude {
-            yaw_rad: half_turn(angles_rad.x),
-            pitch_rad: angles_rad.y,
-            roll_rad: half_turn(angles_rad.z),
-        };
-        let velocity_body_m_s = match &told.velocity {
-            None => Vector3::zeros(),
-            Some((VelocityFrame::Body, channels)) => self.measured(channels, stamp_s),
-            Some((VelocityFrame::World, channels)) => {
-                body_from_world(self.measured(channels, stamp_s), attitude)
-            }
-        };
-        let design_m = told.design_m.as_ref();
-        let design_m = design_m.map_or(Vector3::zeros(), |c| Vector3::from(c.each_ref().map(held)));
-        FlightSample {
-            time_s: axis.time_s(stamp_s),
-            position_m: vector(&told.position_m).map(on_grid),
-            attitude: Attitude {
-                yaw_rad: on_grid(attitude.yaw_rad),
-                pitch_rad: on_grid(attitude.pitch_rad),
-                roll_rad: on_grid(attitude.roll_rad),
-            },
-            velocity_body_m_s: velocity_body_m_s.map(on_grid),
-            rate_body_rad_s: vector(&told.rate_body_rad_s).map(on_grid),
-            estimate_m: vector(&told.estimate_m).map(on_grid),
-            design_m: design_m.map(on_grid),
-            motors: told.motors.as_ref().map_or([0.0; 4], |c| c.each_ref().map(held).map(on_grid)),
-            letter: None,
+/// The sample at a stamp.
+fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis) -> FlightSample {
+    let mut sample = FlightSample::default().numbers();
+    for (&quantity, channels) in &found.channels {
+        for (cell, channel) in sample[quantity.places()].iter_mut().zip(channels) {
+            *cell = match quantity {
+                Quantity::Design | Quantity::Motors => channel.held(stamp_s),
+                _ => {
+                    interpolated(channel, stamp_s, options).unwrap_or_else(|| channel.held(stamp_s))
+                }
+            };
         }
     }
-
-    /// A measured vector: on the line between samples, held where they are too far apart.
-    fn measured(&self, channels: &[Channel; 3], stamp_s: f64) -> Vector3<f64> {
-        let value = |channel: &Channel| {
-            let limit_s = gap_limit_s(channel, self.options);
-            channel.linear(stamp_s, limit_s).unwrap_or_else(|| channel.held(stamp_s))
-        };
-        Vector3::from(channels.each_ref().map(value))
+    let mut sample = FlightSample::from_numbers(sample);
+    sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
+    sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
+    if found.velocity_frame == VelocityFrame::World {
+        let body_from_world = sample.attitude.world_from_body().transpose();
+        sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
     }
+    let rounded = FlightSample::from_numbers(sample.numbers().map(on_grid));
+    FlightSample { time_s: axis.time_s(stamp_s), ..rounded }
+}
 
-    /// Says where a measured quantity other than the pose is held over gaps of its own.
-    fn warn_of_held_values(&self, axis: &Axis) -> Vec<String> {
-        let told = self.told;
-        let velocity = told.velocity.as_ref().map(|(_, channels)| channels);
-        let measured = [
-            (Quantity::Velocity, velocity),
-            (Quantity::Rate, told.rate_body_rad_s.as_ref()),
-            (Quantity::Estimate, told.estimate_m.as_ref()),
-        ];
-        let held = |channels: &[Channel; 3]| {
-            let unknown = |stamp_s: &&f64| {
-                let mut channels = channels.iter();
-                channels.any(|c| c.linear(**stamp_s, gap_limit_s(c, self.options)).is_none())
-            };
-            axis.stamps_s.iter().filter(unknown).count()
+/// A measured value between samples; `None` where they are too far apart.
+fn interpolated(channel: &Channel, stamp_s: f64, options: &ImportOptions) -> Option<f64> {
+    channel.linear(stamp_s, gap_limit_s(channel, options))
+}
+
+/// Names measured quantities other than the pose that are held over gaps of their own.
+fn warn_of_held_values<'a>(
+    found: &'a Quantities,
+    options: &'a ImportOptions,
+    axis: &'a Axis,
+) -> impl Iterator<Item = String> + 'a {
+    let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
+    measured.into_iter().filter_map(move |quantity| {
+        let channels = found.channels.get(&quantity)?;
+        let held = |stamp_s: &&f64| {
+            channels.iter().any(|channel| interpolated(channel, **stamp_s, options).is_none())
         };
-        let counted = measured.into_iter().filter_map(|(q, c)| Some((q, held(c?))));
-        let some = counted.filter(|(_, n)| *n > 0);
-        let n_all = axis.stamps_s.len();
-        some.map(|(quantity, n)| {
-            format!(
-                "{}: held in {n} of {n_all} samples, where its own log has gaps",
-                quantity.name()
-            )
-        })
-        .collect()
-    }
+        let (n, n_all) = (axis.stamps_s.iter().filter(held).count(), axis.stamps_s.len());
+        let name = quantity.name();
+        let text = format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
+        (n > 0).then_some(text)
+    })
 }
 
 /// The same angle within (−π, π].
@@ -290,7 +222,7 @@ fn half_turn(angle_rad: f64) -> f64 {
     angle_rad - turns * std::f64::consts::TAU
 }
 
-/// All columns that no quantity is made of, held.
+/// All columns that belong to no quantity, held.
 fn extra(
     recording: &Recording,
     used: &BTreeSet<String>,
@@ -329,8 +261,8 @@ fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> 
     lights
 }
 
-/// The name of a further column in a flight file: as logged, without the signs that a CSV header
-/// cannot hold, and apart from the file's own columns.
+/// The name of a further column in a flight file: as logged, without characters that a CSV header
+/// cannot hold, and different from the file's own columns.
 fn extra_name(name: &str) -> String {
     let odd = |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace();
     let plain: String = name.trim().chars().map(|c| if odd(c) { '_' } else { c }).collect();

@@ -1,26 +1,27 @@
-//! The clock of the motion capture, found by laying its path over the drone's own.
+//! Alignment of the motion capture's clock with the drone's, by the path that both have logged.
 //!
-//! The computer's stamps and the drone's have no zero in common. The drone logs what it was told
-//! by the motion capture (`ae483log.p_x_mocap` …) or what it made of it (its estimators); the
-//! shift that explains most of those is taken.
+//! The stamps of the computer and of the drone have different zeros. The drone logs the positions
+//! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
+//! explains most of their variance is taken.
 
 use super::PositionSource;
-use super::recording::{Block, Channel, Clock, Recording};
-use super::sources::told;
+use super::recording::{Channel, Clock, Recording};
+use super::sources::quantities;
+use crate::flight::Quantity;
 
-/// Stamps at which the two paths are compared.
+/// Number of stamps at which the two paths are compared.
 const N_STAMPS: u32 = 200;
 
-/// Step of the first search; half of a camera frame would not show at flying speeds.
+/// Step of the first search: 1 cm of path at 0.2 m/s.
 const COARSE_S: f64 = 0.05;
 
 /// Most steps of the first search: longer logs are searched in longer steps.
 const MAX_STEPS: f64 = 8000.0;
 
-/// Share of the path's spread that may stay unexplained.
+/// Largest fraction of the path's variance that may stay unexplained.
 const WORST_MISFIT: f64 = 0.2;
 
-/// Frames of the motion capture that are further apart than this are not joined.
+/// Longest gap in the motion capture that is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
 /// Puts the blocks of the motion capture on the drone's clock, or takes them out with a warning.
@@ -28,43 +29,32 @@ pub(super) fn align(recording: &mut Recording) {
     if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return;
     }
-    let mocap = three(recording, ["mocap.x", "mocap.y", "mocap.z"]);
-    let echo = ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"];
-    let estimate = || {
-        let firmware = told(recording, PositionSource::Firmware).position_m;
-        firmware.or_else(|| told(recording, PositionSource::Custom).position_m)
+    let moves = |channel: &Channel| channel.values.iter().any(|v| *v != channel.values[0]);
+    let moving = |pattern| {
+        recording.channels(pattern).filter(|channels: &Vec<_>| channels.iter().any(moves))
     };
-    let path = three(recording, echo).or_else(estimate);
-    let found = mocap.zip(path).and_then(|(mocap, path)| Search::new(mocap, path).shift());
-    let drop_all = |blocks: &mut Vec<Block>| blocks.retain(|block| block.clock == Clock::Drone);
-    match found {
-        Some(shift) => {
-            for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
-                for time_s in &mut block.time_s {
-                    *time_s = shift.drone_s(*time_s);
-                }
+    let position = |source| quantities(recording, source).channels.remove(&Quantity::Position);
+    let path = moving("ae483log.p_{x y z}_mocap")
+        .or_else(|| position(PositionSource::Firmware))
+        .or_else(|| position(PositionSource::Custom));
+    let mocap = moving("mocap.{x y z}");
+    let found = mocap.zip(path).and_then(|(mocap, path)| Search { mocap, path }.shift());
+    if let Some(shift) = found {
+        for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+            for time_s in &mut block.time_s {
+                *time_s = shift.drone_s(*time_s);
             }
-            recording.warnings.extend(shift.warnings());
         }
-        None => {
-            drop_all(&mut recording.blocks);
-            recording.warnings.push(
-                "the motion capture's clock could not be laid over the drone's (no common path): \
-                 its columns are left out"
-                    .into(),
-            );
-        }
+        recording.warnings.extend(shift.warnings());
+    } else {
+        recording.blocks.retain(|block| block.clock == Clock::Drone);
+        let text = "the motion capture's clock could not be aligned with the drone's (no common \
+                    path): its columns are left out";
+        recording.warnings.push(text.into());
     }
 }
 
-fn three(recording: &Recording, names: [&str; 3]) -> Option<[Channel; 3]> {
-    let [a, b, c] = names.map(|name| recording.channel(name));
-    let channels = [a?, b?, c?];
-    let moves = |channel: &Channel| channel.values.iter().any(|v| *v != channel.values[0]);
-    channels.iter().any(moves).then_some(channels)
-}
-
-/// How the clocks lie to one another.
+/// Relation of the two clocks.
 #[derive(Debug)]
 struct Shift {
     /// `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
@@ -101,21 +91,17 @@ impl Shift {
 }
 
 struct Search {
-    mocap: [Channel; 3],
-    path: [Channel; 3],
+    mocap: Vec<Channel>,
+    path: Vec<Channel>,
 }
 
-/// What one shift leaves unexplained.
+/// Residual of one shift.
 struct Fit {
     misfit: f64,
     offset_m: [f64; 3],
 }
 
 impl Search {
-    fn new(mocap: [Channel; 3], path: [Channel; 3]) -> Self {
-        Self { mocap, path }
-    }
-
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
@@ -127,7 +113,7 @@ impl Search {
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
         let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
-        // The shift of each half tells whether one clock is slower.
+        // The difference of the halves' shifts is the difference of the clocks' rates.
         let half = |from_s: f64, to_s: f64| {
             let stamps = self::stamps(from_s, to_s);
             let apart_s = 0.02 * (end_s - start_s) + COARSE_S;
@@ -151,7 +137,7 @@ impl Search {
             for time_s in mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
                 *time_s = shift.drone_s(*time_s) - fine_s;
             }
-            let paced = Self::new(mocap, self.path.clone());
+            let paced = Self { mocap, path: self.path.clone() };
             let reach_s = 0.02 * (end_s - start_s) + COARSE_S;
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
@@ -179,32 +165,33 @@ impl Search {
         best.map(|(_, shift_s)| shift_s)
     }
 
-    /// How well the motion capture, `shift_s` later, explains the drone's path up to a constant;
-    /// `None` where less than half of the path is seen or nothing moves.
+    /// Fits the motion capture, `shift_s` later, to the drone's path up to a constant; `None` where
+    /// less than half of the path was captured or nothing moves.
     fn fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
         let (mut left, mut spread, mut offset_m) = (0.0, 0.0, [0.0; 3]);
         for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(&mut offset_m) {
             let pairs: Vec<(f64, f64)> = stamps
                 .iter()
                 .filter_map(|t| {
-                    let seen = mocap.linear(t - shift_s, MAX_GAP_S)?;
-                    let told = path.linear(*t, 1.0_f64.max(3.0 * path.period_s))?;
-                    Some((told, seen))
+                    let captured = mocap.linear(t - shift_s, MAX_GAP_S)?;
+                    let logged = path.linear(*t, 1.0_f64.max(3.0 * path.period_s))?;
+                    Some((logged, captured))
                 })
                 .collect();
             if pairs.len() * 2 < stamps.len() {
                 return None;
             }
-            let (_, told_sq) = mean_and_spread(pairs.iter().map(|(told, _)| *told));
-            let (mean, left_sq) = mean_and_spread(pairs.iter().map(|(told, seen)| told - seen));
-            (spread, left, *offset) = (spread + told_sq, left + left_sq, mean);
+            let (_, logged_sq) = mean_and_spread(pairs.iter().map(|(logged, _)| *logged));
+            let (mean, left_sq) =
+                mean_and_spread(pairs.iter().map(|(logged, captured)| logged - captured));
+            (spread, left, *offset) = (spread + logged_sq, left + left_sq, mean);
         }
-        // Two centimetres of movement are needed to tell a path.
+        // A path needs two centimeters of movement.
         (spread > 4e-4).then(|| Fit { misfit: left / spread, offset_m })
     }
 }
 
-fn span(channels: &[Channel; 3]) -> (f64, f64) {
+fn span(channels: &[Channel]) -> (f64, f64) {
     let start_s = channels.iter().map(Channel::start_s).fold(f64::NEG_INFINITY, f64::max);
     (start_s, channels.iter().map(Channel::end_s).fold(f64::INFINITY, f64::min))
 }
@@ -225,20 +212,20 @@ fn mean_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    fn path(n: u32, period_s: f64, clock: impl Fn(f64) -> f64, offset_m: f64) -> [Channel; 3] {
+    fn path(n: u32, period_s: f64, clock: impl Fn(f64) -> f64, offset_m: f64) -> Vec<Channel> {
         let axis = |rate: f64| {
             let times = (0..n).map(|i| f64::from(i) * period_s);
             let value = |t: f64| libm::sin(rate * t) + 0.3 * libm::sin(0.03 * t * t) + offset_m;
             Channel::new(times.clone().map(&clock).collect(), times.map(value).collect())
         };
-        [axis(0.5), axis(0.31), axis(0.77)]
+        vec![axis(0.5), axis(0.31), axis(0.77)]
     }
 
     #[test]
     fn the_shift_of_the_clocks_is_found_to_milliseconds() {
         let drone = path(1500, 0.02, |t| t + 223.0, 0.0);
         let mocap = path(3000, 0.01, |t| t + 4097.3, 0.2);
-        let shift = Search::new(mocap, drone).shift().unwrap();
+        let shift = Search { mocap, path: drone }.shift().unwrap();
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
         assert!((shift.frame_offset_m[0] + 0.2).abs() < 0.01, "and the frames' offset: {shift:?}");
     }
@@ -248,7 +235,7 @@ mod tests {
         let ratio = 84.0 / 85.0;
         let drone = path(3000, 0.02, |t| t * ratio + 50.0, 0.0);
         let mocap = path(6000, 0.01, |t| t + 9000.0, 0.0);
-        let shift = Search::new(mocap, drone).shift().unwrap();
+        let shift = Search { mocap, path: drone }.shift().unwrap();
         assert!((shift.ratio - ratio).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(9010.0) - (10.0 * ratio + 50.0)).abs() < 0.02, "{shift:?}");
     }
@@ -256,7 +243,7 @@ mod tests {
     #[test]
     fn other_paths_have_no_shift() {
         let drone = path(1000, 0.02, |t| t, 0.0);
-        let still = path(2, 30.0, |t| t, 0.0).map(|channel| channel.map(|_| 1.0));
-        assert!(Search::new(still, drone).shift().is_none());
+        let still = vec![Channel::new(vec![0.0, 30.0], vec![1.0; 2]); 3];
+        assert!(Search { mocap: still, path: drone }.shift().is_none());
     }
 }

@@ -1,37 +1,37 @@
-//! Logs: the record of a real flight becomes a Flight.
+//! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV.
-//! Product out: [`Flight`]. The format is told from the content, not from the file's name.
+//! one file a block), µSD binary (versions 1 and 2), plain CSV (t, x, y, z …), range CSV, or a flight
+//! file of ours. Product out: [`Flight`]. The format is recognized from the content, not from the
+//! file's name.
 //!
-//! Method: one reader a format makes a recording (blocks of named columns, each with its own time
-//! axis); stamps are mended, the motion capture's clock is laid over the drone's; named variables
-//! become quantities in SI units, our frames and our signs (`sources` holds the border: degrees,
-//! millimetres and the firmware's inverted pitch end there); everything is brought to one time
-//! axis.
+//! Method: the reader of the format makes a recording (blocks of named columns, each with its own
+//! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
+//! variables become quantities in SI units, our frames and our signs (`sources` holds all
+//! conversions); everything is resampled to one time axis.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
-//!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] asks for another. A source
-//!   that is constantly zero is passed over. `estimate_m` is the custom observer, else the
-//!   firmware's.
+//!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
+//!   that is constantly zero is skipped. `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
-//!   are known, linear between their samples. Across a longer gap no sample is made:
-//!   [`Flight::gaps`] tells the hole. Other measured quantities are held over gaps of their own
-//!   (with a warning); setpoints, motor commands and unknown columns are always held.
+//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
+//!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
+//!   setpoints, motor commands and unknown columns are always held.
 //! - **In-flight part**: nothing is cut away; [`crate::flight::airborne`] finds it.
 //! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
 //! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
 //!   have columns `light.<channel>`.
-//! - A flight file of ours ([`Flight::read_csv`]) is taken as it is; [`PositionSource::Estimate`]
-//!   alone means something there.
+//! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
+//!   [`PositionSource::Estimate`] alone applies.
 //!
-//! Not done: turning a motion capture's frame into the drone's (a warning tells their distance),
-//! positions from ranges, more than one drone in a file.
+//! Not done: conversion between the motion capture's frame and the drone's (a warning states their
+//! distance), positions from ranges, more than one drone in a file.
 
 use std::path::Path;
 
-use crate::error::{Error, Result, within};
+use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
+use crate::settings::{Described, settings};
 
 mod ae483_json;
 mod cfclient_csv;
@@ -39,7 +39,6 @@ mod clock;
 mod mapper;
 mod mocap;
 mod plain_csv;
-mod range_csv;
 mod recording;
 mod sheet;
 mod sources;
@@ -47,86 +46,64 @@ mod sources;
 mod tests;
 mod usd;
 
-pub use clock::SLOW_CLOCK_RATIO;
 use recording::Recording;
 
 /// Largest log that is read, in bytes: a day of 1 kHz logging stays below.
 const MAX_BYTES: u64 = 512 << 20;
 
-/// How our own flight files begin; they are read as they are.
+/// First columns of our own flight files.
 const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
-/// How a log becomes a flight.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ImportOptions {
-    /// Samples per second of the flight. The Crazyflie's own loops for position run at 100 Hz; less
-    /// blurs the wobble of strokes.
-    pub sample_rate_hz: f64,
-    /// Position and attitude are not joined over longer gaps (nor over two and a half periods,
-    /// where a log is slower). The line misses the way by `a T² / 8`: 3 mm at 0.25 s and the
-    /// 0.4 m/s² of the reference flight's wobble, a lamp's width. Too little leaves a radio log
-    /// full of holes (that flight: a third of it at 0.1 s).
-    pub max_gap_s: f64,
-    /// Which position is taken for the truth, and which attitude where the source tells one.
-    pub position: PositionSource,
-    /// How many seconds the drone's clock counts per true second: 1, or [`SLOW_CLOCK_RATIO`] for
-    /// µSD logs of firmware before August 2026 (a warning says when it looks so).
-    pub clock_ratio: f64,
-    /// What is done with a µSD log whose CRC does not match.
-    pub damaged: Damaged,
-}
-
-/// Which position is taken for the truth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PositionSource {
-    /// The first of the following in this order that is logged and not constantly zero.
-    #[default]
-    Best,
-    /// Motion capture: its own block, its echo in the drone's log, `locSrv`.
-    Mocap,
-    /// The observer of the AE483 course: `ae483log.o_x` or `ae483log.p_x`.
-    Custom,
-    /// The firmware's estimator: `stateEstimate`, `stateEstimateZ`, `kalman`.
-    Firmware,
-    /// Raw fixes of the Lighthouse: `lighthouse` or `ae483log.lh_x`.
-    Lighthouse,
-    /// What was believed in flight: the custom observer, else the firmware's estimator; in a flight
-    /// file of ours its estimate.
-    Estimate,
-}
-
-/// What is done with a log that is damaged, not merely cut off.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Damaged {
-    /// An error says where.
-    #[default]
-    Refuse,
-    /// What stands before the damage, or does not match its CRC, is taken, with a warning.
-    Recover,
-}
-
-impl Default for ImportOptions {
-    fn default() -> Self {
-        Self {
-            sample_rate_hz: 100.0,
-            max_gap_s: 0.25,
-            position: PositionSource::Best,
-            clock_ratio: 1.0,
-            damaged: Damaged::Refuse,
-        }
+settings! {
+    /// Options of an import.
+    pub struct ImportOptions {
+        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
+        /// oscillations of strokes.
+        sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
+        /// Longest gap over which position and attitude are interpolated (or two and a half periods
+        /// of a slower log). The error is `a T² / 8`: 3 mm, a lamp's width, at 0.25 s and the
+        /// 0.4 m/s² of the reference flight. A lower limit leaves many gaps in a radio log (a third
+        /// of that flight at 0.1 s).
+        max_gap_s: f64 = 0.25, in 0.001..=3600.0;
+        /// Source of the true position, and of the attitude where that source has one.
+        position: PositionSource = PositionSource::Best;
+        /// Seconds of the drone's clock per true second: 1, or 84/85 for µSD logs of firmware before
+        /// August 2026 (a warning states when a log looks like one).
+        clock_ratio: f64 = 1.0, in 0.5..=2.0;
+        /// Treatment of a µSD log whose CRC does not match.
+        damaged: Damaged = Damaged::Refuse;
     }
-}
 
-impl ImportOptions {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with the option that is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("import.sample_rate_hz", self.sample_rate_hz, 1.0, 1000.0)?;
-        within("import.max_gap_s", self.max_gap_s, 0.001, 3600.0)?;
-        within("import.clock_ratio", self.clock_ratio, 0.5, 2.0)
+    /// Source of the true position.
+    pub enum PositionSource {
+        /// The first of the following that is logged and not constantly zero.
+        "best" => Best,
+        /// Motion capture.
+        ///
+        /// Its own block, its echo in the drone's log, or `locSrv`.
+        "mocap" => Mocap,
+        /// The observer of the AE483 course.
+        ///
+        /// `ae483log.o_x` or `ae483log.p_x`.
+        "custom" => Custom,
+        /// The estimator of the firmware.
+        ///
+        /// `stateEstimate`, `stateEstimateZ` or `kalman`.
+        "firmware" => Firmware,
+        /// Raw fixes of the Lighthouse.
+        ///
+        /// `lighthouse` or `ae483log.lh_x`.
+        "lighthouse" => Lighthouse,
+        /// The estimate in flight: custom, else firmware, or that of a flight file.
+        "estimate" => Estimate,
+    }
+
+    /// Treatment of a log that is damaged, not merely cut off.
+    pub enum Damaged {
+        /// It is an error.
+        "refuse" => Refuse,
+        /// The part before the damage is read, with a warning.
+        "recover" => Recover,
     }
 }
 
@@ -135,10 +112,9 @@ impl ImportOptions {
 /// # Errors
 ///
 /// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
-/// with what was found where its format or its columns are not known, and for options out of
-/// range.
+/// for unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
-    options.check()?;
+    options.check("import", None)?;
     let name = path.display().to_string();
     if path.is_dir() {
         return flight(cfclient_csv::read(&folder(path)?, &name)?, options);
@@ -147,15 +123,15 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     if sheet::header(&bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
         let mut flight = Flight::read_csv(path)?;
         if options.position == PositionSource::Estimate {
-            believe_the_estimate(&mut flight);
+            use_estimate(&mut flight);
         }
         return Ok(flight);
     }
     parse(&bytes, &name, options)
 }
 
-/// Puts the estimate of a flight of ours in the place of its position.
-fn believe_the_estimate(flight: &mut Flight) {
+/// Replaces the position of a flight by its estimate.
+fn use_estimate(flight: &mut Flight) {
     for sample in &mut flight.samples {
         sample.position_m = sample.estimate_m;
     }
@@ -169,11 +145,10 @@ fn believe_the_estimate(flight: &mut Flight) {
 /// Imports a log from its bytes; `file` is its name in messages.
 fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let recording = match Format::of(bytes, file)? {
+    let recording = match Format::detect(bytes, file)? {
         Format::Usd => usd::read(bytes, file, options.damaged),
         Format::Json => ae483_json::read(bytes, file),
         Format::Cfclient => cfclient_csv::read(&[(file.to_owned(), bytes.to_vec())], file),
-        Format::Ranges => range_csv::read(bytes, file),
         Format::Plain => plain_csv::read(bytes, file),
     };
     flight(recording?, options)
@@ -193,13 +168,12 @@ enum Format {
     Usd,
     Json,
     Cfclient,
-    Ranges,
     Plain,
 }
 
 impl Format {
-    /// Tells a format from its content.
-    fn of(bytes: &[u8], file: &str) -> Result<Self> {
+    /// Recognizes a format from its content.
+    fn detect(bytes: &[u8], file: &str) -> Result<Self> {
         if bytes.first() == Some(&usd::MAGIC) {
             return Ok(Self::Usd);
         }
@@ -217,9 +191,6 @@ impl Format {
         }
         Ok(match sheet::header(text) {
             Some(header) if cfclient_csv::is_header(&header) => Self::Cfclient,
-            Some(header) if header.iter().any(|name| name.starts_with(range_csv::RANGE)) => {
-                Self::Ranges
-            }
             _ => Self::Plain,
         })
     }

@@ -1,8 +1,12 @@
-//! Plain CSV: t, x, y, z and whatever else, under the names people give them.
+//! Plain CSV: t, x, y, z and others, under their usual names; range logs of a drone with a Loco deck.
 //!
-//! Also the record of crazyswarm2's simulation (`timestamp,x,y,z,qw,qx,qy,qz`), and files without a
-//! header (t, x, y, z). Names may carry their unit (`x_mm`, `yaw_deg`, `t_ms`, `x [m]`); without
-//! one, metres, seconds and radians are meant, unless the numbers cannot be that.
+//! Also the recording of crazyswarm2's simulation (`timestamp,x,y,z,qw,qx,qy,qz`), and files without
+//! a header (t, x, y, z). Names may carry their unit (`x_mm`, `yaw_deg`, `t_ms`, `x [m]`); without
+//! one, they are meters, seconds and radians, unless the numbers are impossible in these units.
+//!
+//! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings one
+//! new range, and its stamp is a date or a number: the flight keeps the rows with their own times, and
+//! has no position.
 
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
@@ -12,39 +16,25 @@ use crate::statistics::median;
 /// Names of the columns where a file has no header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 
-/// Our name of a column, and the names (lower case, without unit) that mean it.
-const NAMES: [(&str, &[&str]); 28] = [
-    ("t", &["t", "time", "timestamp", "stamp", "seconds", "sec"]),
-    ("x_m", &["x", "px", "p_x", "pos_x", "position_x", "x_pos"]),
-    ("y_m", &["y", "py", "p_y", "pos_y", "position_y", "y_pos"]),
-    ("z_m", &["z", "pz", "p_z", "pos_z", "position_z", "z_pos", "height"]),
-    ("yaw_rad", &["yaw", "psi"]),
-    ("pitch_rad", &["pitch", "theta"]),
-    ("roll_rad", &["roll", "phi"]),
-    ("qw", &["qw", "q_w"]),
-    ("qx", &["qx", "q_x"]),
-    ("qy", &["qy", "q_y"]),
-    ("qz", &["qz", "q_z"]),
-    ("vx_world_m_s", &["vx", "v_x", "vel_x"]),
-    ("vy_world_m_s", &["vy", "v_y", "vel_y"]),
-    ("vz_world_m_s", &["vz", "v_z", "vel_z"]),
-    ("vx_body_m_s", &["vx_body"]),
-    ("vy_body_m_s", &["vy_body"]),
-    ("vz_body_m_s", &["vz_body"]),
-    ("wx_body_rad_s", &["wx", "w_x", "wx_body"]),
-    ("wy_body_rad_s", &["wy", "w_y", "wy_body"]),
-    ("wz_body_rad_s", &["wz", "w_z", "wz_body"]),
-    ("x_design_m", &["x_design", "x_des", "x_d", "xd", "x_ref", "x_sp", "x_setpoint"]),
-    ("y_design_m", &["y_design", "y_des", "y_d", "yd", "y_ref", "y_sp", "y_setpoint"]),
-    ("z_design_m", &["z_design", "z_des", "z_d", "zd", "z_ref", "z_sp", "z_setpoint"]),
-    ("m1", &["m1", "m_1", "motor1"]),
-    ("m2", &["m2", "m_2", "motor2"]),
-    ("m3", &["m3", "m_3", "motor3"]),
-    ("m4", &["m4", "m_4", "motor4"]),
-    ("row", &["index", "row", ""]),
+/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
+/// the letters before them.
+const NAMES: [(&str, &str, &[&str]); 13] = [
+    (" ", "t", &["t", "time", "timestamp", "stamp", "date", "datetime", "seconds", "sec"]),
+    ("xyz", "*_m", &["*", "p*", "p_*", "pos_*", "position_*", "*_pos"]),
+    ("z", "*_m", &["height"]),
+    (" ", "yaw_rad", &["yaw", "psi"]),
+    (" ", "pitch_rad", &["pitch", "theta"]),
+    (" ", "roll_rad", &["roll", "phi"]),
+    ("wxyz", "q*", &["q*", "q_*"]),
+    ("xyz", "v*_world_m_s", &["v*", "v_*", "vel_*"]),
+    ("xyz", "v*_body_m_s", &["v*_body"]),
+    ("xyz", "w*_body_rad_s", &["w*", "w_*", "w*_body"]),
+    ("xyz", "*_design_m", &["*_design", "*_des", "*_d", "*d", "*_ref", "*_sp", "*_setpoint"]),
+    ("1234", "m*", &["m*", "m_*", "motor*"]),
+    (" ", "index", &["index", "row", ""]),
 ];
 
-/// Endings that are units, the longest first, and their size in SI units.
+/// Units as endings of names, the longest first, and their size in SI units.
 const UNITS: [(&str, f64); 14] = [
     ("_rad_s", 1.0),
     ("_deg_s", std::f64::consts::PI / 180.0),
@@ -62,12 +52,13 @@ const UNITS: [(&str, f64); 14] = [
     ("_s", 1.0),
 ];
 
+/// Beginning of the names of range columns.
+const RANGE: &str = "ranging.distance";
+
+/// Longest time over which rows of one stamp are spread: stamps may have whole seconds.
+const ROW_S: f64 = 1.0;
+
 /// Reads a plain CSV file.
-///
-/// # Errors
-///
-/// [`Error::Input`] with line and column of a cell that is no number, or where there is no column
-/// of times.
 pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
     let Sheet { header, columns, mut warnings } = Sheet::read(text, file, &UNNAMED)?;
     let (mut time_s, mut named) = (None, Vec::new());
@@ -84,36 +75,45 @@ pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
         for value in &mut values {
             *value *= factor.unwrap_or(1.0);
         }
-        let angle = ["yaw_rad", "pitch_rad", "roll_rad"].contains(&name);
-        named.push((Column { name: name.to_owned(), values }, angle && factor.is_none()));
+        let angle = ["yaw_rad", "pitch_rad", "roll_rad"].contains(&&*name);
+        named.push((Column { name, values }, angle && factor.is_none()));
     }
-    let Some(time_s) = time_s else {
+    let Some(mut time_s) = time_s else {
         let place = format!("{file}:1");
         let wanted = "a column of times (t, time, time_s, timestamp, t_ms …)";
         return Err(Error::input(place, header.join(","), wanted, "name the column of times t"));
     };
+    if header.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
+        warnings.push("several rows share a stamp: they are spread evenly up to the next".into());
+    }
     degrees(&mut named, &mut warnings);
     let columns = named.into_iter().map(|(column, _)| column).collect();
     let block = Block { name: "csv".into(), time_s, columns, ..Block::default() };
     Ok(Recording { file: file.to_owned(), blocks: vec![block], warnings, ..Recording::default() })
 }
 
-/// Our name of a title, and the size of its unit where it names one; a title that means nothing
-/// to us stays as it is.
-fn meaning(title: &str) -> (&str, Option<f64>) {
+/// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
+/// is.
+fn meaning(title: &str) -> (String, Option<f64>) {
     let lower = title.to_lowercase().replace(['[', '(', ' '], "_").replace([']', ')'], "");
     let mut lower = lower.replace('/', "_");
     while lower.contains("__") {
         lower = lower.replace("__", "_");
     }
-    let known =
-        |name: &str| NAMES.iter().find(|(_, names)| names.contains(&name)).map(|(ours, _)| *ours);
+    let known = |name: &str| {
+        NAMES.iter().find_map(|(letters, ours, names)| {
+            let with =
+                |text: &str, letter: char| text.replace('*', letter.encode_utf8(&mut [0; 4]));
+            let found = |letter: &char| names.iter().any(|usual| with(usual, *letter) == name);
+            letters.chars().find(found).map(|letter| with(ours, letter))
+        })
+    };
     if let Some(ours) = known(&lower) {
         return (ours, None);
     }
     let units = UNITS.iter().filter_map(|(end, factor)| Some((lower.strip_suffix(end)?, *factor)));
     let mut meant = units.filter_map(|(name, factor)| Some((known(name)?, Some(factor))));
-    meant.next().unwrap_or((title, None))
+    meant.next().unwrap_or_else(|| (title.to_owned(), None))
 }
 
 /// Angles without a unit that go beyond a full turn are degrees.
@@ -130,9 +130,9 @@ fn degrees(columns: &mut [(Column, bool)], warnings: &mut Vec<String>) {
     }
 }
 
-/// Size of the unit of a column of times whose name does not tell: whole numbers in steps of one
+/// Size of the unit of a column of times. Without a unit in its name, whole numbers in steps of one
 /// or more are ms (no log is that slow), in steps of a thousand or more µs.
-pub(super) fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
+fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
     let lower = title.to_lowercase();
     if let Some((_, factor)) = UNITS.iter().find(|(end, _)| lower.ends_with(end)) {
         return *factor;
@@ -144,6 +144,24 @@ pub(super) fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
         Some(step) if whole && step > 1.0 => 1e-3,
         _ => 1.0,
     }
+}
+
+/// Spreads rows of one stamp evenly up to the next stamp, or over a second; returns whether there
+/// are any.
+fn spread_rows(time_s: &mut [f64]) -> bool {
+    let (mut first, mut any) = (0, false);
+    while first < time_s.len() {
+        let stamp_s = time_s[first];
+        let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
+        let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
+        any |= n > 1;
+        #[expect(clippy::cast_precision_loss, reason = "row counts are far below 2^53")]
+        for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
+            *t += next_s.clamp(0.0, ROW_S) * k as f64 / n as f64;
+        }
+        first += n;
+    }
+    any
 }
 
 #[cfg(test)]
@@ -161,14 +179,29 @@ mod tests {
         assert_eq!(value("t_ms,yaw_deg\n0,180\n", "yaw_rad"), std::f64::consts::PI);
         assert_eq!(value("0,1,2,3\n1,2,3,4\n", "z_m"), 3.0);
         assert_eq!(value("timestamp,x,y,z,qw,qx,qy,qz\n0,1,2,3,1,0,0,0\n", "qw"), 1.0);
-        assert_eq!(value("t,x,colour\n0,1,7\n", "colour"), 7.0);
+        assert_eq!(value("t,x,color\n0,1,7\n", "color"), 7.0);
     }
 
     #[test]
-    fn stamps_in_ms_and_angles_in_degrees_are_found_out() {
+    fn stamps_in_ms_and_angles_in_degrees_are_detected() {
         let log = read(b"t,yaw\n0,10\n20,20\n40,30\n", "f.csv").unwrap();
         assert_eq!(log.blocks[0].time_s, [0.0, 0.02, 0.04]);
         assert_eq!(log.channel("yaw_rad").unwrap().values[0], 10_f64.to_radians());
-        assert_eq!(log.warnings.len(), 2, "both are said: {:?}", log.warnings);
+        assert_eq!(log.warnings.len(), 2, "both with a warning: {:?}", log.warnings);
+    }
+
+    #[test]
+    fn range_rows_keep_their_times_and_rows_within_a_second_are_spread() {
+        let text = b",timestamp,ranging.distance0,ranging.distance3\n\
+            0,2023-05-04 12:00:00.100,2.3918,3.1052\n1,2023-05-04 12:00:00.200,2.2290,3.1052\n";
+        let log = read(text, "r.csv").unwrap();
+        let names: Vec<&str> = log.names().collect();
+        assert_eq!(names, ["index", "ranging.distance0", "ranging.distance3"]);
+        let step_s = log.blocks[0].time_s[1] - log.blocks[0].time_s[0];
+        assert!((step_s - 0.1).abs() < 1e-6, "{step_s}");
+        let text = b"timestamp,ranging.distance0\n12:00:00,1\n12:00:00,2\n12:00:01,3\n";
+        let log = read(text, "r.csv").unwrap();
+        assert_eq!(log.blocks[0].time_s, [43_200.0, 43_200.5, 43_201.0]);
+        assert_eq!(log.warnings.len(), 1);
     }
 }

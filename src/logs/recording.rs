@@ -1,23 +1,23 @@
-//! Recording: what every reader makes of a file, before anything is known of its meaning.
+//! Recording: the columns of a log file, before they are given a meaning.
 
 use std::collections::BTreeSet;
 
 use crate::statistics::median;
 
-/// Everything a log file holds: blocks of columns, each block with its own time axis, values in
-/// the units of the log.
+/// The contents of a log file: blocks of columns, each block with its own time axis, values in the
+/// units of the log.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
     /// Name of the file in messages.
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
-    /// The drone's stamps start again at zero after this long; `None` where they never do.
+    /// Period after which the drone's stamps start again at zero; `None` where they never do.
     pub(super) wrap_s: Option<f64>,
     pub(super) pace: Pace,
     pub(super) warnings: Vec<String>,
 }
 
-/// Which counter of the firmware stamped the samples.
+/// Counter of the firmware that stamped the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Pace {
     /// The ticks of the operating system (radio logs), or unknown: true time.
@@ -37,17 +37,16 @@ pub(super) struct Block {
     pub(super) columns: Vec<Column>,
 }
 
-/// Who stamped a block.
+/// Clock of the stamps of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
     #[default]
     Drone,
-    /// The computer of the motion capture, whose zero has nothing to do with the drone's.
+    /// The computer of the motion capture, with a zero of its own.
     Mocap,
 }
 
-/// One logged variable. Cells that the log leaves empty, or where it says "not a number", stay so
-/// here; a [`Channel`] leaves them out.
+/// One logged variable. Cells without a number are not finite; a [`Channel`] leaves them out.
 #[derive(Debug)]
 pub(super) struct Column {
     pub(super) name: String,
@@ -64,21 +63,23 @@ pub(super) struct Channel {
 }
 
 impl Recording {
-    /// The first column of this name.
-    fn find(&self, name: &str) -> Option<(&Block, &Column)> {
-        self.blocks.iter().find_map(|block| {
+    /// The first variable of this name over time; `None` where it was not logged or never had a
+    /// value.
+    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
+        let (block, column) = self.blocks.iter().find_map(|block| {
             let column = block.columns.iter().find(|column| column.name == name)?;
             Some((block, column))
-        })
-    }
-
-    /// A variable over time; `None` where it was not logged or never had a value.
-    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
-        let (block, column) = self.find(name)?;
+        })?;
         let pairs = block.time_s.iter().zip(&column.values);
         let (time_s, values): (Vec<f64>, Vec<f64>) =
             pairs.filter(|(_, value)| is_number(**value)).map(|(t, v)| (*t, *v)).unzip();
         (!values.is_empty()).then(|| Channel::new(time_s, values))
+    }
+
+    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`; `None` where one
+    /// is missing.
+    pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
+        names(pattern).map(|name| self.channel(&name)).collect()
     }
 
     /// The names of all columns, in the order of the file.
@@ -103,7 +104,7 @@ impl Recording {
         }
     }
 
-    /// Says how many cells hold no number.
+    /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
             let mut empty: Vec<String> = Vec::new();
@@ -121,7 +122,14 @@ impl Recording {
     }
 }
 
-/// Whether a cell holds a number that can be reckoned with; nothing that a drone logs is larger.
+/// The names of a pattern with their differing parts in braces.
+pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
+    let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
+    let (parts, after) = rest.split_once('}').expect("braces are closed");
+    parts.split(' ').map(move |part| format!("{before}{part}{after}"))
+}
+
+/// Whether a cell holds a finite number of a size that a drone may log.
 fn is_number(value: f64) -> bool {
     value.abs() < 1e18
 }
@@ -149,22 +157,13 @@ impl Channel {
         self.time_s[self.time_s.len() - 1]
     }
 
-    /// The same channel with every value turned.
-    pub(super) fn map(mut self, turn: impl Fn(f64) -> f64) -> Self {
-        for value in &mut self.values {
-            *value = turn(*value);
-        }
-        self
-    }
-
-    /// Index of the sample in force at `time_s`, the last one at or before it; `None` before the
-    /// first.
+    /// Index of the last sample at or before `time_s`; `None` before the first.
     fn last_at(&self, time_s: f64) -> Option<usize> {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// On the line between the samples around `time_s`; `None` outside the channel, and between
-    /// samples further apart than `max_gap_s`.
+    /// Linear interpolation at `time_s`; `None` outside the channel, and between samples further
+    /// apart than `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_at(time_s)?;
         let (t0, v0) = (self.time_s[last], self.values[last]);
@@ -175,7 +174,7 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// The value in force at `time_s`, held since it was logged; before the first sample, that.
+    /// The value last logged at `time_s`; before the first sample, the first.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_at(time_s).unwrap_or(0)]
     }
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_of_one_name_are_told_apart() {
+    fn columns_of_one_name_are_renamed() {
         let column = || Column { name: "x".into(), values: vec![] };
         let block = || Block { name: "b".into(), columns: vec![column()], ..Block::default() };
         let blocks = vec![block(), block(), block()];

@@ -1,7 +1,7 @@
-//! Sheets: CSV files of loggers, read more patiently than [`crate::flight::table`] reads ours.
+//! Sheets: CSV files of loggers, with more freedom than [`crate::flight::table`] allows.
 //!
-//! Commas, semicolons or tabs; a header line, which may stand behind `#`; cells that are empty or
-//! say "not a number"; dates; a last line that was cut off.
+//! Commas, semicolons or tabs; a header line, optionally after `#`; missing values; dates; a last line
+//! that is cut off.
 
 use crate::error::{Error, Result};
 
@@ -11,7 +11,7 @@ const MAX_ROWS: usize = 4_000_000;
 /// Most columns of a sheet.
 const MAX_COLUMNS: usize = 1024;
 
-/// Columns of equal length with their names. A cell without a number is not finite.
+/// Columns of equal length with their names. Cells without a number are not finite.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) header: Vec<String>,
@@ -19,49 +19,42 @@ pub(super) struct Sheet {
     pub(super) warnings: Vec<String>,
 }
 
+/// A CSV reader with the separator, of comma, semicolon and tab, that is most frequent in the first
+/// line.
+fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
+    let mut lines = text.split(|byte| *byte == b'\n');
+    let line = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+    let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
+    let separator = [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b',');
+    let mut builder = csv::ReaderBuilder::new();
+    builder.has_headers(false).flexible(true).delimiter(separator).trim(csv::Trim::All);
+    builder.from_reader(text)
+}
+
+/// The cells of the first line, without `#`.
+fn titles(text: &[u8]) -> Vec<String> {
+    let mut record = csv::StringRecord::new();
+    let _ = reader(text).read_record(&mut record);
+    record.iter().map(|name| name.trim_start_matches('#').trim().to_owned()).collect()
+}
+
 /// The names in the first line; `None` where all of them are numbers, or there is no line.
 pub(super) fn header(text: &[u8]) -> Option<Vec<String>> {
-    let line = first_line(text)?;
-    let names = split(line, separator(line));
-    (!names.iter().all(|name| number(name).is_some())).then_some(names)
-}
-
-/// The first line that is not empty, without byte order mark and `#`.
-fn first_line(text: &[u8]) -> Option<&str> {
-    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-    let mut lines = text.split(|byte| *byte == b'\n');
-    let line = lines.find(|line| !line.trim_ascii().is_empty())?;
-    let line = std::str::from_utf8(line).ok()?.trim();
-    Some(line.strip_prefix('#').unwrap_or(line).trim())
-}
-
-fn separator(line: &str) -> u8 {
-    let count = |sign: u8| line.bytes().filter(|byte| *byte == sign).count();
-    [b',', b';', b'\t'].into_iter().max_by_key(|sign| (count(*sign), *sign == b',')).unwrap_or(b',')
-}
-
-fn split(line: &str, separator: u8) -> Vec<String> {
-    let cells = line.split(char::from(separator));
-    cells.map(|cell| cell.trim().trim_matches('"').trim().to_owned()).collect()
+    let titles = titles(text);
+    (!titles.iter().all(|name| number(name).is_some())).then_some(titles)
 }
 
 impl Sheet {
     /// Reads a sheet; `names` names the columns where the file has no header.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] with line and column of a cell that is no number, of a row of another
-    /// length, of bytes that are no UTF-8; and where the sheet is too large.
     pub(super) fn read(text: &[u8], file: &str, names: &[&str]) -> Result<Self> {
-        let first = first_line(text).unwrap_or_default();
-        let separator = separator(first);
         let found = header(text);
-        let headed = found.is_some();
+        let mut header_due = found.is_some();
         let header = found.unwrap_or_else(|| {
-            let further = |i: usize| {
-                names.get(i).map_or_else(|| format!("column{}", i + 1), |name| (*name).to_owned())
+            let numbered = titles(text).into_iter().enumerate();
+            let name = |i: usize| {
+                names.get(i).map_or(format!("column{}", i + 1), |name| (*name).to_owned())
             };
-            (0..split(first, separator).len()).map(further).collect()
+            numbered.map(|(i, _)| name(i)).collect()
         });
         if header.len() > MAX_COLUMNS {
             let found = format!("{} columns", header.len());
@@ -69,14 +62,8 @@ impl Sheet {
         }
         let mut sheet =
             Self { columns: vec![Vec::new(); header.len()], header, warnings: Vec::new() };
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(separator)
-            .trim(csv::Trim::All)
-            .from_reader(text);
+        let (mut reader, mut record) = (reader(text), csv::StringRecord::new());
         let last_line = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at as u64 + 1);
-        let (mut record, mut header_due) = (csv::StringRecord::new(), headed);
         loop {
             let more = reader.read_record(&mut record).map_err(|source| {
                 let line = source.position().map_or(1, csv::Position::line);
@@ -95,13 +82,18 @@ impl Sheet {
             let line = record.position().map_or(1, csv::Position::line);
             let unended = record.position().is_some_and(|at| at.byte() >= last_line);
             match sheet.row(&record) {
-                // Half a number is a number.
+                // Half a number may look like a number.
                 _ if unended => {
-                    let text =
-                        format!("line {line} has no end: it may be cut off, and is left out");
+                    let text = format!("line {line} has no end: it may be cut off and is left out");
                     sheet.warnings.push(text);
                 }
-                Ok(row) => sheet.push(file, row)?,
+                Ok(_) if sheet.columns.first().is_some_and(|column| column.len() == MAX_ROWS) => {
+                    let found = format!("more than {MAX_ROWS} rows");
+                    return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
+                }
+                Ok(row) => {
+                    sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));
+                }
                 Err((column, found)) => {
                     let place = format!("{file}:{line}: {column}");
                     return Err(Error::input(place, found, "a number in every column", HINT));
@@ -110,9 +102,9 @@ impl Sheet {
         }
     }
 
-    /// The numbers of a row, or where it is broken and what stands there.
+    /// The numbers of a row, or the place and the text of a broken cell.
     fn row(&self, record: &csv::StringRecord) -> std::result::Result<Vec<f64>, (String, String)> {
-        // A separator at the end of each line makes an empty cell too many.
+        // A separator at the end of each line makes one more cell, which is empty.
         let extra = record.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
         if record.len() < self.header.len() || extra {
             let found = format!("{} of {} cells", record.len(), self.header.len());
@@ -127,22 +119,11 @@ impl Sheet {
             })
             .collect()
     }
-
-    fn push(&mut self, file: &str, row: Vec<f64>) -> Result<()> {
-        if self.columns.first().is_some_and(|column| column.len() == MAX_ROWS) {
-            let found = format!("more than {MAX_ROWS} rows");
-            return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
-        }
-        for (column, value) in self.columns.iter_mut().zip(row) {
-            column.push(value);
-        }
-        Ok(())
-    }
 }
 
-const HINT: &str = "mend or cut the file; each line needs one number a column";
+const HINT: &str = "correct or cut the file; each line needs one number a column";
 
-/// The number in a cell; not finite where the cell is empty or says so.
+/// The number in a cell; not finite where the value is missing.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -153,7 +134,7 @@ fn number(cell: &str) -> Option<f64> {
 }
 
 /// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T`, `/` or `.` in place of space and
-/// dashes; the time zone is passed over. A time of day alone counts from midnight.
+/// dashes; the time zone is ignored. A time of day alone counts from midnight.
 pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     let (date, time) = match cell.split_once(['T', ' ']) {
         Some((date, time)) => (Some(date), time),
@@ -175,7 +156,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * 86_400.0 + hour * 3600.0 + minute * 60.0 + second)
 }
 
-/// Days since 1970-01-01 of a date that names its year first, or its month first with slashes.
+/// Days since 1970-01-01 of a date as year, month, day or as month, day, year.
 fn days_from_date(date: &str) -> Option<i64> {
     let parts: Vec<i64> =
         date.split(['-', '/', '.']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
@@ -186,7 +167,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // The year begins in March, so that its leap day comes last.
+    // Years from March on, so that the leap day is the last.
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;

@@ -1,150 +1,129 @@
-//! Which logged variables tell a quantity, in which units and signs, and which one is believed.
+//! From logged variables to quantities in SI units, our frames and our signs.
 //!
-//! The tables below are the border: degrees, millimetres and the firmware's inverted pitch end
-//! here. Each table is in order of belief; the first source that is logged and not constantly zero
-//! is taken (an observer that was compiled in but never ran logs zeros).
+//! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
+//! table is in order of preference: the first source that is logged and not constantly zero is taken
+//! (an observer that was compiled in but never ran logs zeros).
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
 //! states in the body frame, quaternion `w x y z`), `quatcompress.h`; the AE483 course's
 //! `controller_ae483.c` (metres, radians, body frame).
 
-use std::collections::BTreeSet;
-
-use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::PositionSource;
-use super::recording::{Channel, Recording};
+use super::recording::{Channel, Recording, names};
+use crate::flight::Quantity;
 use crate::geometry::Attitude;
 
-/// Three variables that tell one vector.
-struct Source {
-    names: [&'static str; 3],
-    /// Turns each value into SI units and our signs.
-    factors: [f64; 3],
-    kind: PositionSource,
-}
+/// Variables that hold one quantity: the pattern of their names, and the factors that turn their
+/// values into SI units and our signs (1 where there are none).
+struct Source(PositionSource, &'static str, &'static [f64]);
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-const fn source(kind: PositionSource, names: [&'static str; 3], factors: [f64; 3]) -> Source {
-    Source { names, factors, kind }
-}
-
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
-/// World position, m. Lighthouse comes last: its raw fixes stand still between sweeps and drop
-/// out, and the estimators have them behind them (reference flight: 5 mm r.m.s. apart).
-const POSITION: [Source; 12] = [
-    source(Mocap, ["mocap.x", "mocap.y", "mocap.z"], [1.0; 3]),
-    source(Mocap, ["ae483log.p_x_mocap", "ae483log.p_y_mocap", "ae483log.p_z_mocap"], [1.0; 3]),
-    source(Best, ["x_m", "y_m", "z_m"], [1.0; 3]),
-    source(Custom, ["ae483log.o_x", "ae483log.o_y", "ae483log.o_z"], [1.0; 3]),
-    source(Custom, ["ae483log.p_x", "ae483log.p_y", "ae483log.p_z"], [1.0; 3]),
-    source(Firmware, ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z"], [1.0; 3]),
-    source(Firmware, ["stateEstimateZ.x", "stateEstimateZ.y", "stateEstimateZ.z"], [1e-3; 3]),
-    source(Firmware, ["kalman.stateX", "kalman.stateY", "kalman.stateZ"], [1.0; 3]),
-    source(Mocap, ["locSrv.x", "locSrv.y", "locSrv.z"], [1.0; 3]),
-    source(Mocap, ["locSrvZ.x", "locSrvZ.y", "locSrvZ.z"], [1e-3; 3]),
-    source(Lighthouse, ["lighthouse.x", "lighthouse.y", "lighthouse.z"], [1.0; 3]),
-    source(Lighthouse, ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"], [1.0; 3]),
+/// World position, m. Lighthouse comes last: its raw fixes do not move between sweeps and drop out,
+/// and the estimators filter them (reference flight: 5 mm r.m.s. apart).
+const POSITION: &[Source] = &[
+    Source(Mocap, "mocap.{x y z}", &[]),
+    Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
+    Source(Best, "{x y z}_m", &[]),
+    Source(Custom, "ae483log.o_{x y z}", &[]),
+    Source(Custom, "ae483log.p_{x y z}", &[]),
+    Source(Firmware, "stateEstimate.{x y z}", &[]),
+    Source(Firmware, "stateEstimateZ.{x y z}", &[1e-3; 3]),
+    Source(Firmware, "kalman.state{X Y Z}", &[]),
+    Source(Mocap, "locSrv.{x y z}", &[]),
+    Source(Mocap, "locSrvZ.{x y z}", &[1e-3; 3]),
+    Source(Lighthouse, "lighthouse.{x y z}", &[]),
+    Source(Lighthouse, "ae483log.lh_{x y z}", &[]),
 ];
 
 /// Setpoint, m in the world.
-const DESIGN: [Source; 6] = [
-    source(Custom, ["ae483log.o_x_des", "ae483log.o_y_des", "ae483log.o_z_des"], [1.0; 3]),
-    source(Custom, ["ae483log.p_x_des", "ae483log.p_y_des", "ae483log.p_z_des"], [1.0; 3]),
-    source(Firmware, ["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"], [1.0; 3]),
-    source(Firmware, ["ctrltargetZ.x", "ctrltargetZ.y", "ctrltargetZ.z"], [1e-3; 3]),
-    source(Firmware, ["posCtl.targetX", "posCtl.targetY", "posCtl.targetZ"], [1.0; 3]),
-    source(Best, ["x_design_m", "y_design_m", "z_design_m"], [1.0; 3]),
+const DESIGN: &[Source] = &[
+    Source(Custom, "ae483log.o_{x y z}_des", &[]),
+    Source(Custom, "ae483log.p_{x y z}_des", &[]),
+    Source(Firmware, "ctrltarget.{x y z}", &[]),
+    Source(Firmware, "ctrltargetZ.{x y z}", &[1e-3; 3]),
+    Source(Firmware, "posCtl.target{X Y Z}", &[]),
+    Source(Best, "{x y z}_design_m", &[]),
 ];
 
 /// Yaw, pitch and roll, rad. The firmware's pitch is inverted.
-const ATTITUDE: [Source; 6] = [
-    source(Mocap, ["mocap.yaw", "mocap.pitch", "mocap.roll"], [1.0; 3]),
-    source(Mocap, ["ae483log.psi_mocap", "ae483log.theta_mocap", "ae483log.phi_mocap"], [1.0; 3]),
-    source(Best, ["yaw_rad", "pitch_rad", "roll_rad"], [1.0; 3]),
-    source(Custom, ["ae483log.psi", "ae483log.theta", "ae483log.phi"], [1.0; 3]),
-    source(
-        Firmware,
-        ["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"],
-        [DEG, -DEG, DEG],
-    ),
-    source(Firmware, ["stabilizer.yaw", "stabilizer.pitch", "stabilizer.roll"], [DEG, -DEG, DEG]),
+const ATTITUDE: &[Source] = &[
+    Source(Mocap, "mocap.{yaw pitch roll}", &[]),
+    Source(Mocap, "ae483log.{psi theta phi}_mocap", &[]),
+    Source(Best, "{yaw pitch roll}_rad", &[]),
+    Source(Custom, "ae483log.{psi theta phi}", &[]),
+    Source(Firmware, "stateEstimate.{yaw pitch roll}", &[DEG, -DEG, DEG]),
+    Source(Firmware, "stabilizer.{yaw pitch roll}", &[DEG, -DEG, DEG]),
 ];
 
-/// Quaternions of the attitude in the order w x y z; asked after [`ATTITUDE`].
-const QUATERNIONS: [[&str; 4]; 3] = [
-    ["qw", "qx", "qy", "qz"],
-    ["stateEstimate.qw", "stateEstimate.qx", "stateEstimate.qy", "stateEstimate.qz"],
-    ["kalman.q0", "kalman.q1", "kalman.q2", "kalman.q3"],
+/// Quaternions of the attitude in the order w x y z, for logs without angles.
+const QUATERNIONS: &[Source] = &[
+    Source(Best, "q{w x y z}", &[]),
+    Source(Firmware, "stateEstimate.q{w x y z}", &[]),
+    Source(Firmware, "kalman.q{0 1 2 3}", &[]),
 ];
 
-/// The attitude in 32 bits; asked last.
+/// The attitude in 32 bits, for logs without any other.
 const COMPRESSED_QUATERNION: &str = "stateEstimateZ.quat";
 
 /// Velocity in the body frame, m/s.
-const VELOCITY_BODY: [Source; 3] = [
-    source(Best, ["vx_body_m_s", "vy_body_m_s", "vz_body_m_s"], [1.0; 3]),
-    source(Custom, ["ae483log.v_x", "ae483log.v_y", "ae483log.v_z"], [1.0; 3]),
-    source(Firmware, ["kalman.statePX", "kalman.statePY", "kalman.statePZ"], [1.0; 3]),
+const VELOCITY_BODY: &[Source] = &[
+    Source(Best, "v{x y z}_body_m_s", &[]),
+    Source(Custom, "ae483log.v_{x y z}", &[]),
+    Source(Firmware, "kalman.stateP{X Y Z}", &[]),
 ];
 
 /// Velocity in the world frame, m/s.
-const VELOCITY_WORLD: [Source; 3] = [
-    source(Best, ["vx_world_m_s", "vy_world_m_s", "vz_world_m_s"], [1.0; 3]),
-    source(Firmware, ["stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"], [1.0; 3]),
-    source(Firmware, ["stateEstimateZ.vx", "stateEstimateZ.vy", "stateEstimateZ.vz"], [1e-3; 3]),
+const VELOCITY_WORLD: &[Source] = &[
+    Source(Best, "v{x y z}_world_m_s", &[]),
+    Source(Firmware, "stateEstimate.v{x y z}", &[]),
+    Source(Firmware, "stateEstimateZ.v{x y z}", &[1e-3; 3]),
 ];
 
 /// Angular velocity in the body frame, rad/s.
-const RATE: [Source; 4] = [
-    source(Best, ["wx_body_rad_s", "wy_body_rad_s", "wz_body_rad_s"], [1.0; 3]),
-    source(Custom, ["ae483log.w_x", "ae483log.w_y", "ae483log.w_z"], [1.0; 3]),
-    source(Firmware, ["gyro.x", "gyro.y", "gyro.z"], [DEG; 3]),
-    source(
-        Firmware,
-        ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"],
-        [1e-3, -1e-3, 1e-3],
-    ),
+const RATE: &[Source] = &[
+    Source(Best, "w{x y z}_body_rad_s", &[]),
+    Source(Custom, "ae483log.w_{x y z}", &[]),
+    Source(Firmware, "gyro.{x y z}", &[DEG; 3]),
+    Source(Firmware, "stateEstimateZ.rate{Roll Pitch Yaw}", &[1e-3, -1e-3, 1e-3]),
 ];
 
 /// Motor commands, 0…65535.
-const MOTORS: [[&str; 4]; 4] = [
-    ["motor.m1", "motor.m2", "motor.m3", "motor.m4"],
-    ["ae483log.m_1", "ae483log.m_2", "ae483log.m_3", "ae483log.m_4"],
-    ["pwm.m1_pwm", "pwm.m2_pwm", "pwm.m3_pwm", "pwm.m4_pwm"],
-    ["m1", "m2", "m3", "m4"],
+const MOTORS: &[Source] = &[
+    Source(Firmware, "motor.m{1 2 3 4}", &[]),
+    Source(Custom, "ae483log.m_{1 2 3 4}", &[]),
+    Source(Firmware, "pwm.m{1 2 3 4}_pwm", &[]),
+    Source(Best, "m{1 2 3 4}", &[]),
 ];
 
-/// What a recording tells, in SI units, our frames and signs.
-#[derive(Debug, Default)]
-pub(super) struct Told {
-    pub(super) position_m: Option<[Channel; 3]>,
-    /// Yaw (without jumps at ±π), pitch, roll.
-    pub(super) attitude_rad: Option<[Channel; 3]>,
-    pub(super) velocity: Option<(VelocityFrame, [Channel; 3])>,
-    pub(super) rate_body_rad_s: Option<[Channel; 3]>,
-    pub(super) estimate_m: Option<[Channel; 3]>,
-    pub(super) design_m: Option<[Channel; 3]>,
-    pub(super) motors: Option<[Channel; 4]>,
+/// The quantities of a recording.
+#[derive(Debug)]
+pub(super) struct Quantities {
+    /// Channels of each quantity in the order of its columns in a flight file. Yaw and roll have no
+    /// jumps at ±π.
+    pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
+    pub(super) velocity_frame: VelocityFrame,
     /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
 }
 
-/// In which frame a velocity was logged.
+/// Frame of a logged velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum VelocityFrame {
     Body,
     World,
 }
 
-/// Reads the tables.
-pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
+/// Finds the quantities of a recording by the tables.
+pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut used = BTreeSet::new();
     let mut take = |table: &[Source], kinds: &[PositionSource]| {
-        let sources = table.iter().filter(|source| kinds.contains(&source.kind));
+        let sources = table.iter().filter(|source| kinds.contains(&source.0));
         first(recording, sources, &mut used)
     };
     let truth: &[PositionSource] = match wanted {
@@ -155,23 +134,33 @@ pub(super) fn told(recording: &Recording, wanted: PositionSource) -> Told {
         Lighthouse => &[Lighthouse],
         Estimate => &[Custom, Firmware],
     };
-    let anything = &[Best, Mocap, Custom, Firmware, Lighthouse];
-    let position_m = take(&POSITION, truth);
-    let estimate_m = take(&POSITION, &[Custom, Firmware]);
-    let design_m = take(&DESIGN, anything);
-    let rate_body_rad_s = take(&RATE, anything);
-    let velocity = take(&VELOCITY_BODY, &[Best, Custom])
+    let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
+    let (velocity_frame, velocity) = take(VELOCITY_BODY, &[Best, Custom])
         .map(|channels| (VelocityFrame::Body, channels))
-        .or_else(|| Some((VelocityFrame::World, take(&VELOCITY_WORLD, anything)?)))
-        .or_else(|| Some((VelocityFrame::Body, take(&VELOCITY_BODY, &[Firmware])?)));
-    // Who tells the position is believed about the attitude as well.
-    let believed = |source: &&Source| truth.contains(&source.kind);
-    let (believed, others): (Vec<_>, Vec<_>) = ATTITUDE.iter().partition(believed);
-    let attitude_rad = first(recording, believed.into_iter().chain(others), &mut used)
-        .or_else(|| from_quaternions(recording, &mut used))
-        .map(|[yaw, pitch, roll]| [without_jumps(yaw), pitch, without_jumps(roll)]);
-    let motors = MOTORS.iter().find_map(|names| quadruple(recording, names, &mut used));
-    Told { position_m, attitude_rad, velocity, rate_body_rad_s, estimate_m, design_m, motors, used }
+        .or_else(|| Some((VelocityFrame::World, take(VELOCITY_WORLD, any)?)))
+        .or_else(|| Some((VelocityFrame::Body, take(VELOCITY_BODY, &[Firmware])?)))
+        .map_or((VelocityFrame::Body, None), |(frame, channels)| (frame, Some(channels)));
+    let found = [
+        (Quantity::Position, take(POSITION, truth)),
+        (Quantity::Velocity, velocity),
+        (Quantity::Rate, take(RATE, any)),
+        (Quantity::Estimate, take(POSITION, &[Custom, Firmware])),
+        (Quantity::Design, take(DESIGN, any)),
+        (Quantity::Motors, take(MOTORS, any)),
+    ];
+    // The source of the position is preferred for the attitude as well.
+    let (preferred, others): (Vec<_>, Vec<_>) =
+        ATTITUDE.iter().partition(|source| truth.contains(&source.0));
+    let attitude = first(recording, preferred.into_iter().chain(others), &mut used)
+        .or_else(|| angles_from_quaternions(recording, &mut used))
+        .map(|mut angles| {
+            without_jumps(&mut angles[0]);
+            without_jumps(&mut angles[2]);
+            angles
+        });
+    let found = found.into_iter().chain([(Quantity::Attitude, attitude)]);
+    let channels = found.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
+    Quantities { channels, velocity_frame, used }
 }
 
 /// The first of these sources that is not constantly zero; else the first one that is logged.
@@ -179,59 +168,42 @@ fn first<'a>(
     recording: &Recording,
     sources: impl Iterator<Item = &'a Source>,
     used: &mut BTreeSet<String>,
-) -> Option<[Channel; 3]> {
-    let mut dead = None;
-    for source in sources {
-        let [a, b, c] = source.names.map(|name| recording.channel(name));
-        let (Some(a), Some(b), Some(c)) = (a, b, c) else { continue };
-        let channels = [a, b, c];
-        if channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0)) {
-            return Some(turned(source, channels, used));
-        }
-        dead = dead.or(Some((source, channels)));
-    }
-    dead.map(|(source, channels)| turned(source, channels, used))
-}
-
-fn turned(source: &Source, channels: [Channel; 3], used: &mut BTreeSet<String>) -> [Channel; 3] {
-    used.extend(source.names.map(str::to_owned));
-    let [a, b, c] = channels;
-    let [fa, fb, fc] = source.factors;
-    [a.map(|value| value * fa), b.map(|value| value * fb), c.map(|value| value * fc)]
-}
-
-fn quadruple(
-    recording: &Recording,
-    names: &[&str; 4],
-    used: &mut BTreeSet<String>,
-) -> Option<[Channel; 4]> {
-    let channels: Vec<Channel> =
-        names.iter().map(|name| recording.channel(name)).collect::<Option<_>>()?;
-    used.extend(names.iter().map(|&name| name.to_owned()));
-    channels.try_into().ok()
-}
-
-fn from_quaternions(recording: &Recording, used: &mut BTreeSet<String>) -> Option<[Channel; 3]> {
-    let quadruple = QUATERNIONS.iter().find_map(|names| quadruple(recording, names, used));
-    let (time_s, quaternions): (Vec<f64>, Vec<[f64; 4]>) = if let Some([w, x, y, z]) = quadruple {
-        let at = |(&time_s, &w): (&f64, &f64)| {
-            (time_s, [w, x.held(time_s), y.held(time_s), z.held(time_s)])
-        };
-        w.time_s.iter().zip(&w.values).map(at).unzip()
-    } else {
-        let packed = recording.channel(COMPRESSED_QUATERNION)?;
-        used.insert(COMPRESSED_QUATERNION.to_owned());
-        (packed.time_s, packed.values.into_iter().map(unpacked).collect())
+) -> Option<Vec<Channel>> {
+    let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
+    let alive = |(_, channels): &(&Source, Vec<Channel>)| {
+        channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0))
     };
+    let mut logged = logged.peekable();
+    let zeros = logged.next_if(|found| !alive(found));
+    let (source, mut channels) = logged.find(alive).or(zeros)?;
+    used.extend(names(source.1));
+    for (channel, factor) in channels.iter_mut().zip(source.2) {
+        channel.values.iter_mut().for_each(|value| *value *= factor);
+    }
+    Some(channels)
+}
+
+/// Yaw, pitch and roll of the logged quaternions.
+fn angles_from_quaternions(
+    recording: &Recording,
+    used: &mut BTreeSet<String>,
+) -> Option<Vec<Channel>> {
+    let quaternions: Vec<(f64, [f64; 4])> =
+        if let Some(parts) = first(recording, QUATERNIONS.iter(), used) {
+            let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
+            parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
+        } else {
+            let packed = recording.channel(COMPRESSED_QUATERNION)?;
+            used.insert(COMPRESSED_QUATERNION.to_owned());
+            packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
+        };
     let valid = |q: &[f64; 4]| q.iter().map(|part| part * part).sum::<f64>() > 1e-6;
-    let pairs = time_s.into_iter().zip(quaternions).filter(|(_, q)| valid(q));
+    let pairs = quaternions.into_iter().filter(|(_, q)| valid(q));
     let (time_s, attitudes): (Vec<f64>, Vec<Attitude>) =
         pairs.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
-    let channel = |part: fn(&Attitude) -> f64| {
-        Channel::new(time_s.clone(), attitudes.iter().map(part).collect())
-    };
-    let channels = || [channel(|a| a.yaw_rad), channel(|a| a.pitch_rad), channel(|a| a.roll_rad)];
-    (!time_s.is_empty()).then(channels)
+    let parts: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
+    let channel = |part| Channel::new(time_s.clone(), attitudes.iter().map(part).collect());
+    (!time_s.is_empty()).then(|| parts.map(channel).into())
 }
 
 /// The quaternion w x y z behind `quatcompress.h`: two bits say which of x y z w is largest and
@@ -263,8 +235,8 @@ fn attitude_from_quaternion(q: [f64; 4]) -> Attitude {
     }
 }
 
-/// Takes the jumps of 2π out of an angle, so that lines between its samples go the short way.
-fn without_jumps(mut channel: Channel) -> Channel {
+/// Takes the jumps of 2π out of an angle, so that it is interpolated the short way.
+fn without_jumps(channel: &mut Channel) {
     let turn = std::f64::consts::TAU;
     let (mut turns, mut last) = (0.0, channel.values[0]);
     for value in &mut channel.values {
@@ -272,12 +244,6 @@ fn without_jumps(mut channel: Channel) -> Channel {
         last = *value;
         *value += turns * turn;
     }
-    channel
-}
-
-/// A world velocity in the body frame.
-pub(super) fn body_from_world(velocity_m_s: Vector3<f64>, attitude: Attitude) -> Vector3<f64> {
-    attitude.world_from_body().transpose() * velocity_m_s
 }
 
 #[cfg(test)]
@@ -293,38 +259,35 @@ mod tests {
         Recording { blocks: vec![block], ..Recording::default() }
     }
 
-    fn values(channels: Option<[Channel; 3]>) -> [f64; 3] {
-        channels.unwrap().map(|channel| channel.values[0])
+    fn values(log: &Recording, quantity: Quantity) -> Vec<f64> {
+        quantities(log, Best).channels[&quantity].iter().map(|channel| channel.values[0]).collect()
     }
 
     #[test]
     fn an_observer_of_zeros_is_passed_over() {
         let mut columns = vec![("ae483log.o_x", 0.0), ("ae483log.o_y", 0.0), ("ae483log.o_z", 0.0)];
-        assert_eq!(
-            values(told(&recording(&columns), Best).position_m),
-            [0.0; 3],
-            "better than none"
-        );
+        assert_eq!(values(&recording(&columns), Quantity::Position), [0.0; 3], "better than none");
         columns.extend([("stateEstimateZ.x", 500.0), ("stateEstimateZ.y", 1.0)]);
         columns.push(("stateEstimateZ.z", -250.0));
-        let told = told(&recording(&columns), Best);
-        assert_eq!(values(told.position_m), [0.5, 0.001, -0.25], "millimetres");
-        assert!(!told.used.contains("ae483log.o_x"), "the zeros are kept as columns");
+        let log = recording(&columns);
+        assert_eq!(values(&log, Quantity::Position), [0.5, 0.001, -0.25], "millimeters");
+        let used = quantities(&log, Best).used;
+        assert!(!used.contains("ae483log.o_x"), "the zeros are kept as columns");
     }
 
     #[test]
-    fn degrees_and_the_inverted_pitch_end_here() {
+    fn degrees_and_the_inverted_pitch_are_converted() {
         let names = ["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"];
         let log = recording(&[(names[0], 90.0), (names[1], 30.0), (names[2], -180.0)]);
         let pi = std::f64::consts::PI;
-        let found = values(told(&log, Best).attitude_rad);
+        let found = values(&log, Quantity::Attitude);
         for (found, wanted) in found.into_iter().zip([pi / 2.0, -pi / 6.0, -pi]) {
             assert!((found - wanted).abs() < 1e-15, "{found} instead of {wanted}");
         }
         let rates =
             ["stateEstimateZ.rateRoll", "stateEstimateZ.ratePitch", "stateEstimateZ.rateYaw"];
         let log = recording(&[(rates[0], 1000.0), (rates[1], 2000.0), (rates[2], 3000.0)]);
-        assert_eq!(values(told(&log, Best).rate_body_rad_s), [1.0, -2.0, 3.0]);
+        assert_eq!(values(&log, Quantity::Rate), [1.0, -2.0, 3.0]);
     }
 
     #[test]
@@ -356,12 +319,9 @@ mod tests {
 
     #[test]
     fn yaw_goes_the_short_way_over_the_edge() {
-        let channel = Channel::new(vec![0.0, 1.0, 2.0], vec![3.0, -3.0, 3.0]);
-        let smooth = without_jumps(channel);
-        assert!(
-            (smooth.linear(0.5, 9.0).unwrap() - std::f64::consts::PI).abs() < 0.01,
-            "{smooth:?}"
-        );
-        assert!((smooth.values[2] - 3.0).abs() < 1e-12, "and back: {smooth:?}");
+        let mut yaw = Channel::new(vec![0.0, 1.0, 2.0], vec![3.0, -3.0, 3.0]);
+        without_jumps(&mut yaw);
+        assert!((yaw.linear(0.5, 9.0).unwrap() - std::f64::consts::PI).abs() < 0.01, "{yaw:?}");
+        assert!((yaw.values[2] - 3.0).abs() < 1e-12, "and back: {yaw:?}");
     }
 }

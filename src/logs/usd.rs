@@ -5,9 +5,9 @@
 //! u32 ms, version 2: u64 µs) and the variables, packed; at the end the CRC32 of everything before.
 //! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
 //!
-//! A drone that is switched off while it logs leaves no CRC and half a record: such a file is read
-//! up to there, with a warning. A file that is whole and still does not match its CRC is refused,
-//! unless [`Damaged::Recover`] is asked for.
+//! A drone that is switched off while it logs leaves half a record and no CRC: such a file is read up
+//! to there, with a warning. A whole file that does not match its CRC is refused, except with
+//! [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
 
@@ -24,14 +24,10 @@ const MAX_VARIABLES: usize = 1024;
 /// The stamps of version 1 have 32 bits of milliseconds.
 const WRAP_V1_S: f64 = 4_294_967.296;
 
-const HINT: &str = "copy the file from the card again; if it stays damaged, ask for what can be \
-                    recovered";
+const HINT: &str =
+    "copy the file from the card again; if it is still damaged, recover its whole part";
 
 /// Reads a µSD log.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the byte where the header or a record is broken, or where the CRC is.
 pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recording> {
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
@@ -48,16 +44,14 @@ pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recordi
     let stop = records(&body[..end], version, &mut events);
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut warnings = Vec::new();
-    let byte = cursor.at + stop.at;
-    if let Some(text) = verdict(&stop, whole, &body[..end]) {
-        let recovered = format!("{text}; {n} records before it are read");
-        let cut_off =
-            matches!(stop.reason, Reason::End | Reason::Short) && !whole && !stop.crc_like;
+    if let Some(damage) = stop.damage(whole) {
+        let byte = cursor.at + stop.at;
+        let cut_off = !whole && matches!(stop.reason, Reason::End | Reason::Short);
         if !cut_off && damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
-            return Err(Error::input(format!("{file}: byte {byte}"), text, wanted, HINT));
+            return Err(Error::input(format!("{file}: byte {byte}"), damage, wanted, HINT));
         }
-        warnings.push(format!("byte {byte}: {recovered}"));
+        warnings.push(format!("byte {byte}: {damage}; {n} records before it are read"));
     }
     Ok(Recording {
         file: file.to_owned(),
@@ -68,40 +62,40 @@ pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recordi
     })
 }
 
-/// What is wrong with a log whose records end at `stop`; `None` where nothing is.
-fn verdict(stop: &Stop, whole: bool, body: &[u8]) -> Option<String> {
-    match stop.reason {
-        Reason::End if whole => None,
-        Reason::End => Some("the log ends without a CRC, cut off between two records".into()),
-        Reason::Short if stop.crc_like => {
-            Some("the CRC does not match: bytes were changed after they were written".into())
-        }
-        Reason::Short => Some("the log is cut off within a record".into()),
-        Reason::Unknown(id) => {
-            Some(format!("event {id}, which the header does not name, of {} bytes", body.len()))
-        }
-    }
-}
-
-/// One type of event and what was logged of it.
+/// One type of event and its records.
 struct Event {
     types: Vec<u8>,
     n_bytes: usize,
     block: Block,
 }
 
-/// Where and why the records end.
+/// Place and reason of the end of the records.
 struct Stop {
     at: usize,
     reason: Reason,
-    /// Four bytes are left that begin no record: the place of a CRC.
-    crc_like: bool,
 }
 
 enum Reason {
     End,
     Short,
+    /// Exactly four bytes remain, which begin no record: probably a CRC.
+    Crc,
     Unknown(u16),
+}
+
+impl Stop {
+    /// The damage of a log whose records end here; `None` of a whole one.
+    fn damage(&self, whole: bool) -> Option<String> {
+        Some(match self.reason {
+            Reason::End if whole => return None,
+            Reason::End => "the log ends without a CRC, cut off between two records".into(),
+            Reason::Short => "the log is cut off within a record".into(),
+            Reason::Crc => {
+                "the CRC does not match: bytes were changed after they were written".into()
+            }
+            Reason::Unknown(id) => format!("event {id}, which is not in the header"),
+        })
+    }
 }
 
 /// Reads records as long as there are any.
@@ -110,20 +104,16 @@ fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop
     let mut at = 0;
     loop {
         let rest = &body[at..];
-        let stop = |reason, crc_like| Stop { at, reason, crc_like };
-        if rest.is_empty() {
-            return stop(Reason::End, false);
-        }
+        let stop = |reason| Stop { at, reason };
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
-            return stop(Reason::Short, false);
+            return stop(if rest.is_empty() { Reason::End } else { Reason::Short });
         };
         let id = u16::from_le_bytes(*id);
         let Some(event) = events.get_mut(&id) else {
-            let reason = if rest.len() == 4 { Reason::Short } else { Reason::Unknown(id) };
-            return stop(reason, rest.len() == 4);
+            return stop(if rest.len() == 4 { Reason::Crc } else { Reason::Unknown(id) });
         };
         if rest.len() < n_head + event.n_bytes {
-            return stop(Reason::Short, false);
+            return stop(Reason::Short);
         }
         event.block.time_s.push(stamp_s(&rest[2..n_head]));
         let mut values = &rest[n_head..];
@@ -171,22 +161,9 @@ fn number(kind: u8, bytes: &[u8]) -> f64 {
         b'q' => bits.cast_signed() as f64,
         b'f' => f64::from(f32::from_bits(low32)),
         b'd' => f64::from_bits(bits),
-        b'e' => half(low16),
+        b'e' => half::f16::from_bits(low16).to_f64(),
         _ => bits as f64,
     }
-}
-
-/// A number of IEEE 754 in 16 bits.
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = (bits >> 10 & 31, f64::from(bits & 1023) / 1024.0);
-    let size = match exponent {
-        0 => fraction * libm::exp2(-14.0),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1.0 + fraction) * libm::exp2(f64::from(exponent) - 15.0),
-    };
-    sign * size
 }
 
 struct Cursor<'a> {
@@ -263,21 +240,5 @@ impl Cursor<'_> {
 
     fn error(&self, at: usize, found: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
         Error::input(format!("{}: byte {at}", self.file), found, wanted, HINT)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn halves_of_sixteen_bits() {
-        // numpy.float16: 1.5, −2.0, 65504, 5.96e-8
-        let cases =
-            [(0x3e00, 1.5), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_477_539_063e-8)];
-        for (bits, wanted) in cases {
-            assert_eq!(half(bits), wanted);
-        }
-        assert!(half(0x7e00).is_nan(), "not a number stays none");
     }
 }

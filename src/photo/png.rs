@@ -53,29 +53,56 @@ impl Photo {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is no PNG image or
     /// too large.
     pub fn read_png(path: &Path) -> Result<Self> {
-        let bytes = read_bounded(path)?;
+        Self::from_png(&read_bounded(path)?, path)
+    }
+
+    /// Reads the bytes of a PNG file.
+    pub(super) fn from_png(bytes: &[u8], path: &Path) -> Result<Self> {
         let broken = |source: &dyn std::fmt::Display| {
             let hint = "name a PNG image, such as the photo.png that `noctograph preview` writes";
             Error::input(path.display().to_string(), source, "a PNG image", hint)
         };
-        let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(&bytes)));
+        let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(bytes)));
+        decoder.set_limits(png::Limits { bytes: usize::MAX });
+        decoder.set_transformations(png::Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(|e| broken(&e))?;
         let (width_px, height_px) = (header.width, header.height);
-        check_size(width_px, height_px).map_err(|error| match error {
-            Error::Input { found, wanted, .. } => {
-                Error::input(path.display().to_string(), found, wanted, "scale the photo down")
-            }
-            other => other,
-        })?;
-        let format = image::ImageFormat::Png;
-        let picture =
-            image::load_from_memory_with_format(&bytes, format).map_err(|e| broken(&e))?;
-        let reader = decoder.read_info().map_err(|e| broken(&e))?;
+        checked_size(path, width_px, height_px)?;
+        let mut reader = decoder.read_info().map_err(|e| broken(&e))?;
+        let mut levels = vec![0; reader.output_buffer_size().ok_or_else(|| broken(&"no size"))?];
+        let frame = reader.next_frame(&mut levels).map_err(|e| broken(&e))?;
+        if frame.bit_depth == png::BitDepth::Sixteen {
+            let nearest = |pair: &[u8; 2]| (u32::from(u16::from_be_bytes(*pair)) + 128) / 257;
+            let nearest = |pair| u8::try_from(nearest(pair)).expect("at most 255");
+            levels = levels.as_chunks::<2>().0.iter().map(nearest).collect();
+        }
         let texts = &reader.info().utf8_text;
         let scene = texts.iter().find(|text| text.keyword == SCENE_KEYWORD);
         let scene_toml = scene.and_then(|text| text.get_text().ok());
-        Ok(Self { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml })
+        let rgb8 = rgb8(&levels, frame.color_type.samples());
+        Ok(Self { width_px, height_px, rgb8, scene_toml })
     }
+}
+
+/// Whether bytes begin as a PNG file.
+pub(super) fn is_png(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
+/// Refuses an image that is too large, before it is decoded.
+pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
+    check_size(width_px, height_px).map_err(|error| match error {
+        Error::Input { found, wanted, .. } => {
+            Error::input(path.display().to_string(), found, wanted, "scale the photo down")
+        }
+        other => other,
+    })
+}
+
+/// Red, green and blue of pixels with so many samples: gray, gray and alpha, RGB, or RGBA.
+pub(super) fn rgb8(levels: &[u8], samples: usize) -> Vec<u8> {
+    let pixels = levels.chunks_exact(samples);
+    pixels.flat_map(|p| if samples < 3 { [p[0]; 3] } else { [p[0], p[1], p[2]] }).collect()
 }
 
 impl Readout {

@@ -349,7 +349,6 @@ pub(super) fn on_a_skewed_clock(plan: Plan, clock: f64) -> Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Attitude;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
 
@@ -371,13 +370,9 @@ mod tests {
             FlightSample {
                 time_s,
                 position_m: plan.design_m((time_s - lag_s).max(0.0)) - Vector3::x() * 0.1,
-                attitude: Attitude::default(),
-                velocity_body_m_s: Vector3::zeros(),
-                rate_body_rad_s: Vector3::zeros(),
-                estimate_m: Vector3::zeros(),
                 design_m: plan.design_m(time_s),
-                motors: [0.0; 4],
                 letter: plan.setpoints[row].letter,
+                ..FlightSample::default()
             }
         };
         Flight { samples: (0..=n).map(sample).collect(), ..Flight::default() }

@@ -91,14 +91,14 @@ mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{SimOptions, fly};
+    use crate::sim::{Drone, SimOptions, fly};
 
     #[test]
     fn a_flight_that_forgot_its_lights_gets_them_back() {
         for word in ["NOOR", "WAX", "QUIZ"] {
             let strokes = write(word, &LetterOptions::default()).unwrap();
             let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-            let flown = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+            let flown = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
             let mut forgetful = flown.clone();
             forgetful.lights.clear();
             forgetful.samples.iter_mut().for_each(|sample| sample.letter = None);
@@ -115,7 +115,7 @@ mod tests {
     fn the_lights_of_another_word_are_refused() {
         let strokes = |word| write(word, &LetterOptions::default()).unwrap();
         let plan = plan(&strokes("NO"), &PlanOptions::default()).unwrap();
-        let mut flight = fly(&plan, &SimOptions::default(), 0, &mut |_| {}).unwrap();
+        let mut flight = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
         let error = relight(&mut flight, &strokes("QUIZZICAL")).unwrap_err().to_string();
         assert!(error.contains("QUIZZICAL"), "{error}");
     }

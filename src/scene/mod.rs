@@ -11,7 +11,7 @@ use toml::{Table, Value};
 use crate::camera::CameraOptions;
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
-use crate::letters::LetterOptions;
+use crate::letters::{self, LetterOptions, Strokes};
 use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
 use crate::plan::PlanOptions;
@@ -22,11 +22,9 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
-mod planned;
 mod preset;
 mod text;
 
-pub use planned::Planned;
 pub use preset::Preset;
 
 settings! {
@@ -80,6 +78,15 @@ impl Scene {
     /// [`Error::Io`] where it cannot be read, [`Error::Input`] with line and key where it is
     /// broken, holds an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_with(path, &[])
+    }
+
+    /// Reads a scene file and lays single settings over it, as [`Self::parse_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let unreadable = |source| Error::read(path, source);
         let length = std::fs::metadata(path).map_err(unreadable)?.len();
         if length > MAX_FILE_BYTES {
@@ -88,7 +95,7 @@ impl Scene {
             return Err(Error::input(path.display().to_string(), found, wanted, text::HINT));
         }
         let toml = std::fs::read_to_string(path).map_err(unreadable)?;
-        Self::parse(&toml, &path.display().to_string())
+        Self::parse_with(&toml, &path.display().to_string(), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.
@@ -156,6 +163,30 @@ impl Scene {
             sensors: sim.sensors,
             ..Self::default()
         }
+    }
+
+    /// Whether the scene names a word or a drawing.
+    #[must_use]
+    pub fn has_strokes(&self) -> bool {
+        !self.word.is_empty() || !self.letters.drawing.is_empty()
+    }
+
+    /// Writes another word, instead of the scene's word or drawing.
+    pub fn set_word(&mut self, word: &str) {
+        word.clone_into(&mut self.word);
+        self.letters.drawing.clear();
+    }
+
+    /// The strokes of the drawing, or else of the word.
+    ///
+    /// # Errors
+    ///
+    /// As [`letters::draw`] and [`letters::write`].
+    pub fn strokes(&self) -> Result<Strokes> {
+        if !self.letters.drawing.is_empty() {
+            return letters::draw(self.letters.drawing.as_ref(), &self.letters);
+        }
+        letters::write(&self.word, &self.letters)
     }
 
     /// What the simulator needs of it.

@@ -222,7 +222,7 @@ mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{SimOptions, fly};
+    use crate::sim::{Drone, SimOptions, fly};
 
     #[test]
     fn spreads_of_the_team_give_the_weights_of_the_team() {
@@ -260,7 +260,7 @@ mod tests {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();
-        let flight = fly(&plan, &options, 0, &mut |_| {}).unwrap();
+        let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
         let found = identify(&flight, &options.vehicle).unwrap();
         let off = |found: f64, true_: f64| (found / true_ - 1.0).abs();
         assert!(off(found.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", found.k_f_n);

@@ -191,14 +191,16 @@ impl SimOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::{Flight, rmse_m};
+    use crate::flight::Flight;
+    use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{ControllerKind, Gusts, MotorLag, SensorOptions, fly};
+    use crate::sim::{ControllerKind, Drone, Gusts, MotorLag, SensorOptions, fly};
 
     fn noor(options: &SimOptions) -> Flight {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        fly(&plan(&strokes, &PlanOptions::default()).unwrap(), options, 1, &mut |_| {}).unwrap()
+        fly(&plan(&strokes, &PlanOptions::default()).unwrap(), &Drone::new(options, 1), &mut |_| {})
+            .unwrap()
     }
 
     #[test]
@@ -213,7 +215,7 @@ mod tests {
         for (options, bounds) in sets {
             options.check().unwrap();
             let flight = noor(&options);
-            let rmse = rmse_m(&flight).unwrap();
+            let rmse = track(&flight, Part::Letters).unwrap().rmse_m;
             for (found, bound) in rmse.iter().zip(bounds) {
                 assert!(*found < bound, "{rmse} above {bounds:?}");
             }
@@ -231,7 +233,7 @@ mod tests {
                 let mut options = set();
                 options.controller.kind = kind;
                 options.air.gusts = Gusts::OrnsteinUhlenbeck;
-                let rmse_m = rmse_m(&noor(&options)).unwrap().norm();
+                let rmse_m = track(&noor(&options), Part::Letters).unwrap().rmse_m.norm();
                 assert!(rmse_m < bound_m, "{kind:?}: {rmse_m} m");
             }
         }
@@ -243,7 +245,7 @@ mod tests {
         options.controller.motor_lag = MotorLag::Ignored;
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-        let error = fly(&plan, &options, 1, &mut |_| {}).unwrap_err().to_string();
+        let error = fly(&plan, &Drone::new(&options, 1), &mut |_| {}).unwrap_err().to_string();
         assert!(error.starts_with("the drone "), "{error}");
     }
 

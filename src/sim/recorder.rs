@@ -23,7 +23,7 @@ pub(super) struct Recorder<'a> {
 
 /// What the drone knows and does at one tick.
 #[derive(Debug)]
-pub(super) struct Moment {
+pub(super) struct Snapshot {
     pub(super) time_s: f64,
     pub(super) state: State,
     pub(super) estimate: State,
@@ -50,14 +50,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    pub(super) fn record(&mut self, moment: &Moment) {
-        let setpoint = &self.plan.setpoints[moment.setpoint];
-        self.flight.samples.push(sample(moment, setpoint));
+    pub(super) fn record(&mut self, snapshot: &Snapshot) {
+        let setpoint = &self.plan.setpoints[snapshot.setpoint];
+        self.flight.samples.push(sample(snapshot, setpoint));
         for (column, sent) in self.flight.lights.values_mut().zip(self.plan.lights.values()) {
-            column.push(on_grid(sent[moment.setpoint]));
+            column.push(on_grid(sent[snapshot.setpoint]));
         }
-        self.saturated_s.push(on_grid(moment.saturated_s));
-        if let Some((volts, joules)) = moment.battery {
+        self.saturated_s.push(on_grid(snapshot.saturated_s));
+        if let Some((volts, joules)) = snapshot.battery {
             self.battery_v.push(on_grid(volts));
             self.energy_j.push(on_grid(joules));
         }
@@ -75,15 +75,15 @@ impl<'a> Recorder<'a> {
     }
 }
 
-fn sample(moment: &Moment, setpoint: &Setpoint) -> FlightSample {
-    let (now, believed) = (&moment.state, &moment.estimate);
-    let design_m = setpoint.design_m(moment.time_s);
+fn sample(snapshot: &Snapshot, setpoint: &Setpoint) -> FlightSample {
+    let (now, believed) = (&snapshot.state, &snapshot.estimate);
+    let design_m = setpoint.design_m(snapshot.time_s);
     let mut row = [0.0; ROW];
     row[..12].copy_from_slice(now.as_slice());
     row[12..15].copy_from_slice(&believed.as_slice()[..3]);
     row[15..18].copy_from_slice(design_m.as_slice());
-    row[18..22].copy_from_slice(&moment.motors);
-    row[22] = moment.time_s;
+    row[18..22].copy_from_slice(&snapshot.motors);
+    row[22] = snapshot.time_s;
     Arch::new().dispatch(Grid(&mut row));
     let state = State::from_column_slice(&row[..12]);
     FlightSample {

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
-use crate::flight::{Flight, FlightSample, airborne, mean_error_m, rmse_m, rmse_over_m};
+use super::{Drone, Gusts, RateOptions, SensorOptions, SimOptions, VehicleOptions, fly};
+use crate::flight::tracking::{Part, track};
+use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 
@@ -48,7 +49,7 @@ fn undisturbed() -> SimOptions {
 }
 
 fn flown(options: &SimOptions, seed: u64) -> Flight {
-    fly(&noor(), options, seed, &mut |_| {}).unwrap()
+    fly(&noor(), &Drone::new(options, seed), &mut |_| {}).unwrap()
 }
 
 /// Within 2 % of the figures of an independent simulation (SciPy; no noise, setpoints held).
@@ -60,14 +61,15 @@ fn assert_agrees(found: Vector3<f64>, want: [f64; 3]) {
 
 /// Flies on one grid and holds the errors against the continuous design path.
 fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
-    let mut flight = fly(&noor_on_one_grid(), options, 0, &mut |_| {}).unwrap();
+    let mut flight = fly(&noor_on_one_grid(), &Drone::new(options, 0), &mut |_| {}).unwrap();
     let noor = noor();
     let against_design = |sample: &FlightSample| FlightSample {
         design_m: design_m(&noor, sample.time_s),
         ..*sample
     };
     flight.samples = flight.samples.iter().map(against_design).collect();
-    (rmse_m(&flight).unwrap(), mean_error_m(&flight).unwrap())
+    let tracking = track(&flight, Part::Letters).unwrap();
+    (tracking.rmse_m, tracking.mean_error_m)
 }
 
 #[test]
@@ -86,7 +88,7 @@ fn disturbed_error_is_that_of_an_independent_simulation() {
 #[test]
 fn setpoints_that_begin_anew_with_every_move_change_the_error_little() {
     let flight = flown(&undisturbed(), 0);
-    assert_agrees(rmse_m(&flight).unwrap(), [0.0582, 0.0, 0.0693]);
+    assert_agrees(track(&flight, Part::Letters).unwrap().rmse_m, [0.0582, 0.0, 0.0693]);
     assert!(flight.warnings.is_empty(), "{:?}", flight.warnings);
 }
 
@@ -124,10 +126,9 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
         plan.setpoints[next.max(1) - 1].position_m
     };
     let mean_sq = (0..8).map(|seed| {
-        let mut flight = fly(&plan, options, seed, &mut |_| {}).unwrap();
-        let air = airborne(&flight).unwrap();
+        let mut flight = fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
         flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s));
-        let rmse_m = rmse_over_m(&flight.samples[air]).unwrap();
+        let rmse_m = track(&flight, Part::Airborne).unwrap().rmse_m;
         rmse_m.component_mul(&rmse_m)
     });
     (mean_sq.sum::<Vector3<f64>>() / 8.0).map(f64::sqrt)

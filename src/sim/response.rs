@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 
 use super::estimator::EstimatorKind;
-use super::fly;
+use super::fly::{Drone, fly};
 use super::options::{ControllerKind, SimOptions};
 use super::sensors::{Positioning, SensorOptions};
 use super::vehicle::Gusts;
@@ -73,7 +73,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
         };
         let end_s = BEFORE_S + AFTER_S;
         let setpoints = vec![at(0.0, 0.0), at(BEFORE_S, step_m), at(end_s, step_m)];
-        fly(&Plan { setpoints, ..Plan::default() }, &options, 0, &mut |_| {})
+        fly(&Plan { setpoints, ..Plan::default() }, &Drone::new(&options, 0), &mut |_| {})
     });
     let (still, stepped) = (still?, stepped?);
     let moved = still.samples.iter().zip(&stepped.samples);

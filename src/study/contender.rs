@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::scene::{Preset, Scene};
+use crate::settings::similar;
 
 /// Scenes that are known by name, as TOML: they lie in `src/scene/shipped/`.
 pub const KNOWN: [(&str, &str); 4] = [
@@ -46,36 +47,52 @@ impl Contender {
         Self { name: name.to_owned(), scene, plans: BTreeMap::new() }
     }
 
-    /// What somebody named: a name of [`KNOWN`], a preset, a scene file, or a folder with
-    /// `scene.toml` and learned `plan-WORD.csv`; `./tuned` is a folder that is called as a scene.
+    /// A scene by a name of [`KNOWN`], a preset, a scene file, or a folder with `scene.toml` and
+    /// learned `plan-WORD.csv`. Names go before files: a folder called as a known scene is
+    /// `./tuned`.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a name that is none of these, and what reading the files says.
+    /// [`Error::Input`] for a name that is none of these, and the errors of reading the files.
     pub fn find(named: &str) -> Result<Self> {
-        // Names mean the same in every working folder: what lies there is `./name`.
+        Self::find_with(named, &[])
+    }
+
+    /// The same with single settings laid over the scene, see [`Scene::parse_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::find`] and [`Scene::parse_with`].
+    pub fn find_with(named: &str, settings: &[(&str, &str)]) -> Result<Self> {
+        let parse = |toml: &str| Scene::parse_with(toml, named, settings);
         if let Some((name, toml)) = KNOWN.iter().find(|(name, _)| *name == named) {
-            return Ok(Self::new(name, Scene::parse(toml, name)?));
+            return Ok(Self::new(name, parse(toml)?));
         }
-        if let Ok(preset) = named.parse::<Preset>() {
-            return Ok(Self::new(named, Scene::preset(preset)));
+        if named.parse::<Preset>().is_ok() {
+            return Ok(Self::new(named, parse(&format!("preset = \"{named}\""))?));
         }
         let path = Path::new(named);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if path.is_dir() {
-            let scene = Scene::read(&path.join("scene.toml"))?;
+            let scene = Scene::read_with(&path.join("scene.toml"), settings)?;
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             return Ok(Self { name, scene, plans: plans_in(path)? });
         }
         if path.exists() {
-            return Ok(Self::new(&stem, Scene::read(path)?));
+            return Ok(Self::new(&stem, Scene::read_with(path, settings)?));
         }
-        let names: Vec<&str> = KNOWN.iter().map(|(name, _)| *name).collect();
+        let names = KNOWN.iter().map(|(name, _)| *name);
+        let names: Vec<&str> =
+            names.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
+        let hint = match similar(named, names.iter().copied()) {
+            Some(similar) => format!("did you mean {similar}?"),
+            None => "`noctograph scene > my.toml` writes a scene to begin with".into(),
+        };
         Err(Error::input(
             named,
             "neither a file nor a known name",
-            format!("a scene file, a learned folder, {} or a preset", names.join(", ")),
-            "`noctograph scene > my.toml` writes a scene to begin with",
+            format!("a scene file, a learned folder, or one of {}", names.join(", ")),
+            hint,
         ))
     }
 }

@@ -7,8 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{Conditions, Contender, Outcome, Prepared, Record, Store};
 use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::sim::FLY_TOGETHER;
 
 /// Most flights of a study: a week of one core.
 const MAX_TRIALS: usize = 20_000_000;
@@ -144,36 +142,21 @@ pub(super) fn evaluate_prepared(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let finished = AtomicUsize::new(0);
-    let ready = |trial: &Trial| &prepared[trial.contender * study.words.len() + trial.word];
-    let known = |trial: &Trial| {
-        let outcome = store?.get(ready(trial).digest(), trial.seed)?;
-        done(finished.fetch_add(1, Ordering::Relaxed) + 1);
-        Some(study.record(*trial, ready(trial), outcome))
-    };
-    let mut records: Vec<Option<Record>> = trials.iter().map(known).collect();
-    let left = trials.iter().zip(&records).filter(|(_, known)| known.is_none());
-    let left: Vec<Trial> = left.map(|(trial, _)| *trial).collect();
-
-    let judge = |(trial, flight): (&Trial, Result<Flight>)| {
-        let record = study.record(*trial, ready(trial), ready(trial).worth(flight, trial.seed)?);
-        store.map_or(Ok(()), |store| store.put(&record))?;
+    let record = |trial: &Trial| {
+        let ready = &prepared[trial.contender * study.words.len() + trial.word];
+        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
+        let record = match known {
+            Some(outcome) => study.record(*trial, ready, outcome),
+            None => {
+                let record = study.record(*trial, ready, ready.outcome(trial.seed)?);
+                store.map_or(Ok(()), |store| store.put(&record))?;
+                record
+            }
+        };
         done(finished.fetch_add(1, Ordering::Relaxed) + 1);
         Ok(record)
     };
-    let fly = |group: &&[Trial]| -> Result<Vec<Record>> {
-        let seeds: Vec<u64> = group.iter().map(|trial| trial.seed).collect();
-        let flights = ready(&group[0]).fly_all(&seeds);
-        group.par_iter().zip(flights).map(judge).collect()
-    };
-    let alike = |a: &Trial, b: &Trial| (a.contender, a.word) == (b.contender, b.word);
-    let groups = left.chunk_by(alike).flat_map(|group| group.chunks(FLY_TOGETHER));
-    let groups: Vec<&[Trial]> = groups.collect();
-    let flown: Vec<Vec<Record>> = groups.par_iter().map(fly).collect::<Result<_>>()?;
-    let mut flown = flown.into_iter().flatten();
-    for record in records.iter_mut().filter(|known| known.is_none()) {
-        *record = flown.next();
-    }
-    Ok(records.into_iter().flatten().collect())
+    trials.par_iter().map(record).collect()
 }
 
 #[cfg(test)]

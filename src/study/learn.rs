@@ -6,7 +6,7 @@
 //! 2. The reference moves against a share of it, through the inverse of the scene's loop
 //!    ([`lead::learn`]): what is sent now must answer for what is flown later.
 //! 3. The light commands are aimed at where strokes begin and end on such a flight
-//!    ([`Scene::aim`]).
+//!    ([`aim`]).
 //! 4. Learning stops when a round does not help beyond chance: flights of the same seeds, pair by
 //!    pair. The best reference is kept, not the last.
 //!
@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::{Plan, lead};
 use crate::scene::Scene;
+use crate::shoot::{aim, rehearse};
 use crate::sim::step_responses;
 
 /// Grid on which errors are averaged.
@@ -219,7 +220,7 @@ pub fn correct(
         error.get(index).copied().unwrap_or_default()
     };
     // A flight with the error that repeats, and nothing else.
-    let mut missed = scene.rehearse(sent)?;
+    let mut missed = rehearse(scene, sent)?;
     let mut typical = missed.clone();
     for (missed, typical) in missed.samples.iter_mut().zip(&mut typical.samples) {
         let error_m = at(missed.time_s);
@@ -236,7 +237,7 @@ pub fn correct(
             next.sent_m[row] = sent.sent_m(row);
         }
     }
-    Ok(scene.aim(&next, &typical)?.plan)
+    Ok(aim(scene, &next, &typical)?.plan)
 }
 
 /// What flights have in common of `flown − design`, on the grid; nothing outside letters.

@@ -6,20 +6,20 @@
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use serde::{Deserialize, Serialize};
 use tpe::{TpeOptimizer, TpeOptimizerBuilder, parzen_estimator, range};
 
-/// Who proposes points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SearchKind {
-    /// Tree-structured Parzen estimation.
-    #[default]
-    Tpe,
-    /// Points drawn evenly.
-    Random,
-    /// Points of a lattice, in a scattered order.
-    Grid,
+use crate::settings::settings;
+
+settings! {
+    /// Search method.
+    pub enum SearchKind {
+        /// Tree-structured Parzen estimation.
+        "tpe" => Tpe,
+        /// Points drawn evenly.
+        "random" => Random,
+        /// Points of a lattice, in a scattered order.
+        "grid" => Grid,
+    }
 }
 
 /// A search for the point of least cost in `[0, 1)ⁿ`.

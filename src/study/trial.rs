@@ -19,7 +19,7 @@ use crate::photo::{Noise, Photo, PhotoOptions, develop};
 use crate::plan::{Plan, Setpoint};
 use crate::scene::Scene;
 use crate::score::{Reader, ScoreOptions, Verdict, View};
-use crate::sim::{SimOptions, fly_together, fly_unlike};
+use crate::sim::{Drone, SimOptions, fly};
 
 /// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
 /// the trail, more cost time. Against 1920 × 1080 NOOR is read up to 0.03 off, and HI, whose
@@ -144,7 +144,7 @@ impl Prepared {
         let scene = Scene { word: word.to_owned(), seed: 0, ..contender.scene.clone() };
         scene.check()?;
         let strokes = write(word, &scene.letters)?;
-        let design = scene.first_plan(&strokes)?;
+        let design = crate::shoot::plan(&scene, &strokes)?.swap_remove(0).plan;
         let sent = contender.plans.get(&strokes.word).unwrap_or(&design).clone();
         let digest = digest(&scene, conditions, (sent != design).then_some(&sent));
         let believed = scene.sim();
@@ -236,16 +236,8 @@ impl Prepared {
     /// What [`crate::sim::fly`] says.
     pub fn fly(&self, seed: u64) -> Result<Flight> {
         let (actual, _) = self.conditions.draw(seed).apply(&self.scene);
-        fly_unlike(&self.sent, &self.believed, &actual, seed, &mut |_| {})
-    }
-
-    /// The flights of several seeds, each as [`Self::fly`] makes it, in less time.
-    #[must_use]
-    pub fn fly_all(&self, seeds: &[u64]) -> Vec<Result<Flight>> {
-        let actual = |seed: &u64| self.conditions.draw(*seed).apply(&self.scene).0;
-        let actual: Vec<SimOptions> = seeds.iter().map(actual).collect();
-        let drones: Vec<_> = actual.iter().zip(seeds.iter().copied()).collect();
-        fly_together(&self.sent, &self.believed, &drones)
+        let drone = Drone { believed: &self.believed, actual: &actual, seed, index: 0 };
+        fly(&self.sent, &drone, &mut |_| {})
     }
 
     /// Gives a real flight of what is sent the design that should have been flown, and its letters.
@@ -376,13 +368,7 @@ fn energy(flight: &Flight, options: &SimOptions) -> f64 {
 /// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.
 fn energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
     let battery = &options.battery;
-    let tenths = battery.charge_frac * 10.0;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
-    let below = (tenths.floor() as usize).min(9);
-    #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
-    let share = tenths - below as f64;
-    let [low, high] = [below, below + 1].map(|tenth| battery.open_circuit_v[tenth]);
-    let volts = low + share * (high - low);
+    let volts = battery.open_circuit_v(battery.charge_frac);
     let power_w = |sample: &FlightSample| {
         let thrust_n = options.vehicle.k_f_n * sample.motors.iter().sum::<f64>();
         volts * (battery.idle_current_a + battery.current_a_per_n * thrust_n)
@@ -437,7 +423,7 @@ mod tests {
         let scene = Scene::default();
         let strokes = write("HI", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &scene.plan).unwrap();
-        let flight = crate::sim::fly(&plan, &scene.sim(), 5, &mut |_| {}).unwrap();
+        let flight = fly(&plan, &Drone::new(&scene.sim(), 5), &mut |_| {}).unwrap();
         assert_eq!(ready.fly(5).unwrap(), flight);
     }
 
@@ -458,7 +444,7 @@ mod tests {
         let moved = ready.sending(sent);
         let x_m = |ready: &Prepared| {
             let flight = ready.fly(1).unwrap();
-            crate::flight::mean_error_m(&flight).unwrap().x
+            track(&flight, Part::Letters).unwrap().mean_error_m.x
         };
         assert!((x_m(&moved) - x_m(&ready) - 0.02).abs() < 2e-3);
         assert_ne!(moved.digest(), ready.digest());

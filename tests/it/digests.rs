@@ -6,7 +6,7 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
@@ -98,7 +98,8 @@ fn fixed_plan() -> Plan {
 }
 
 fn digest(plan: &Plan, options: &SimOptions) -> String {
-    fly(plan, options, 7, &mut |_| {}).map_or_else(|e| e.to_string(), |flight| flight.sha256())
+    fly(plan, &Drone::new(options, 7), &mut |_| {})
+        .map_or_else(|e| e.to_string(), |flight| flight.sha256())
 }
 
 #[test]

@@ -9,11 +9,11 @@
 
 use std::path::{Path, PathBuf};
 
-use noctograph::expose::{BackendChoice, ExposeOptions, expose};
-use noctograph::photo::{Noise, Photo, develop, flip};
+use noctograph::expose::BackendChoice;
+use noctograph::photo::{Noise, Photo, flip};
 use noctograph::report::{Label, labelled};
 use noctograph::scene::Scene;
-use noctograph::{letters, light, plan, sim};
+use noctograph::shoot::{Judging, Shoot};
 
 use crate::compare::{compare, leave_page};
 
@@ -45,15 +45,13 @@ pub(crate) fn assert_golden(file: &str, found: &str) {
 }
 
 /// The photo of a scene, exposed on the CPU: the other backends leave the same film.
-fn photograph(scene: &Scene) -> Photo {
-    let strokes = letters::write(&scene.word, &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
-    develop(&film, &camera, &scene.photo, scene.seed).unwrap()
+fn photograph(mut scene: Scene) -> Photo {
+    scene.expose.backend = BackendChoice::Cpu;
+    let mut shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    // The plan ends some milliseconds after the last sample of its flight.
+    let end_s = shoot.plans[0].plan.duration_s();
+    shoot.scene.camera.shutter_close_s.get_or_insert(end_s);
+    shoot.take(&|_, _| {}).unwrap().photo
 }
 
 /// The default scene's NOOR at a size.
@@ -61,7 +59,7 @@ fn noor([width_px, height_px]: [u32; 2], noise: Noise) -> Photo {
     let mut scene = Scene { word: "NOOR".into(), ..Scene::default() };
     scene.photo.noise = noise;
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
-    photograph(&scene)
+    photograph(scene)
 }
 
 #[test]
@@ -120,5 +118,5 @@ fn the_labelled_picture_looks_like_the_render_of_its_scene() {
         label("5 lit tail before the N", [20.0, 300.0], [293.0, 262.0]),
         label("6 take-off blob, glow of the ring on the floor", [560.0, 400.0], [487.0, 359.0]),
     ];
-    assert_illustration("phenomena.png", &labelled(&photograph(&scene), &labels));
+    assert_illustration("phenomena.png", &labelled(&photograph(scene), &labels));
 }

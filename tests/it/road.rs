@@ -2,35 +2,24 @@
 
 use std::ops::RangeInclusive;
 
-use noctograph::camera::Camera;
-use noctograph::expose::{BackendChoice, ExposeOptions, Film, expose};
+use noctograph::expose::{BackendChoice, Film};
 use noctograph::light::RingEffect;
-use noctograph::photo::develop;
+use noctograph::plan::PlanOptions;
 use noctograph::scene::Scene;
-use noctograph::{letters, light, plan, score, sim};
+use noctograph::score::{self, Verdict};
+use noctograph::shoot::{Judging, Shoot, Shot};
 
 use crate::gpu_required;
 
-/// A word on film, with the camera that took it.
-struct Taken {
-    film: Film,
-    camera: Camera,
-    verdict: score::Verdict,
-}
+/// The photo of a word, read.
+struct Taken(Shot);
 
 fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
+    scene.expose.backend = backend;
     change(&mut scene);
-    let strokes = letters::write(word, &scene.letters).unwrap();
-    let plan = plan::plan(&strokes, &scene.plan).unwrap();
-    let flight = sim::fly(&plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
-    let camera = scene.camera.camera(strokes.bounds_m(), plan.duration_s()).unwrap();
-    let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-    let options = ExposeOptions { backend, ..scene.expose };
-    let film = expose(&trace, &camera, &options).unwrap().film;
-    let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
-    let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
-    Taken { film, camera, verdict }
+    let shoot = Shoot { judging: Judging::Scored, ..Shoot::new(scene).unwrap() };
+    Taken(shoot.take(&|_, _| {}).unwrap())
 }
 
 fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
@@ -38,20 +27,28 @@ fn on_cpu(word: &str, change: impl FnOnce(&mut Scene)) -> Taken {
 }
 
 impl Taken {
+    fn film(&self) -> &Film {
+        &self.0.exposure.film
+    }
+
+    fn verdict(self) -> Verdict {
+        self.0.verdict.unwrap()
+    }
+
     /// Saturated pixels in a box of the word's plane: their count and mean x, in metres. In green
     /// only the headlights saturate.
     fn lit(&self, x_m: RangeInclusive<f64>, z_m: RangeInclusive<f64>) -> (usize, f64) {
-        let width = self.film.width_px as usize;
-        let saturation_lx_s = self.camera.saturation_lx_s();
+        let width = self.film().width_px as usize;
+        let saturation_lx_s = self.0.camera.saturation_lx_s();
         let at = |x: f64, z: f64| {
-            self.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap()
+            self.0.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap()
         };
         let m_per_px = 1.0 / (at(1.0, 0.0).x_px - at(0.0, 0.0).x_px);
         let (origin, mut n, mut sum_m) = (at(0.0, 0.0), 0, 0.0);
-        for index in 0..width * self.film.height_px as usize {
+        for index in 0..width * self.film().height_px as usize {
             let x = ((index % width) as f64 + 0.5 - origin.x_px) * m_per_px;
             let z = (origin.y_px - (index / width) as f64 - 0.5) * m_per_px;
-            let lit = || self.film.exposure_lx_s(1, index) > saturation_lx_s;
+            let lit = || self.film().exposure_lx_s(1, index) > saturation_lx_s;
             if x_m.contains(&x) && z_m.contains(&z) && lit() {
                 n += 1;
                 sum_m += x;
@@ -90,13 +87,14 @@ fn a_dark_flight_reads_as_nothing() {
         fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
     };
     // Hot photosites shine, but they are too few to be ink.
-    let hot = on_cpu("NOOR", dark).verdict;
-    assert!(!hot.legible && hot.read == "????" && hot.probability == 0.0, "{hot:?}");
+    let hot = on_cpu("NOOR", dark).verdict();
+    assert!(!hot.legible && hot.read == "????" && hot.readability == 0.0, "{hot:?}");
     let cold = on_cpu("NOOR", |scene| {
         dark(scene);
         scene.photo.hot_pixel_frac = 0.0;
-    });
-    assert!(!cold.verdict.legible && cold.verdict.read == "????", "{:?}", cold.verdict);
+    })
+    .verdict();
+    assert!(!cold.legible && cold.read == "????", "{:?}", cold);
 }
 
 #[test]
@@ -105,14 +103,14 @@ fn clean_previews_of_the_teams_letters_read() {
     // ring is turned off: with its spinner above the camera, FED reads as PED. I stands first: with the way from
     // another letter to it, it is as near to J.
     for word in ["NOOR", "CAB", "FED", "IGH", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
-        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict;
+        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict();
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
 }
 
 #[test]
 fn noor_reads_through_all_the_light_that_the_team_left_on() {
-    let verdict = on_cpu("NOOR", |_| {}).verdict;
+    let verdict = on_cpu("NOOR", |_| {}).verdict();
     assert!(verdict.legible && verdict.read == "NOOR", "{verdict:#?}");
 }
 
@@ -125,15 +123,15 @@ fn the_light_of_the_board_shows_the_way_between_letters() {
             scene.light.led_bitmask = led_bitmask;
             scene.expose.floor_albedo = 0.0;
         });
-        let at = |x, z| taken.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();
+        let at = |x, z| taken.0.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();
         let (from, to) = (at(-0.45, 0.35), at(-0.1, 0.0));
-        let width = taken.film.width_px as usize;
-        let inside = (0..width * taken.film.height_px as usize).filter(|index| {
+        let width = taken.film().width_px as usize;
+        let inside = (0..width * taken.film().height_px as usize).filter(|index| {
             let (x, y) = ((index % width) as f64, (index / width) as f64);
             (from.x_px..to.x_px).contains(&x) && (from.y_px..to.y_px).contains(&y)
         });
         let inside: Vec<usize> = inside.collect();
-        let sum = |channel| inside.iter().map(|&i| taken.film.exposure_lx_s(channel, i)).sum();
+        let sum = |channel| inside.iter().map(|&i| taken.film().exposure_lx_s(channel, i)).sum();
         [sum(0), sum(1), sum(2)]
     };
     let [red, green, blue]: [f64; 3] = light_lx_s(0);
@@ -146,7 +144,7 @@ fn both_backends_take_the_same_photo() {
     let by_cpu = on_cpu("LOG", |_| {});
     let device = if gpu_required() { BackendChoice::Wgpu } else { BackendChoice::Auto };
     let by_device = take("LOG", |_| {}, device);
-    assert!(by_cpu.film == by_device.film, "the films differ");
+    assert!(by_cpu.film() == by_device.film(), "the films differ");
 }
 
 const WORDS: &str = "NOOR HELLO LIGHT WORLD DRONE PAINT NIGHT HOUSE MOUSE QUIZ JUMP FLOCK BOX DRAWN GHOST VERY \
@@ -157,25 +155,18 @@ const WORDS: &str = "NOOR HELLO LIGHT WORLD DRONE PAINT NIGHT HOUSE MOUSE QUIZ J
 const FONTS: [&str; 3] =
     ["ae483-fixed", "simplex", concat!(env!("CARGO_MANIFEST_DIR"), "/fonts/Roboto-Thin.ttf")];
 
-/// Flies words in the even way and reads them: each word's probability, and what is read without
-/// being told.
+/// Previews words in style even: each word's probability, and what blind recognition reads.
 fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
     let one = |word: &&str| {
-        let mut scene = Scene { word: (*word).to_owned(), ..Scene::default() };
-        scene.letters.font = font.to_owned();
-        scene.plan = plan::PlanOptions::even();
-        (scene.camera.width_px, scene.camera.height_px) = (640, 360);
-        let strokes = letters::write(word, &scene.letters).unwrap();
-        let planned = scene.plans(&strokes).unwrap().remove(0);
-        let flight = sim::fly(&planned.plan, &scene.sim(), scene.seed, &mut |_| {}).unwrap();
-        let camera = scene.camera.camera(strokes.bounds_m(), planned.plan.duration_s()).unwrap();
-        let trace = light::light(&flight, &scene.light, scene.seed, 0).unwrap();
-        let options = ExposeOptions { backend: BackendChoice::Cpu, ..scene.expose };
-        let film = expose(&trace, &camera, &options).unwrap().film;
-        let photo = develop(&film, &camera, &scene.photo, scene.seed).unwrap();
-        let verdict = score::score(&photo, &strokes, &camera, &scene.score).unwrap();
+        let change = |scene: &mut Scene| {
+            font.clone_into(&mut scene.letters.font);
+            scene.plan = PlanOptions::even();
+            (scene.camera.width_px, scene.camera.height_px) = (640, 360);
+        };
+        let Taken(shot) = on_cpu(word, change);
+        let verdict = shot.verdict.unwrap();
         assert_eq!(verdict.read, *word, "{font}: {verdict:#?}");
-        ((*word).to_owned(), verdict.probability, score::read(&photo).unwrap().text)
+        ((*word).to_owned(), verdict.readability, score::read(&shot.photo).unwrap().text)
     };
     words.iter().map(one).collect()
 }

@@ -11,7 +11,7 @@ use noctograph::flight::Flight;
 use noctograph::flight::comparison::{Alignment, ComparisonOptions, compare};
 use noctograph::flight::tracking::{Part, track};
 use noctograph::logs::ImportOptions;
-use noctograph::sim::{Gusts, SensorOptions, SimOptions};
+use noctograph::sim::{Drone, Gusts, SensorOptions, SimOptions, fly};
 use predicates::prelude::*;
 use serde_json::Value;
 
@@ -132,7 +132,7 @@ fn flown_again(options: &SimOptions, seed: u64) -> (Flight, Flight) {
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&team_file("noor_flight.json"), &bridged).unwrap();
     let replay = noctograph::plan::replay(&real).unwrap();
-    let flown = noctograph::sim::fly(&replay.plan, options, seed, &mut |_| {}).unwrap();
+    let flown = fly(&replay.plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
     (flown, real)
 }
 

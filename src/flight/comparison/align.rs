@@ -1,23 +1,21 @@
-//! Sets the clock of one flight to that of another by their designs.
+//! Alignment of two clocks by the designs of their flights.
 
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::flight::tracking::{DesignPath, least};
+use crate::flight::tracking::{DesignPath, minimize};
 
-/// The designs are compared at this distance in time: the shortest time between two setpoints that
-/// anybody sends over the radio.
+/// Step in time of the comparison: the shortest interval of setpoints in use over the radio.
 const STEP_S: f64 = 0.02;
-/// The designs' first moves may be this far apart after alignment: lost packets and other waits on
-/// the floor.
+/// Largest distance of the designs' first moves after alignment: lost packets, waits on the floor.
 const REACH_S: f64 = 3.0;
 /// Designs that agree to this (m², per axis and instant) at equal clocks have equal clocks: the
 /// files' grid is 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
-/// What to add to B's times so that its design agrees best with A's.
+/// Time to add to B's stamps so that its design agrees best with A's.
 ///
-/// The first moves of the designs are set together, and the shift around it with the least mean
-/// square difference is taken. Two clocks that agree already are left alone.
+/// The search starts where the first moves of the designs coincide, and minimizes the mean square
+/// difference. Clocks that agree already are left alone.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
     let cost = |offset_s: f64| mean_square_difference_m2(&a, &b, offset_s);
@@ -26,17 +24,17 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     }
     let start_s = |path: &DesignPath| path.first_move_s().unwrap_or(path.span_s()[0]);
     let about_s = start_s(&a) - start_s(&b);
-    Ok(least([about_s - REACH_S, about_s + REACH_S], cost, cost))
+    Ok(minimize([about_s - REACH_S, about_s + REACH_S], cost, cost))
 }
 
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
-    DesignPath::of(flight).ok_or_else(|| {
-        let hint = "tell with --offset what to add to the clock of B; 0 leaves it as it is";
+    DesignPath::new(flight).ok_or_else(|| {
+        let hint = "state the offset of B's clock; 0 leaves it as it is";
         Error::input(name, "no design position", "one to set the clocks by", hint)
     })
 }
 
-/// Over the time that either design covers; each stands still before and after its own.
+/// Over the time that either design covers; each is held before its start and after its end.
 fn mean_square_difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));

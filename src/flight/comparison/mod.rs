@@ -1,14 +1,14 @@
-//! Comparison: how far apart two flights are, sampled on clocks of their own.
+//! Comparison: differences between two flights, each sampled on its own clock.
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs agree (or as told), and B is read at the times
-//! of A's samples, on the straight line between two of its samples. Where these are further apart
-//! than [`ComparisonOptions::max_gap_s`], as where packets were lost, nothing is known of B, and A's
-//! sample is left out; so is one outside the stated part of either flight.
+//! Method: B's clock is shifted so that both designs agree, or by a given time, and B is interpolated
+//! linearly at the times of A's samples. Samples of A are left out where B's neighbors are further
+//! apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the compared part
+//! of either flight.
 //!
-//! Not done: clocks that run at different speeds, and frames that differ; both are turned where a
-//! log is imported.
+//! Not done: clocks of different rates and different frames; both are converted where a log is
+//! imported.
 
 use nalgebra::Vector3;
 
@@ -21,16 +21,16 @@ mod align;
 #[cfg(test)]
 mod tests;
 
-/// How two flights are compared.
+/// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonOptions {
-    /// Part of both flights that is compared.
+    /// Compared part of both flights.
     pub part: Part,
-    /// How B's clock is set to A's.
+    /// Alignment of B's clock to A's.
     pub alignment: Alignment,
-    /// Longest time between two samples of B across which B is taken to move straight on. A
-    /// Crazyflie's log has a sample every 10 to 30 ms; longer hides the wobble of 1 to 4 Hz,
-    /// much shorter throws away samples that are known well.
+    /// Longest gap between two samples of B that is interpolated. A Crazyflie's log has a sample
+    /// every 10 to 30 ms; a longer limit hides oscillations of 1 to 4 Hz, a much shorter one discards
+    /// good samples.
     pub max_gap_s: f64,
 }
 
@@ -40,24 +40,24 @@ impl Default for ComparisonOptions {
     }
 }
 
-/// How the clock of flight B is set to that of flight A.
+/// Alignment of the clock of flight B to that of flight A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alignment {
-    /// So that the designs agree best. Where one design is held between setpoints and the other is
-    /// not, that is off by half the time between two setpoints.
+    /// Best agreement of the designs. Where one design is held between setpoints and the other is
+    /// not, it is off by half the time between two setpoints.
     Design,
-    /// This is added to B's times.
+    /// Seconds added to B's times.
     Offset(f64),
 }
 
-/// How far apart two flights are; errors are A minus B, in the world frame.
+/// Differences between two flights, A minus B, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
-    /// What the figures cover.
+    /// Part of the flights that the figures cover.
     pub part: Part,
-    /// What was added to B's times.
+    /// Time added to B's stamps.
     pub offset_s: f64,
-    /// Samples of A that were compared.
+    /// Number of compared samples of A.
     pub n_samples: usize,
     /// First and last of them, on A's clock.
     pub span_s: [f64; 2],
@@ -65,9 +65,9 @@ pub struct Comparison {
     pub rmse_m: Vector3<f64>,
     /// Mean of the position per axis.
     pub mean_m: Vector3<f64>,
-    /// Greatest distance in position.
+    /// Maximum distance in position.
     pub max_m: f64,
-    /// Root mean square of the attitude; `None` where a flight does not tell it.
+    /// Root mean square of the attitude; `None` where a flight has none.
     pub attitude_rmse: Option<Attitude>,
 }
 
@@ -76,7 +76,7 @@ pub struct Comparison {
 /// # Errors
 ///
 /// [`Error::Input`] for an option out of range; where a flight has no sample in the part; where
-/// designs shall be aligned and one flight has none; and where the flights have no time in common.
+/// designs are aligned and a flight has none; and where the flights have no time in common.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
     let offset_s = match options.alignment {
@@ -95,7 +95,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let span =
             |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
         let found = format!("A at {}, B at {}", span(&samples_a), span(&samples_b));
-        let hint = "shift B's clock with --offset, or name two flights of the same plan";
+        let hint = "shift B's clock, or compare two flights of the same plan";
         return Err(Error::input("flights A and B", found, "a time that both cover", hint));
     };
     let apart = || pairs.iter().map(|[a, b]| a.position_m - b.position_m);
@@ -103,7 +103,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
         apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
     });
-    let told = [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Attitude));
+    let logged = [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Attitude));
     Ok(Comparison {
         part: options.part,
         offset_s,
@@ -112,11 +112,11 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         rmse_m: rms(apart()),
         mean_m: mean(apart()),
         max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
-        attitude_rmse: told.then(|| attitude(rms(turned))),
+        attitude_rmse: logged.then(|| attitude(rms(turned))),
     })
 }
 
-/// Each sample of A with B at the same time, where B is known.
+/// Each sample of A with B at the same time, without those where B is unknown.
 fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
     let mut next = 0;
     let mut pairs = Vec::with_capacity(a.len());
@@ -133,8 +133,8 @@ fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightS
     pairs
 }
 
-/// A flight between two samples that follow each other; `None` where they do not enclose the time
-/// or lie too far apart.
+/// Interpolates between two consecutive samples; `None` where they do not enclose the time or are
+/// too far apart.
 fn between(
     before: &FlightSample,
     after: &FlightSample,

@@ -1,4 +1,4 @@
-//! Two flights whose difference is known.
+//! Flights with a known difference.
 
 use super::*;
 use crate::flight::tracking::constructed::{flight, square, still};
@@ -40,7 +40,7 @@ fn equal_clocks_are_left_alone() {
 }
 
 #[test]
-fn nothing_is_made_up_across_a_gap() {
+fn gaps_are_not_interpolated() {
     let (a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.01));
     let whole = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(whole.n_samples, 1201);
@@ -50,7 +50,7 @@ fn nothing_is_made_up_across_a_gap() {
     let gapped = compare(&a, &b, &options).unwrap();
     assert_eq!((gapped.n_samples, gapped.max_m), (1201 - 69, 0.0), "the gap is left out");
     let trusting = ComparisonOptions { max_gap_s: 1.0, ..options };
-    assert_eq!(compare(&a, &b, &trusting).unwrap().n_samples, 1201, "unless it is trusted");
+    assert_eq!(compare(&a, &b, &trusting).unwrap().n_samples, 1201, "up to the limit");
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn attitude_is_compared_the_short_way_round() {
     near(turned.yaw_rad, std::f64::consts::TAU - 6.2, 1e-9, "yaw");
     b.unlogged = [Quantity::Attitude].into();
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
-    assert_eq!(comparison.attitude_rmse, None, "what is not logged");
+    assert_eq!(comparison.attitude_rmse, None, "not logged");
 }
 
 #[test]
@@ -83,17 +83,7 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     assert!(refused(&a, &a, Alignment::Offset(f64::NAN)).contains("offset_s"));
     let apart = refused(&a, &a, Alignment::Offset(50.0));
     assert!(apart.contains("A at 0.00 … 12.00 s, B at 50.00 … 62.00 s"), "{apart}");
-    assert!(
-        compare(
-            &undesigned,
-            &a,
-            &ComparisonOptions {
-                alignment: Alignment::Offset(0.0),
-                part: Part::All,
-                ..Default::default()
-            }
-        )
-        .is_ok(),
-        "a design is needed for the clocks alone"
-    );
+    let alignment = Alignment::Offset(0.0);
+    let options = ComparisonOptions { alignment, part: Part::All, ..Default::default() };
+    assert!(compare(&undesigned, &a, &options).is_ok(), "a design is needed for the clocks alone");
 }

@@ -1,9 +1,8 @@
-//! Flights made from formulas, whose figures are known.
+//! Flights from formulas, for tests.
 
 use nalgebra::Vector3;
 
 use crate::flight::{Flight, FlightSample};
-use crate::geometry::Attitude;
 
 /// A flight whose position and design are functions of time, sampled every `step_s` from 0 to
 /// `end_s`, with all motors carrying and the estimate at the position.
@@ -21,19 +20,17 @@ pub(crate) fn flight(
         FlightSample {
             time_s,
             position_m: position_m(time_s),
-            attitude: Attitude::default(),
-            velocity_body_m_s: Vector3::zeros(),
-            rate_body_rad_s: Vector3::zeros(),
             estimate_m: position_m(time_s),
             design_m: design_m(time_s),
             motors: [44_000.0; 4],
             letter: Some(0),
+            ..FlightSample::default()
         }
     });
     Flight { samples: samples.collect(), ..Flight::default() }
 }
 
-/// Nowhere and nothing.
+/// The origin at all times.
 pub(crate) fn still(_time_s: f64) -> Vector3<f64> {
     Vector3::zeros()
 }

@@ -1,4 +1,4 @@
-//! How far a flight trails its design in time.
+//! Lag of a flight behind its design.
 
 use nalgebra::Vector3;
 
@@ -8,15 +8,15 @@ use crate::flight::FlightSample;
 /// Step of the search over a range of shifts. A letter's strokes last a second and more, so that
 /// the error falls and rises once within a step.
 const STEP_S: f64 = 0.02;
-/// The found shift is this sharp: at 0.2 m/s, 0.2 µm of path.
+/// Resolution of the shift: at 0.2 m/s, 0.2 µm of path.
 const RESOLUTION_S: f64 = 1e-6;
-/// Samples that the first search looks at, spread over the flight; the refinement looks at all.
+/// Most samples of the first search, spread over the flight; the refinement takes all.
 const COARSE_SAMPLES: usize = 2000;
 
 /// The shift of the design within `range_s` that brings it closest to the flown positions: the
 /// shifted design at time t is the design at t − shift.
 ///
-/// Where several are as good, as with a design that stands still, the smallest is taken.
+/// Of several that are as good, as with a design that does not move, the smallest.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -29,11 +29,11 @@ pub(super) fn best_shift_s(
     };
     let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
     let coarse = |shift_s: f64| cost(&mut samples.iter().step_by(stride), shift_s);
-    least(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
+    minimize(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
 }
 
-/// Where a function is least within a range: a grid by `coarse`, then a golden section by `fine`.
-pub(crate) fn least(
+/// Minimizes a function over a range: a grid search by `coarse`, then a golden section by `fine`.
+pub(crate) fn minimize(
     [low, high]: [f64; 2],
     mut coarse: impl FnMut(f64) -> f64,
     mut fine: impl FnMut(f64) -> f64,

@@ -1,14 +1,14 @@
-//! Tracking: how well a flight keeps to its design.
+//! Tracking: errors of a flight against its design.
 //!
 //! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
 //!
-//! Method: the error at an instant mixes two things, being late and being beside the path. The lag
-//! is the shift of the design in time that brings it closest to the flight in the word's plane
-//! (x-z); what remains after it, and the distance to the path itself, is what a photograph shows.
-//! That distance (contour error) is to the stretch of path around the shifted time alone, and never
-//! to path not yet sent, so that another stroke that crosses here flatters nobody.
+//! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of the
+//! design in time that brings it closest to the flight in the word's plane (x-z). The error after
+//! that shift, and the distance to the path, are visible in a photograph. That distance (contour
+//! error) is measured to the part of the path around the shifted time, and never to parts not yet
+//! sent, so that another stroke that crosses there does not reduce it.
 //!
-//! Every sample counts the same: a log whose rate varies is resampled when it is imported.
+//! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
 //! Sources: RMSE as in Table 1 of the reference flight; lag, RMSE after lag and cross-track error
 //! as measured on it and on `NanoBench` (arXiv 2603.09908).
@@ -21,36 +21,32 @@ use crate::geometry::Attitude;
 
 #[cfg(test)]
 pub(crate) mod constructed;
-mod errors;
 mod lag;
 mod part;
 mod path;
 #[cfg(test)]
 mod tests;
 
-pub use errors::{mean_error_m, mean_error_over_m, rmse_m, rmse_over_m};
 pub use part::Part;
 
-use errors::errors;
-pub(super) use errors::{mean, rms};
-pub(super) use lag::least;
+pub(super) use lag::minimize;
 pub(super) use path::DesignPath;
 
-/// Longest lag that is looked for. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
+/// Longest lag in the search. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
 pub const MAX_LAG_S: f64 = 1.5;
 
-/// The contour error looks at the design this long before and after the lag-shifted time. Too short
-/// counts lateness at a corner as distance, too long finds a neighbouring stroke: at 0.2 m/s it is
-/// 0.1 m of path either way, the gap between two letters.
-pub const CONTOUR_WINDOW_S: f64 = 0.5;
+/// The contour error is measured to the design from this long before to this long after the
+/// lag-shifted time. A shorter window counts lag at a corner as distance, a longer one finds a
+/// neighboring stroke: at 0.2 m/s it is 0.1 m of path either way, the gap between two letters.
+const CONTOUR_WINDOW_S: f64 = 0.5;
 
 /// The safety corridor for visitors: y within plus or minus this.
 pub const CORRIDOR_M: f64 = 0.2;
 
-/// How well a flight keeps to its design; errors are flown minus design, in the world frame.
+/// Tracking errors, flown minus design, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
-    /// What the figures cover.
+    /// Part of the flight that the figures cover.
     pub part: Part,
     /// Samples in that part.
     pub n_samples: usize,
@@ -67,12 +63,11 @@ pub struct Tracking {
     pub rmse_after_lag_m: Vector3<f64>,
     /// Distance in the x-z plane from the flown position to the path of the design.
     pub contour: ContourError,
-    /// Root mean square of `estimate − position` per axis; `None` where the flight tells no
-    /// estimate.
+    /// Root mean square of `estimate − position` per axis; `None` where no estimate is logged.
     pub observer_rmse_m: Option<Vector3<f64>>,
-    /// How far the flight leaves the word's plane.
+    /// Departure from the word's plane.
     pub drift: Drift,
-    /// How the drone is tilted and turned; `None` where the flight does not tell.
+    /// Attitude over the flight; `None` where it is not logged.
     pub attitude: Option<AttitudeSpread>,
 }
 
@@ -83,20 +78,20 @@ pub struct ContourError {
     pub mean_m: f64,
     /// Root mean square.
     pub rms_m: f64,
-    /// 95 % of the samples are at most this far away.
+    /// 95th percentile.
     pub p95_m: f64,
-    /// The farthest sample.
+    /// Maximum.
     pub max_m: f64,
 }
 
-/// Where the drone is in depth.
+/// Position across the word's plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
-    /// Least y.
+    /// Minimum.
     pub min_y_m: f64,
-    /// Greatest y.
+    /// Maximum.
     pub max_y_m: f64,
-    /// Share of the samples within ±[`CORRIDOR_M`], 0 to 1.
+    /// Fraction of the samples within ±[`CORRIDOR_M`].
     pub in_corridor_frac: f64,
 }
 
@@ -107,7 +102,7 @@ pub struct AttitudeSpread {
     pub mean: Attitude,
     /// Standard deviation.
     pub sigma: Attitude,
-    /// Greatest size, to either side of zero.
+    /// Maximum of the absolute value.
     pub max: Attitude,
 }
 
@@ -125,33 +120,35 @@ impl Tracking {
     }
 }
 
-/// Measures how well a flight keeps to its design over a part of it.
+/// Measures the tracking errors over a part of a flight.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] where the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let samples = part.samples(flight)?;
-    let told = |quantity| !flight.unlogged.contains(&quantity);
-    let design = DesignPath::of(flight).ok_or_else(|| {
-        let hint = "import a log that holds setpoints, or compare the flight with another one";
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let design = DesignPath::new(flight).ok_or_else(|| {
+        let hint = "import a log with setpoints, or compare the flight with another one";
         Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
     })?;
     let lag_s = lag::best_shift_s(&samples, &design, [0.0, MAX_LAG_S]);
+    let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
     let mut walk = design.walk();
     let late = samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s));
     Ok(Tracking {
         part,
         n_samples: samples.len(),
         span_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
-        rmse_m: rms(errors(&samples)),
-        mean_error_m: mean(errors(&samples)),
+        rmse_m: rms(errors()),
+        mean_error_m: mean(errors()),
         lag_s,
         rmse_after_lag_m: rms(late),
         contour: contour(&samples, &design, lag_s),
-        observer_rmse_m: told(Quantity::Estimate).then(|| observer_rmse_m(&samples)),
+        observer_rmse_m: logged(Quantity::Estimate)
+            .then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))),
         drift: drift(&samples),
-        attitude: told(Quantity::Attitude).then(|| attitude_spread(&samples)),
+        attitude: logged(Quantity::Attitude).then(|| attitude_spread(&samples)),
     })
 }
 
@@ -177,10 +174,6 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     }
 }
 
-fn observer_rmse_m(samples: &[FlightSample]) -> Vector3<f64> {
-    rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))
-}
-
 fn drift(samples: &[FlightSample]) -> Drift {
     let y_m = || samples.iter().map(|sample| sample.position_m.y);
     Drift {
@@ -200,6 +193,17 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
         sigma: attitude(rms(angles().map(|a| a - mean))),
         max: attitude(largest),
     }
+}
+
+/// Root mean square of each component; zero of nothing.
+pub(super) fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
+}
+
+/// Mean; zero of nothing.
+pub(super) fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
+    sum / count(n.max(1))
 }
 
 /// Yaw, pitch and roll as a vector.

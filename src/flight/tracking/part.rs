@@ -1,36 +1,27 @@
-//! The part of a flight that a figure speaks of.
+//! Parts of a flight: letters, in the air, all.
 
 use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
+use crate::settings::settings;
 
-/// Part of a flight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Part {
-    /// Samples that write letters.
-    Letters,
-    /// From take-off to landing, as [`airborne`] finds them: what the figures of the reference
-    /// flight cover.
-    #[default]
-    Airborne,
-    /// Every sample, the floor included.
-    All,
+settings! {
+    /// Part of a flight.
+    pub enum Part {
+        /// From take-off to landing.
+        ///
+        /// As [`airborne`] finds them: the part of the reference flight's figures.
+        "airborne" => Airborne,
+        /// Samples that write letters.
+        "letters" => Letters,
+        /// Every sample, the floor included.
+        "all" => All,
+    }
 }
 
 impl Part {
-    /// Its name on the command line and in JSON.
+    /// The letters of a flight, or its time in the air where it writes none.
     #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Letters => "letters",
-            Self::Airborne => "airborne",
-            Self::All => "all",
-        }
-    }
-
-    /// The part that says most about a flight: its letters, or its time in the air where it writes
-    /// none.
-    #[must_use]
-    pub fn of(flight: &Flight) -> Self {
+    pub fn from_flight(flight: &Flight) -> Self {
         let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
         if writes { Self::Letters } else { Self::Airborne }
     }
@@ -46,22 +37,22 @@ impl Part {
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
         let all = flight.samples.iter().copied();
-        let samples: Vec<FlightSample> = match self {
-            Self::All => all.collect(),
-            Self::Letters => all.filter(|sample| sample.letter.is_some()).collect(),
+        let (samples, found, hint): (Vec<FlightSample>, _, _) = match self {
+            Self::All => (all.collect(), "no sample", "name a file that holds a flight"),
+            Self::Letters => {
+                let letters = all.filter(|sample| sample.letter.is_some()).collect();
+                (letters, "no sample that writes a letter", "compare the airborne part instead")
+            }
             Self::Airborne => {
-                let air = airborne(flight);
-                air.map_or(Vec::new(), |air| flight.samples[air].to_vec())
+                let air = airborne(flight).unwrap_or_default();
+                (
+                    flight.samples[air].to_vec(),
+                    "no sample in the air",
+                    "compare all samples instead",
+                )
             }
         };
         if samples.is_empty() {
-            let (found, hint) = match self {
-                Self::All => ("no sample", "name a file that holds a flight"),
-                Self::Letters => {
-                    ("no sample that writes a letter", "take the time in the air: --part airborne")
-                }
-                Self::Airborne => ("no sample in the air", "take the whole flight: --part all"),
-            };
             return Err(Error::input("flight", found, "at least one", hint));
         }
         Ok(samples)

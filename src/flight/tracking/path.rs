@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 
 use crate::flight::Flight;
 
-/// How far a left-out sample may lie from its leg, per axis: twice the grid of the flight's file,
-/// so that a straight stroke is one leg.
+/// Largest distance of a left-out sample from its leg, per axis: twice the grid of the flight's
+/// file, so that a straight stroke is one leg.
 const TOLERANCE_M: f64 = 2e-6;
 
-/// Where the design is at any time. Before the first and after the last sample it stands still.
+/// Position of the design over time. Before the first and after the last sample it does not move.
 #[derive(Clone, Debug)]
 pub(crate) struct DesignPath {
     corners: Vec<Corner>,
@@ -21,15 +21,15 @@ struct Corner {
 }
 
 impl DesignPath {
-    /// The design of a flight; `None` where the flight has no samples, or a design that is zero
-    /// throughout, which is how a log without setpoints reads.
-    pub(crate) fn of(flight: &Flight) -> Option<Self> {
-        let told = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
+    /// The design of a flight; `None` where the flight has no samples, or a design of zeros
+    /// throughout, as a log without setpoints has.
+    pub(crate) fn new(flight: &Flight) -> Option<Self> {
+        let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
         let corners = flight
             .samples
             .iter()
             .map(|sample| Corner { time_s: sample.time_s, at_m: sample.design_m });
-        told.then(|| Self { corners: without_even_corners(corners) })
+        designed.then(|| Self { corners: without_even_corners(corners) })
     }
 
     /// The stretch of time that the design covers.
@@ -37,7 +37,7 @@ impl DesignPath {
         [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
     }
 
-    /// When the design first leaves the place where it began; `None` where it never does.
+    /// When the design first moves; `None` where it never does.
     pub(crate) fn first_move_s(&self) -> Option<f64> {
         let away = |corner: &Corner| corner.at_m != self.corners[0].at_m;
         let next = self.corners.iter().position(away)?;
@@ -58,13 +58,13 @@ pub(crate) struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Where the design is at `time_s`.
+    /// Position of the design at `time_s`.
     pub(crate) fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
         self.go_to(time_s);
         self.path.on_leg(self.leg, time_s)
     }
 
-    /// Distance in the x-z plane from a point to what the design draws from one time to another.
+    /// Distance in the x-z plane from a point to the path of the design between two times.
     pub(crate) fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let mut from_m = self.at_m(from_s);
         let mut nearest_m = f64::INFINITY;
@@ -89,7 +89,7 @@ impl Walk<'_> {
 }
 
 impl DesignPath {
-    /// Where the leg that begins at corner `leg` is at `time_s`, standing still outside it.
+    /// Position on the leg that begins at corner `leg`, held before its start and after its end.
     fn on_leg(&self, leg: usize, time_s: f64) -> Vector3<f64> {
         let start = self.corners[leg];
         let Some(end) = self.corners.get(leg + 1) else { return start.at_m };
@@ -151,7 +151,7 @@ mod tests {
             t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
             _ => Vector3::new(0.2, 0.0, 0.6),
         };
-        let path = DesignPath::of(&flight(0.01, 2.0, design, design)).unwrap();
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
         let times_s: Vec<f64> = path.corners.iter().map(|corner| corner.time_s).collect();
         assert_eq!(times_s, [0.0, 1.0, 1.01, 2.0]);
         let mut walk = path.walk();
@@ -160,14 +160,14 @@ mod tests {
             let expected = if t <= 1.0 { design(t) } else { walk.at_m(t) };
             assert!((walk.at_m(t) - expected).norm() < 1e-12, "at {t} s");
         }
-        assert_eq!(walk.at_m(9.0), Vector3::new(0.2, 0.0, 0.6), "stands still after its end");
+        assert_eq!(walk.at_m(9.0), Vector3::new(0.2, 0.0, 0.6), "held after its end");
     }
 
     #[test]
     fn distance_is_to_the_named_stretch_alone() {
         // Right at z = 0.5 for a second, up for a second.
         let design = |t: f64| Vector3::new(t.min(1.0), 0.0, 0.5 + (t - 1.0).max(0.0));
-        let path = DesignPath::of(&flight(0.01, 2.0, design, design)).unwrap();
+        let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
         let point = Vector3::new(0.9, 7.0, 1.0);
         let near = |span| path.walk().distance_m(point, span);
         assert!((near([0.0, 2.0]) - 0.1).abs() < 1e-9, "to the upright: {}", near([0.0, 2.0]));
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_design_of_zeros_is_none() {
-        assert!(DesignPath::of(&flight(0.01, 1.0, |_| Vector3::x(), still)).is_none());
-        assert!(DesignPath::of(&Flight::default()).is_none());
+        assert!(DesignPath::new(&flight(0.01, 1.0, |_| Vector3::x(), still)).is_none());
+        assert!(DesignPath::new(&Flight::default()).is_none());
     }
 }

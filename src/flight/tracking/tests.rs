@@ -1,4 +1,4 @@
-//! Figures of flights whose answers are known.
+//! Flights with known errors.
 
 use std::f64::consts::TAU;
 
@@ -57,7 +57,7 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
 }
 
 #[test]
-fn a_crossing_stroke_flatters_nobody() {
+fn a_crossing_stroke_does_not_reduce_the_contour_error() {
     // Right along z = 0.5, later back along z = 0.55: a drone 0.05 m too high on its way right lies
     // on the later stroke, and one 0.05 m too low on its way back on the earlier one.
     let design = |t: f64| match t {
@@ -75,11 +75,11 @@ fn a_crossing_stroke_flatters_nobody() {
         sample.letter = straight.then_some(0);
     }
     let tracking = track(&flown, Part::Letters).unwrap();
-    near(tracking.contour.mean_m, 0.05, 1e-6, "the other stroke is no excuse");
+    near(tracking.contour.mean_m, 0.05, 1e-6, "the other stroke does not count");
 }
 
 #[test]
-fn p95_is_what_19_of_20_keep_to() {
+fn p95_bounds_19_of_20_samples() {
     let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
     let up = |t: f64| design(t) + Vector3::z() * if t < 0.945 { 0.001 } else { 0.1 };
     let mut flown = flight(0.01, 0.99, up, design);
@@ -91,7 +91,7 @@ fn p95_is_what_19_of_20_keep_to() {
 }
 
 #[test]
-fn drift_observer_and_attitude_are_told() {
+fn drift_observer_error_and_attitude_are_measured() {
     let design = |_| Vector3::z();
     let sway = |t: f64| Vector3::new(0.0, if t < 1.0 { -0.1 } else { 0.3 }, 1.0);
     let mut flown = flight(0.01, 1.99, sway, design);
@@ -110,11 +110,11 @@ fn drift_observer_and_attitude_are_told() {
     assert_eq!(tracking.lag_s, 0.0, "a design that stands still has no lag");
     flown.unlogged = [Quantity::Attitude, Quantity::Estimate].into();
     let tracking = track(&flown, Part::All).unwrap();
-    assert_eq!((tracking.attitude, tracking.observer_rmse_m), (None, None), "what is not logged");
+    assert_eq!((tracking.attitude, tracking.observer_rmse_m), (None, None), "not logged");
 }
 
 #[test]
-fn a_part_is_what_it_says() {
+fn a_part_holds_its_samples() {
     let mut flown = flight(0.1, 1.0, square, square);
     for (k, sample) in flown.samples.iter_mut().enumerate() {
         sample.letter = (k > 4).then_some(0);
@@ -125,9 +125,9 @@ fn a_part_is_what_it_says() {
     assert_eq!(n(&flown, Part::All), 11);
     assert_eq!(n(&flown, Part::Letters), 6);
     assert_eq!(n(&flown, Part::Airborne), 7, "a motor that stops for a moment ends no flight");
-    assert_eq!(Part::of(&flown), Part::Letters);
+    assert_eq!(Part::from_flight(&flown), Part::Letters);
     flown.samples.iter_mut().for_each(|s| s.letter = None);
-    assert_eq!(Part::of(&flown), Part::Airborne);
+    assert_eq!(Part::from_flight(&flown), Part::Airborne);
 }
 
 #[test]

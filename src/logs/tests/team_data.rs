@@ -62,7 +62,8 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
         median(errors).unwrap()
     };
     // The other sign would put pitch and roll 0.05 rad apart, degrees far more.
-    let parts: [(&str, fn(&FlightSample) -> f64, f64); 6] = [
+    type Number = fn(&FlightSample) -> f64;
+    let parts: [(&str, Number, f64); 6] = [
         ("pitch", |s| s.attitude.pitch_rad, 0.01),
         ("roll", |s| s.attitude.roll_rad, 0.01),
         ("yaw", |s| s.attitude.yaw_rad, 0.01),

@@ -6,11 +6,11 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample, mean_error_m, rmse_m};
+use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
 use crate::sim::{
-    ControllerKind, EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions, fly,
 };
 
 const KINDS: [ControllerKind; 5] = [
@@ -42,7 +42,7 @@ fn undisturbed(kind: ControllerKind) -> SimOptions {
 }
 
 fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
-    fly(plan, options, seed, &mut |_| {})
+    fly(plan, &Drone::new(options, seed), &mut |_| {})
 }
 
 /// The drone hangs at one place from the start.
@@ -119,7 +119,7 @@ fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(20.0), &options, 0).unwrap();
     flight.samples.retain(|sample| sample.time_s > 10.0);
-    mean_error_m(&flight).unwrap()
+    track(&flight, Part::Letters).unwrap().mean_error_m
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn integral_action_removes_the_seven_centimetres_of_the_centre_of_mass() {
 fn a_figure_of_eight_is_followed_within_a_centimetre() {
     for kind in [ControllerKind::LqrIntegral, ControllerKind::Geometric] {
         let flight = flown(&figure_eight(), &with(kind), 0).unwrap();
-        let error_m = rmse_m(&flight).unwrap().norm();
+        let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();
         assert!(error_m < 0.012, "{kind:?}: {error_m} m");
     }
 }
@@ -204,7 +204,7 @@ fn every_controller_flies_the_word_from_floor_to_floor() {
         for seed in 0..5 {
             let flight = flown(&noor, &with(kind), seed)
                 .unwrap_or_else(|error| panic!("{kind:?}, seed {seed}: {error}"));
-            let error_m = rmse_m(&flight).unwrap().norm();
+            let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();
             assert!(error_m < 0.14, "{kind:?}, seed {seed}: {error_m} m");
             assert_eq!(flight.warnings, [] as [&str; 0], "{kind:?}, seed {seed}");
             assert_eq!(flight.samples.last().unwrap().position_m.z, 0.0, "{kind:?} landed");
@@ -234,9 +234,9 @@ fn the_firmwares_rates_fly_every_controller() {
     let noor = word("N", Extent::Letters);
     for kind in KINDS {
         let mut options = with(kind);
-        let slow = rmse_m(&flown(&noor, &options, 0).unwrap()).unwrap();
+        let slow = track(&flown(&noor, &options, 0).unwrap(), Part::Letters).unwrap().rmse_m;
         options.rates.control_hz = 1000;
-        let fast = rmse_m(&flown(&noor, &options, 0).unwrap()).unwrap();
+        let fast = track(&flown(&noor, &options, 0).unwrap(), Part::Letters).unwrap().rmse_m;
         assert!((slow - fast).norm() < 0.01, "{kind:?}: {slow} at 500 Hz, {fast} at 1000");
     }
 }

@@ -12,7 +12,7 @@ use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::sensors::{HeightSensor, Positioning, SensorOptions, Sensors};
 use crate::sim::vehicle::{Body, GRAVITY_M_S2, State};
-use crate::sim::{SimOptions, fly};
+use crate::sim::{Drone, SimOptions, fly};
 
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
@@ -190,7 +190,7 @@ fn noor(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Flight {
     let mut options = SimOptions::default();
     options.sensors.positioning = positioning;
     options.observer.kind = kind;
-    fly(&plan, &options, seed, &mut |_| {}).unwrap()
+    fly(&plan, &Drone::new(&options, seed), &mut |_| {}).unwrap()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "small")]

@@ -128,7 +128,6 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::geometry::Attitude;
     use crate::sim::identify::identify;
     use crate::sim::noise::Noise;
     use crate::sim::{Plant, SimOptions};
@@ -143,18 +142,15 @@ mod tests {
         let sample = |i: u32| {
             let push = if (i / 25).is_multiple_of(2) { amplitude } else { -amplitude };
             let motors = [0, 1, 2, 3].map(|motor| hover + push * SIGNS[(2, motor)]);
-            let body = *plant.body();
+            let body = plant.body();
             (0..10).for_each(|_| plant.advance(&motors));
             FlightSample {
                 time_s: f64::from(i) * 0.01,
                 position_m: body.position_m,
-                attitude: Attitude::default(),
-                velocity_body_m_s: Vector3::zeros(),
                 rate_body_rad_s: body.rate_rad_s + gyro.normals() * 0.003,
                 estimate_m: body.position_m,
-                design_m: Vector3::zeros(),
                 motors,
-                letter: None,
+                ..FlightSample::default()
             }
         };
         Flight { samples: (0..3000).map(sample).collect(), ..Flight::default() }

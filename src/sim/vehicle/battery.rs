@@ -1,108 +1,87 @@
 //! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
 
 use super::options::{BatteryOptions, Compensation};
-use crate::sim::wide::{Each, Real};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
 
 /// A battery in use.
 #[derive(Clone, Debug)]
-pub(super) struct Battery<T> {
-    open_circuit_v: [T; 11],
-    capacity_a_s: T,
-    resistance_ohm: T,
-    idle_current_a: T,
-    current_a_per_n: T,
-    thrust_from_v_n: [T; 4],
-    compensation: Compensation,
-    cut_off_v: T,
-    charge_frac: T,
-    voltage_v: T,
-    energy_j: T,
-    /// 1 once the voltage has been below the cut-off, 0 before.
-    cut_off: T,
+pub(super) struct Battery {
+    options: BatteryOptions,
+    capacity_a_s: f64,
+    charge_frac: f64,
+    voltage_v: f64,
+    energy_j: f64,
+    /// Whether the voltage has been below the cut-off.
+    cut_off: bool,
 }
 
-/// What one motor can do at the present voltage.
+/// Limits of one motor at the present voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limit<T> {
-    /// Thrust per thrust asked for.
-    pub(super) gain: T,
-    /// Largest thrust of one motor.
-    pub(super) max_n: T,
+pub(super) struct Limit {
+    /// Delivered thrust per commanded thrust.
+    pub(super) gain: f64,
+    /// Largest thrust.
+    pub(super) max_n: f64,
 }
 
-impl<T: Real> Battery<T> {
-    /// The battery of some options under no more than its idle current; `None` for one that never
-    /// sags. All drones have one, with the first one's compensation, or none has.
-    pub(super) fn new(each: &Each<'_, BatteryOptions, T>) -> Option<Self> {
-        let zero = each.figure(|_| 0.0);
+impl Battery {
+    /// A battery under its idle current; `None` without a capacity: its voltage never sags.
+    pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
         let mut battery = Self {
-            open_circuit_v: each.figures(|o| o.open_circuit_v),
-            capacity_a_s: each.figure(|o| o.capacity_ah * SECONDS_PER_HOUR),
-            resistance_ohm: each.figure(|o| o.resistance_ohm),
-            idle_current_a: each.figure(|o| o.idle_current_a),
-            current_a_per_n: each.figure(|o| o.current_a_per_n),
-            thrust_from_v_n: each.figures(|o| o.thrust_from_v_n),
-            compensation: each.first().compensation,
-            cut_off_v: each.figure(|o| o.cut_off_v),
-            charge_frac: each.figure(|o| o.charge_frac),
-            voltage_v: zero,
-            energy_j: zero,
-            cut_off: zero,
+            options: options.clone(),
+            capacity_a_s: options.capacity_ah * SECONDS_PER_HOUR,
+            charge_frac: options.charge_frac,
+            voltage_v: 0.0,
+            energy_j: 0.0,
+            cut_off: false,
         };
-        battery.drain(zero, 0.0);
-        each.first().has_charge().then_some(battery)
+        battery.drain(0.0, 0.0);
+        (options.capacity_ah > 0.0).then_some(battery)
     }
 
     /// Voltage under load.
-    pub(super) fn voltage_v(&self) -> T {
+    pub(super) fn voltage_v(&self) -> f64 {
         self.voltage_v
     }
 
-    /// Energy that has left it.
-    pub(super) fn energy_j(&self) -> T {
+    /// Energy delivered so far.
+    pub(super) fn energy_j(&self) -> f64 {
         self.energy_j
     }
 
     /// Whether the voltage has been below the cut-off; the motors stay off from then on.
-    pub(super) fn is_cut_off(&self, lane: usize) -> bool {
-        self.cut_off.lane(lane) > 0.0
+    pub(super) fn is_cut_off(&self) -> bool {
+        self.cut_off
     }
 
-    /// Bears a thrust of all rotors for `dt_s`.
+    /// Supplies a total thrust of all rotors for `dt_s`.
     #[inline(always)]
-    pub(super) fn drain(&mut self, thrust_n: T, dt_s: f64) {
-        let (zero, one) = (thrust_n.all(0.0), thrust_n.all(1.0));
-        let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
+    pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
+        let options = &self.options;
+        let current_a = options.idle_current_a + options.current_a_per_n * thrust_n;
         let spent = current_a * dt_s / self.capacity_a_s;
-        self.charge_frac = (self.charge_frac - spent).at_least(zero);
-        self.voltage_v = self.open_circuit_v() - self.resistance_ohm * current_a;
-        self.energy_j = self.energy_j + self.voltage_v * current_a * dt_s;
-        self.cut_off = self.voltage_v.pick(self.cut_off_v, one, self.cut_off);
+        self.charge_frac = (self.charge_frac - spent).max(0.0);
+        self.voltage_v =
+            options.open_circuit_v(self.charge_frac) - options.resistance_ohm * current_a;
+        self.energy_j += self.voltage_v * current_a * dt_s;
+        self.cut_off |= self.voltage_v < options.cut_off_v;
     }
 
-    /// What the motors can do now; `full_n` is the thrust of a motor's largest command.
+    /// Limits at the present voltage; `full_n` is the thrust of a motor's largest command.
     #[inline(always)]
-    pub(super) fn limit(&self, full_n: T) -> Limit<T> {
-        let (zero, one) = (full_n.all(0.0), full_n.all(1.0));
-        let [a, b, c, d] = self.thrust_from_v_n;
+    pub(super) fn limit(&self, full_n: f64) -> Limit {
+        if self.cut_off {
+            return Limit { gain: 0.0, max_n: 0.0 };
+        }
+        let [a, b, c, d] = self.options.thrust_from_v_n;
         let v = self.voltage_v;
-        let max_n = (a + v * (b + v * (c + v * d))).at_least(zero);
-        let gain = match self.compensation {
-            Compensation::Firmware => one,
+        let max_n = (a + v * (b + v * (c + v * d))).max(0.0);
+        let gain = match self.options.compensation {
+            Compensation::Firmware => 1.0,
             Compensation::None => max_n / full_n,
         };
-        Limit {
-            gain: self.cut_off.pick(one, gain, zero),
-            max_n: self.cut_off.pick(one, max_n, zero),
-        }
-    }
-
-    #[inline(always)]
-    fn open_circuit_v(&self) -> T {
-        let [low, high, above] = (self.charge_frac * 10.0).knots(&self.open_circuit_v);
-        low + (high - low) * above
+        Limit { gain, max_n }
     }
 }
 
@@ -111,14 +90,14 @@ mod tests {
     use super::*;
     use crate::sim::SimOptions;
 
-    fn cf21() -> (Battery<f64>, f64) {
+    fn cf21() -> (Battery, f64) {
         let options = SimOptions::cf21();
-        (Battery::new(&Each::one(&options.battery)).unwrap(), options.vehicle.mass_kg * 9.81)
+        (Battery::new(&options.battery).unwrap(), options.vehicle.mass_kg * 9.81)
     }
 
     #[test]
     fn take_off_and_hover_sag_as_on_98_real_flights() {
-        // NanoBench, computed in ../shared/spec/simulation.md: drop 0.57 V (quartiles 0.51 to
+        // Medians of 98 flights of NanoBench (arXiv 2603.09908): drop 0.57 V (quartiles 0.51 to
         // 0.67), then −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
         let (mut battery, weight_n) = cf21();
         let on_floor_v = battery.voltage_v();
@@ -136,8 +115,8 @@ mod tests {
     #[test]
     fn energy_is_voltage_times_current_times_time() {
         let (mut battery, _) = cf21();
-        (battery.open_circuit_v, battery.resistance_ohm) = ([4.0; 11], 0.5);
-        (battery.idle_current_a, battery.current_a_per_n) = (0.2, 6.0);
+        (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);
+        (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
         (0..1000).for_each(|_| battery.drain(0.3, 0.002));
         // 0.2 + 6 · 0.3 = 2 A leave 4 − 0.5 · 2 = 3 V: 6 W for 2 s.
         assert!((battery.energy_j() - 12.0).abs() < 1e-9, "{} J", battery.energy_j());
@@ -145,11 +124,10 @@ mod tests {
 
     #[test]
     fn the_open_circuit_voltage_is_the_table() {
-        let (mut battery, _) = cf21();
+        let battery = SimOptions::cf21().battery;
         for (charge_frac, want) in [(1.0, 4.2), (0.9, 4.1), (0.55, 3.94), (0.05, 3.39), (0.0, 3.0)]
         {
-            battery.charge_frac = charge_frac;
-            let found = battery.open_circuit_v();
+            let found = battery.open_circuit_v(charge_frac);
             assert!((found - want).abs() < 1e-12, "{found} V at {charge_frac}");
         }
     }
@@ -162,7 +140,7 @@ mod tests {
         assert_eq!(limit.gain, 1.0);
         // −0.01483 + 0.04724·3 − 0.01847·9 + 0.005961·27
         assert!((limit.max_n - 0.12160).abs() < 1e-4, "{}", limit.max_n);
-        battery.compensation = Compensation::None;
+        battery.options.compensation = Compensation::None;
         assert!((battery.limit(0.12).gain - limit.max_n / 0.12).abs() < 1e-15, "scales");
     }
 
@@ -171,13 +149,13 @@ mod tests {
         let (mut battery, weight_n) = cf21();
         battery.charge_frac = 0.001;
         battery.drain(weight_n, 1.0);
-        assert!(battery.is_cut_off(0), "{} V", battery.voltage_v());
+        assert!(battery.is_cut_off(), "{} V", battery.voltage_v());
         battery.drain(0.0, 0.0);
         assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");
     }
 
     #[test]
     fn no_capacity_is_no_battery() {
-        assert!(Battery::new(&Each::<_, f64>::one(&BatteryOptions::default())).is_none());
+        assert!(Battery::new(&BatteryOptions::default()).is_none());
     }
 }

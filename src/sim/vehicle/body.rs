@@ -2,7 +2,7 @@
 
 #[cfg(test)]
 use nalgebra::Rotation3;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
 use super::model::{GRAVITY_M_S2, State};
 #[cfg(test)]
@@ -10,10 +10,9 @@ use super::model::{attitude, rate, velocity};
 use super::options::VehicleOptions;
 use super::rotors::Load;
 use crate::sim::lanes::euler_angles;
-use crate::sim::wide::{Each, Real};
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
-pub(super) type Row<T> = [T; 13];
+pub(super) type Row = SVector<f64, 13>;
 
 /// Where a rigid body is and how it moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,15 +101,15 @@ impl Body {
     }
 
     #[inline(always)]
-    pub(super) fn row(&self) -> Row<f64> {
+    pub(super) fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
         let q = &self.world_from_body;
-        [p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z]
+        Row::from([p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z])
     }
 
     /// The body of a row, whose quaternion is a unit one.
     #[inline(always)]
-    pub(super) fn from_row(s: &Row<f64>) -> Self {
+    pub(super) fn from_row(s: &Row) -> Self {
         Self {
             position_m: Vector3::new(s[0], s[1], s[2]),
             velocity_m_s: Vector3::new(s[3], s[4], s[5]),
@@ -120,114 +119,110 @@ impl Body {
     }
 }
 
-/// What resists motion: mass, inertia, drag.
+/// Mass, inertia and drag of the rigid body.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inertia<T> {
-    weight_n: T,
+pub(super) struct Inertia {
+    weight_n: f64,
     /// Force per speed through the air along body x, y, z.
-    drag_n_s_m: [T; 3],
+    drag_n_s_m: [f64; 3],
     /// Moment per speed through the air, against the motion.
-    airspeed_moment_n_s: T,
-    /// Inverses, for a division costs as much as ten products.
-    per_mass: T,
-    per_moment: [T; 3],
-    /// `(J_y − J_z) / J_x` and so on round.
-    coupling: [T; 3],
+    airspeed_moment_n_s: f64,
+    /// Inverses, because a division costs as much as ten products.
+    per_mass: f64,
+    per_moment: [f64; 3],
+    /// `(J_y − J_z) / J_x` and its cyclic permutations.
+    coupling: [f64; 3],
 }
 
-impl<T: Real> Inertia<T> {
-    pub(super) fn new(each: &Each<'_, VehicleOptions, T>) -> Self {
+impl Inertia {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
+        let [x, y, z] = options.inertia_kg_m2;
         Self {
-            weight_n: each.figure(|o| o.mass_kg * GRAVITY_M_S2),
-            drag_n_s_m: each.figures(|o| o.body_drag_n_s_m),
-            airspeed_moment_n_s: each.figure(|o| o.airspeed_moment_n_s),
-            per_mass: each.figure(|o| 1.0 / o.mass_kg),
-            per_moment: each.figures(|o| o.inertia_kg_m2.map(|j| 1.0 / j)),
-            coupling: each.figures(|o| {
-                let [x, y, z] = o.inertia_kg_m2;
-                [(y - z) / x, (z - x) / y, (x - y) / z]
-            }),
+            weight_n: options.mass_kg * GRAVITY_M_S2,
+            drag_n_s_m: options.body_drag_n_s_m,
+            airspeed_moment_n_s: options.airspeed_moment_n_s,
+            per_mass: 1.0 / options.mass_kg,
+            per_moment: options.inertia_kg_m2.map(|j| 1.0 / j),
+            coupling: [(y - z) / x, (z - x) / y, (x - y) / z],
         }
     }
 
-    pub(super) fn weight_n(&self) -> T {
+    pub(super) fn weight_n(&self) -> f64 {
         self.weight_n
     }
 
-    /// What an accelerometer reads in the air, along the body axes: thrust and drag per mass.
+    /// Reading of an accelerometer in the air, body frame: thrust and drag per mass.
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
-        s: &Row<T>,
-        load: &Load<T>,
-        wind_m_s: &[T; 3],
-    ) -> [T; 3] {
-        let air = [s[3] - wind_m_s[0], s[4] - wind_m_s[1], s[5] - wind_m_s[2]];
-        let air = into_body(&[s[6], s[7], s[8], s[9]], &air);
-        let [x, y, z] = self.drag_n(&air, load);
-        [x * self.per_mass, y * self.per_mass, (z + load.thrust_n) * self.per_mass]
+        body: &Body,
+        load: &Load,
+        wind_m_s: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let airspeed_m_s = body.velocity_m_s - wind_m_s;
+        let mut force_n =
+            self.drag_n(&body.world_from_body.inverse_transform_vector(&airspeed_m_s), load);
+        force_n.z += load.thrust_n;
+        force_n * self.per_mass
     }
 
     /// Drag along the body axes at an airspeed in the body frame.
     #[inline(always)]
-    fn drag_n(&self, airspeed_m_s: &[T; 3], load: &Load<T>) -> [T; 3] {
+    fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let [x, y, z] = self.drag_n_s_m;
         let across = load.drag_n_s_m;
-        [
-            -((x + across) * airspeed_m_s[0]),
-            -((y + across) * airspeed_m_s[1]),
-            -(z * airspeed_m_s[2]),
-        ]
+        -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
     /// One step of the classical Runge–Kutta method; `loads` at its start, middle and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
-        s: &Row<T>,
-        loads: &[Load<T>; 3],
-        wind_m_s: &[T; 3],
+        s: &Row,
+        loads: &[Load; 3],
+        wind_m_s: &Vector3<f64>,
         dt_s: f64,
-    ) -> Row<T> {
+    ) -> Row {
         let k1 = self.slope(s, &loads[0], wind_m_s);
-        let k2 = self.slope(&ahead(s, &k1, 0.5 * dt_s), &loads[1], wind_m_s);
-        let k3 = self.slope(&ahead(s, &k2, 0.5 * dt_s), &loads[1], wind_m_s);
-        let k4 = self.slope(&ahead(s, &k3, dt_s), &loads[2], wind_m_s);
-        let sixth_s = dt_s / 6.0;
-        let mut end = *s;
-        for (i, value) in end.iter_mut().enumerate() {
-            *value = *value + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth_s;
-        }
+        let k2 = self.slope(&(s + k1 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k3 = self.slope(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k4 = self.slope(&(s + k3 * dt_s), &loads[2], wind_m_s);
+        let mut end = s + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
         let [w, x, y, z] = [end[6], end[7], end[8], end[9]];
-        let size = ((x * x + z * z) + (y * y + w * w)).root();
-        for part in &mut end[6..10] {
-            *part = *part / size;
-        }
+        let size = ((x * x + z * z) + (y * y + w * w)).sqrt();
+        (6..10).for_each(|i| end[i] /= size);
         end
     }
 
     #[inline(always)]
-    fn slope(&self, s: &Row<T>, load: &Load<T>, wind_m_s: &[T; 3]) -> Row<T> {
+    fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
-        // The columns of the matrix: body x, y and z in the world.
-        let r_x = [(y * y + z * z) * -2.0 + 1.0, (x * y + w * z) * 2.0, (x * z - w * y) * 2.0];
-        let r_y = [(x * y - w * z) * 2.0, (x * x + z * z) * -2.0 + 1.0, (y * z + w * x) * 2.0];
-        let r_z = [(x * z + w * y) * 2.0, (y * z - w * x) * 2.0, (x * x + y * y) * -2.0 + 1.0];
-        let air = [s[3] - wind_m_s[0], s[4] - wind_m_s[1], s[5] - wind_m_s[2]];
-        let air = [dot(&r_x, &air), dot(&r_y, &air), dot(&r_z, &air)];
-        let drag = self.drag_n(&air, load);
-        let force = [drag[0], drag[1], drag[2] + load.thrust_n];
+        let world_from_body = Matrix3::new(
+            (y * y + z * z) * -2.0 + 1.0,
+            (x * y - w * z) * 2.0,
+            (x * z + w * y) * 2.0,
+            (x * y + w * z) * 2.0,
+            (x * x + z * z) * -2.0 + 1.0,
+            (y * z - w * x) * 2.0,
+            (x * z - w * y) * 2.0,
+            (y * z + w * x) * 2.0,
+            (x * x + y * y) * -2.0 + 1.0,
+        );
+        let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
+        let mut force = self.drag_n(&air, load);
+        force.z += load.thrust_n;
+        let acceleration = world_from_body * force * self.per_mass;
         let (p, q, o) = (s[10], s[11], s[12]);
         let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
         let m_u = self.airspeed_moment_n_s;
-        let (roll, pitch) = (torque[0] + m_u * air[1], torque[1] - m_u * air[0]);
-        [
+        let (roll, pitch) = (torque.x + m_u * air.y, torque.y - m_u * air.x);
+        Row::from([
             s[3],
             s[4],
             s[5],
-            dot(&[r_x[0], r_y[0], r_z[0]], &force) * self.per_mass,
-            dot(&[r_x[1], r_y[1], r_z[1]], &force) * self.per_mass,
-            dot(&[r_x[2], r_y[2], r_z[2]], &force) * self.per_mass - GRAVITY_M_S2,
+            acceleration.x,
+            acceleration.y,
+            acceleration.z - GRAVITY_M_S2,
             (x * p + y * q + z * o) * -0.5,
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
@@ -235,39 +230,9 @@ impl<T: Real> Inertia<T> {
             // The rotors' own spin turns with the body: the gyroscopic torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
-            c[2] * p * q + torque[2] * per_j[2],
-        ]
+            c[2] * p * q + torque.z * per_j[2],
+        ])
     }
-}
-
-#[inline(always)]
-fn ahead<T: Real>(s: &Row<T>, slope: &Row<T>, dt_s: f64) -> Row<T> {
-    let mut row = *s;
-    for (value, slope) in row.iter_mut().zip(slope) {
-        *value = *value + *slope * dt_s;
-    }
-    row
-}
-
-/// A world vector along the body axes, for an attitude `world_from_body`: w x y z.
-#[inline(always)]
-fn into_body<T: Real>(q: &[T; 4], v: &[T; 3]) -> [T; 3] {
-    let turn = [-q[1], -q[2], -q[3]];
-    let [x, y, z] = cross(&turn, v);
-    let twice = [x * 2.0, y * 2.0, z * 2.0];
-    let [x, y, z] = cross(&turn, &twice);
-    let w = q[0];
-    [twice[0] * w + x + v[0], twice[1] * w + y + v[1], twice[2] * w + z + v[2]]
-}
-
-#[inline(always)]
-fn dot<T: Real>(a: &[T; 3], b: &[T; 3]) -> T {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]
@@ -281,14 +246,14 @@ mod tests {
         VehicleOptions::default()
     }
 
-    fn inertia(options: &VehicleOptions) -> Inertia<f64> {
-        Inertia::new(&Each::one(options))
+    fn inertia(options: &VehicleOptions) -> Inertia {
+        Inertia::new(options)
     }
 
-    fn fly(options: &VehicleOptions, body: Body, load: Load<f64>, dt_s: f64, n: usize) -> Body {
+    fn fly(options: &VehicleOptions, body: Body, load: Load, dt_s: f64, n: usize) -> Body {
         let (inertia, mut row) = (inertia(options), body.row());
         for _ in 0..n {
-            row = inertia.step(&row, &[load; 3], &[0.0; 3], dt_s);
+            row = inertia.step(&row, &[load; 3], &Vector3::zeros(), dt_s);
         }
         Body::from_row(&row)
     }
@@ -341,7 +306,8 @@ mod tests {
 
     #[test]
     fn quaternions_and_the_teams_euler_angles_agree() {
-        let load = Load { thrust_n: 0.36, torque_n_m: [1e-6, -2e-6, 1e-6], ..Load::default() };
+        let load =
+            Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
         let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
         let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
         let vehicle = Vehicle::new(&VehicleOptions::default());
@@ -366,7 +332,7 @@ mod tests {
             VehicleOptions { body_drag_n_s_m: [0.015, 0.015, 0.013], ..Default::default() };
         let load = Load {
             thrust_n: 0.4,
-            torque_n_m: [1e-5, -2e-5, 1e-5],
+            torque_n_m: Vector3::new(1e-5, -2e-5, 1e-5),
             drag_n_s_m: 0.002,
             spin_n_m_s: 1e-5,
         };
@@ -375,10 +341,7 @@ mod tests {
             fly(&options, tumbling(), load, 0.4 / n as f64, n)
         };
         let exact = end(12_800);
-        let error = |n: usize| {
-            let (a, b) = (end(n).row(), exact.row());
-            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-        };
+        let error = |n: usize| (end(n).row() - exact.row()).norm();
         let order = libm::log2(error(100) / error(200));
         assert!((order - 4.0).abs() < 0.1, "order {order}");
     }
@@ -396,13 +359,13 @@ mod tests {
         let options = VehicleOptions { body_drag_n_s_m: [0.05; 3], ..Default::default() };
         let inertia = inertia(&options);
         let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
-        let wind = [0.3, -0.2, 0.0];
+        let wind = Vector3::new(0.3, -0.2, 0.0);
         let mut row = Body::at(Vector3::zeros()).row();
         for _ in 0..20_000 {
             row = inertia.step(&row, &[hover; 3], &wind, 0.002);
         }
         let velocity_m_s = Body::from_row(&row).velocity_m_s;
-        assert!((velocity_m_s - Vector3::from(wind)).norm() < 1e-9, "{velocity_m_s}");
+        assert!((velocity_m_s - wind).norm() < 1e-9, "{velocity_m_s}");
     }
 
     #[test]
@@ -410,7 +373,7 @@ mod tests {
         let options = VehicleOptions { airspeed_moment_n_s: 4.7e-4, ..Default::default() };
         let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
         let body = Body { velocity_m_s, ..Body::at(Vector3::zeros()) };
-        let wind_m_s = (velocity_m_s * 0.5).into();
+        let wind_m_s = velocity_m_s * 0.5;
         let slope = inertia(&options).slope(&body.row(), &Load::default(), &wind_m_s);
         // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
         let torque = Vector3::from_fn(|i, _| slope[10 + i] * options.inertia_kg_m2[i]);
@@ -422,7 +385,7 @@ mod tests {
     fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
         let body = Body { rate_rad_s: Vector3::x(), ..Body::at(Vector3::zeros()) };
-        let slope = inertia(&plain()).slope(&body.row(), &load, &[0.0; 3]);
+        let slope = inertia(&plain()).slope(&body.row(), &load, &Vector3::zeros());
         assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
     }
 

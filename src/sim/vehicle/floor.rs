@@ -1,47 +1,46 @@
-//! Ground effect: a rotor near the floor lifts more at the same speed.
+//! Ground effect: near the floor a rotor lifts more at the same speed.
 
 use super::options::{GroundEffect, VehicleOptions};
-use crate::sim::wide::{Each, Real};
 
-/// Lowest height of the rotors, in radii, at which the models are used: below, they are no longer
-/// supported by measurements, and Cheeseman and Bennett's runs to infinity at a quarter.
+/// Lowest height of the rotors, in radii, at which the models are used: below, no measurements
+/// support them, and Cheeseman and Bennett's diverges at a quarter.
 const MIN_HEIGHT_RADII: f64 = 0.5;
 
-/// Thrust near the floor over thrust far from it, at the same rotor speed.
+/// Ground effect of one drone.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Floor<T> {
+pub(super) struct Floor {
     model: GroundEffect,
-    radius_m: T,
-    rotor_height_m: T,
-    spacing_m: T,
+    radius_m: f64,
+    rotor_height_m: f64,
+    spacing_m: f64,
 }
 
-impl<T: Real> Floor<T> {
-    /// All drones have the first one's model.
-    pub(super) fn new(each: &Each<'_, VehicleOptions, T>) -> Self {
+impl Floor {
+    pub(super) fn new(options: &VehicleOptions) -> Self {
         Self {
-            model: each.first().ground_effect,
-            radius_m: each.figure(|o| o.rotor_radius_m),
-            rotor_height_m: each.figure(|o| o.rotor_height_m),
-            spacing_m: each.figure(|o| 2.0 * o.arm_m),
+            model: options.ground_effect,
+            radius_m: options.rotor_radius_m,
+            rotor_height_m: options.rotor_height_m,
+            spacing_m: 2.0 * options.arm_m,
         }
     }
 
-    /// The ratio for a level drone whose origin is `height_m` above the floor.
+    /// Thrust over that far from the floor at the same rotor speed, for a level drone whose origin
+    /// is `height_m` above the floor.
     #[inline(always)]
-    pub(super) fn thrust_ratio(&self, height_m: T) -> T {
-        let (radius, one) = (self.radius_m, height_m.all(1.0));
-        let z = (height_m + self.rotor_height_m).at_least(radius * MIN_HEIGHT_RADII);
+    pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
+        let radius = self.radius_m;
+        let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
         let own = radius / (z * 4.0);
         match self.model {
-            GroundEffect::None => one,
-            GroundEffect::CheesemanBennett => one / (one - own * own),
+            GroundEffect::None => 1.0,
+            GroundEffect::CheesemanBennett => 1.0 / (1.0 - own * own),
             GroundEffect::SanchezCuevas => {
                 let (square, d_sq) = (z * 4.0 * z, self.spacing_m * self.spacing_m);
                 let (near, far) = (d_sq + square, d_sq * 2.0 + square);
-                let images = z / (near * near.root()) + z / (far * far.root()) * 0.5;
+                let images = z / (near * near.sqrt()) + z / (far * far.sqrt()) * 0.5;
                 let others = radius * radius * images;
-                one / (one - own * own - others)
+                1.0 / (1.0 - own * own - others)
             }
         }
     }
@@ -51,7 +50,7 @@ impl<T: Real> Floor<T> {
 mod tests {
     use super::*;
 
-    fn floor(model: GroundEffect) -> Floor<f64> {
+    fn floor(model: GroundEffect) -> Floor {
         Floor { model, radius_m: 0.1, rotor_height_m: 0.02, spacing_m: 0.3 }
     }
 

@@ -260,9 +260,17 @@ impl VehicleOptions {
 }
 
 impl BatteryOptions {
-    /// Whether there is a battery at all.
-    pub(in crate::sim) fn has_charge(&self) -> bool {
-        self.capacity_ah > 0.0
+    /// Open-circuit voltage at a share of the charge, 0 to 1.
+    #[must_use]
+    #[inline(always)]
+    pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {
+        let tenths = charge_frac * 10.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
+        let below = (tenths as usize).min(9);
+        #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
+        let above = tenths - below as f64;
+        let [low, high] = [self.open_circuit_v[below], self.open_circuit_v[below + 1]];
+        low + (high - low) * above
     }
 
     /// Checks every range, and that more charge is more voltage.

@@ -1,13 +1,16 @@
-//! One drone, moved step by step.
+//! The plant: rotors, battery, body, air and floor put together, advanced step by step.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector4};
 
-use super::body::Body;
-use super::craft::Craft;
+use super::battery::Battery;
+use super::body::{Body, Inertia, Row};
+use super::floor::Floor;
+use super::gusts::Wind;
+use super::model::GRAVITY_M_S2;
+use super::rotors::{Load, Rotors};
 use crate::sim::options::SimOptions;
-use crate::sim::wide::Each;
 
-/// One drone in the air or on the floor (z = 0), moved by motor commands in steps of fixed length.
+/// One drone in the air or on the floor (z = 0), driven by motor commands in steps of fixed length.
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -23,15 +26,24 @@ use crate::sim::wide::Each;
 /// ```
 #[derive(Debug)]
 pub struct Plant {
-    craft: Craft<f64>,
-    body: Body,
+    row: Row,
+    rotors: Rotors,
+    battery: Option<Battery>,
+    inertia: Inertia,
+    floor: Floor,
+    wind: Wind,
+    wind_m_s: Vector3<f64>,
+    dt_s: f64,
+    thrust_per_command_n: f64,
+    full_thrust_n: f64,
+    short_steps: u32,
 }
 
 impl Plant {
-    /// A level drone at rest, that of index `drone` in a flight with the noise of `seed`. In the air
-    /// its rotors carry it already; on the floor they stand still.
+    /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
+    /// already carry it; on the floor they stand still.
     ///
-    /// `dt_s` is the length of a step. It hardly matters up to 2 ms; the rotors' lag is exact at any.
+    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at any.
     #[must_use]
     pub fn new(
         options: &SimOptions,
@@ -40,51 +52,125 @@ impl Plant {
         drone: u64,
         position_m: Vector3<f64>,
     ) -> Self {
-        let craft = Craft::new(&Each::one(options), dt_s, &[seed], drone, position_m.z);
-        Self { craft, body: Body::at(position_m) }
+        let vehicle = &options.vehicle;
+        let carried = if position_m.z > 0.0 { 0.25 * GRAVITY_M_S2 } else { 0.0 };
+        Self {
+            row: Body::at(position_m).row(),
+            rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
+            battery: Battery::new(&options.battery),
+            inertia: Inertia::new(vehicle),
+            floor: Floor::new(vehicle),
+            wind: Wind::new(&options.air, dt_s, seed, drone),
+            wind_m_s: options.air.wind_m_s.into(),
+            dt_s,
+            thrust_per_command_n: vehicle.k_f_n,
+            full_thrust_n: vehicle.full_thrust_n(),
+            short_steps: 0,
+        }
     }
 
     /// One step under motor commands m1…m4, each from 0 to the largest.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
-        self.body = Body::from_row(&self.craft.advance(&self.body.row(), commands));
+        let thrusts_n = self.thrusts_n(commands);
+        // What changes slowly is held through the step: the ground effect at its middle height.
+        let ground = self.floor.thrust_ratio(self.row[2] + self.row[5] * (0.5 * self.dt_s));
+        let mut loads = self.rotors.advance(&thrusts_n, ground);
+        if !self.wind.is_steady() {
+            let gust = self.wind.advance();
+            self.wind_m_s = gust.wind_m_s;
+            loads.iter_mut().for_each(|load| load.torque_n_m += gust.torque_n_m);
+        }
+        if let Some(battery) = &mut self.battery {
+            battery.drain(self.rotors.thrust_n(), self.dt_s);
+        }
+        let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
+        if self.row[2] <= 0.0 || next[2] < 0.0 {
+            self.touch(next, &loads[2]);
+        } else {
+            self.row = next;
+        }
     }
 
-    /// Where the drone is and how it moves.
+    /// Pose and motion of the drone.
     #[must_use]
-    pub fn body(&self) -> &Body {
-        &self.body
+    #[inline(always)]
+    pub fn body(&self) -> Body {
+        Body::from_row(&self.row)
     }
 
     /// Voltage of the battery under load; `None` for a drone whose battery never sags.
     #[must_use]
     pub fn battery_v(&self) -> Option<f64> {
-        self.craft.battery_v(0)
+        self.battery.as_ref().map(Battery::voltage_v)
     }
 
-    /// Energy that has left the battery, J; `None` as for [`Self::battery_v`].
+    /// Energy delivered by the battery, J; `None` as for [`Self::battery_v`].
     #[must_use]
     pub fn energy_j(&self) -> Option<f64> {
-        self.craft.energy_j(0)
+        self.battery.as_ref().map(Battery::energy_j)
     }
 
-    /// Steps so far in which the battery could not give a motor the thrust asked for.
+    /// Steps so far in which the battery limited the thrust of a motor.
     #[must_use]
     pub fn short_steps(&self) -> u32 {
-        self.craft.short_steps(0)
+        self.short_steps
     }
 
-    /// What an accelerometer at the body origin reads, body frame: all forces but gravity, per mass.
+    /// Reading of an ideal accelerometer at the body origin, body frame: all forces but gravity,
+    /// per mass.
     #[must_use]
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
-        self.craft.specific_force_m_s2(&self.body.row()).into()
+        let load = self.rotors.load(self.floor.thrust_ratio(self.row[2]));
+        if self.rests(&load) {
+            return Vector3::z() * GRAVITY_M_S2;
+        }
+        self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// What whoever reads the flight should know of the battery.
+    /// Warnings about the battery.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        self.craft.warnings(0)
+        let mut warnings = Vec::new();
+        if self.short_steps > 0 {
+            let short_s = f64::from(self.short_steps) * self.dt_s;
+            warnings.push(format!(
+                "the battery could not give the thrust asked for during {short_s:.2} s"
+            ));
+        }
+        if self.battery.as_ref().is_some_and(Battery::is_cut_off) {
+            warnings.push("the battery was empty and the motors stopped".into());
+        }
+        warnings
+    }
+
+    /// Thrust toward which each motor is driven.
+    #[inline(always)]
+    fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
+        let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
+        let Some(battery) = &self.battery else { return thrusts_n };
+        let limit = battery.limit(self.full_thrust_n);
+        let wanted_n = thrusts_n * limit.gain;
+        self.short_steps += u32::from(wanted_n.max() > limit.max_n);
+        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n))
+    }
+
+    /// Puts a drone on the floor that does not rise from it, or comes down to it.
+    #[inline(never)]
+    fn touch(&mut self, next: Row, load: &Load) {
+        let rests = self.rests(load);
+        if !rests {
+            self.row = next;
+        }
+        if rests || next[2] < 0.0 {
+            self.row = self.body().on_floor().row();
+        }
+    }
+
+    /// Whether the drone is on the floor and its rotors do not lift it.
+    fn rests(&self, load: &Load) -> bool {
+        self.row[2] <= 0.0 && load.thrust_n <= self.inertia.weight_n()
     }
 }
 
@@ -111,20 +197,20 @@ mod tests {
     fn the_floor_holds_carries_and_lets_go() {
         let options = SimOptions::default();
         let mut drone = plant(&options, 0.0);
-        let start = *drone.body();
+        let start = drone.body();
         advance(&mut drone, 0.9 * hover(&options), 100);
-        assert_eq!(*drone.body(), start, "stays put");
+        assert_eq!(drone.body(), start, "stays put");
         assert_eq!(drone.specific_force_m_s2(), Vector3::z() * GRAVITY_M_S2, "carried");
         advance(&mut drone, 1.2 * hover(&options), 100);
         assert!(drone.body().position_m.z > 0.01, "takes off");
         let mut falling = plant(&options, 0.1);
-        falling.body.velocity_m_s.x = 1.0;
+        falling.row[3] = 1.0;
         advance(&mut falling, 0.0, 200);
         let place = falling.body().position_m;
-        assert_eq!(*falling.body(), Body::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
+        assert_eq!(falling.body(), Body::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
         assert!(place.x > 0.4, "flew on while it fell");
         let mut sinking = plant(&options, 1e-3);
-        sinking.body.velocity_m_s.z = -1.0;
+        sinking.row[5] = -1.0;
         sinking.advance(&[1.1 * hover(&options); 4]);
         assert_eq!(sinking.body().position_m.z, 0.0, "no thrust lets it through");
     }
@@ -133,7 +219,7 @@ mod tests {
     fn an_accelerometer_feels_thrust_and_drag() {
         let vehicle = VehicleOptions { body_drag_n_s_m: [0.0351, 0.0, 0.0], ..Default::default() };
         let mut drone = plant(&SimOptions { vehicle, ..Default::default() }, 1.0);
-        drone.body.velocity_m_s = Vector3::new(2.0, 0.0, 0.0);
+        drone.row[3] = 2.0;
         let want = Vector3::new(-2.0, 0.0, GRAVITY_M_S2);
         assert!((drone.specific_force_m_s2() - want).norm() < 1e-12);
     }
@@ -177,7 +263,7 @@ mod tests {
         let end = |seed| {
             let mut drone = Plant::new(&options, 0.002, seed, 0, Vector3::z());
             advance(&mut drone, hover(&options), 500);
-            *drone.body()
+            drone.body()
         };
         assert_eq!(end(1), end(1));
         assert_ne!(end(1), end(2));

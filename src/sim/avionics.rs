@@ -1,31 +1,31 @@
-//! The rig: a drone's sensors, observer and controller, from tick to tick.
+//! Avionics: a drone's sensors, estimator and controller, from tick to tick.
 
 use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
 use super::estimator::{Estimator, estimator};
-use super::options::SimOptions;
-use super::recorder::Moment;
+use super::fly::Drone;
+use super::recorder::Snapshot;
 use super::sensors::Sensors;
-use super::vehicle::{Body, Reality, State};
+use super::vehicle::{Body, Plant, State};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
 /// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
-/// Size of any state (m, rad, m/s, rad/s) beyond which the drone is lost. A flight keeps to a few
-/// metres and a few rad/s.
+/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone is lost. A flight stays
+/// within a few meters and a few rad/s.
 pub(super) const LOST: f64 = 1e4;
 
-/// What one drone carries: all that changes from tick to tick but the drone itself.
+/// The onboard system of one drone: everything that changes from tick to tick but its motion.
 #[derive(Debug)]
-pub(super) struct Rig {
+pub(super) struct Avionics {
     controller: Box<dyn Controller>,
     estimator: Box<dyn Estimator>,
     sensors: Sensors,
     tick_s: f64,
     estimate: State,
-    /// Of the estimate.
+    /// Whether `estimate` is that of the present tick.
     fresh: bool,
     /// Held between two runs of the controller.
     command: Command,
@@ -33,30 +33,20 @@ pub(super) struct Rig {
     ticks_per_command: u32,
     setpoint: usize,
     short_steps: u32,
-    /// Ticks with a motor at its limit, and those of them at which a letter was written.
+    /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
 }
 
-/// Where a drone stands or hovers before its flight.
-pub(super) fn start_m(plan: &Plan) -> Vector3<f64> {
-    let first_m = plan.setpoints[0].position_m;
-    Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0))
-}
-
-impl Rig {
-    /// Controller and estimator are made for `believed`, the sensors are `actual`.
-    pub(super) fn new(
-        plan: &Plan,
-        believed: &SimOptions,
-        actual: &SimOptions,
-        seed: u64,
-    ) -> Result<Self> {
+impl Avionics {
+    /// The onboard system of a drone that starts at rest at `start_m`.
+    pub(super) fn new(drone: &Drone<'_>, start_m: Vector3<f64>) -> Result<Self> {
+        let Drone { believed, actual, seed, index } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, 0);
+        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, index);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(believed, sensors.settled_m(start_m(plan)))?,
+            estimator: estimator(believed, sensors.settled_m(start_m))?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             estimate: State::zeros(),
@@ -71,14 +61,14 @@ impl Rig {
         })
     }
 
-    /// Measures, estimates and commands the motors.
+    /// One tick: reads the sensors, updates the estimate and commands the motors.
     ///
     /// # Errors
     ///
     /// [`Error::Infeasible`] for a flight that the controller has lost.
-    pub(super) fn decide(&mut self, plan: &Plan, time_s: f64, reality: &Reality) -> Result<()> {
-        let short = reality.short_steps > self.short_steps;
-        self.short_steps = reality.short_steps;
+    pub(super) fn tick(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
+        let short = plant.short_steps() > self.short_steps;
+        self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
         let due = |next: usize| {
             plan.setpoints.get(next).is_some_and(|s| s.time_s <= time_s + TIME_TOLERANCE_S)
@@ -88,7 +78,8 @@ impl Rig {
         }
         let setpoint = &plan.setpoints[self.setpoint];
 
-        let readings = self.sensors.read(&reality.body, reality.specific_force_m_s2);
+        let body = plant.body();
+        let readings = self.sensors.read(&body, plant.specific_force_m_s2());
         self.estimator.update(&readings, self.tick_s);
         self.fresh = false;
 
@@ -104,37 +95,30 @@ impl Rig {
         self.ticks += 1;
         let writes = setpoint.letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
-        self.check(time_s, &reality.body)
+        self.check(time_s, &body)
     }
 
-    /// What the motors m1…m4 are told.
+    /// Commands of the motors m1…m4.
     pub(super) fn motors(&self) -> [f64; 4] {
         self.command.motors.into()
     }
 
-    /// What is written down at this tick.
-    ///
-    /// `battery` is its voltage (V) and the energy (J) that it gave, where there is one.
-    pub(super) fn moment(
-        &mut self,
-        time_s: f64,
-        reality: &Reality,
-        battery: Option<(f64, f64)>,
-    ) -> Moment {
+    /// The log entry of this tick.
+    pub(super) fn snapshot(&mut self, time_s: f64, plant: &Plant) -> Snapshot {
         self.refresh_estimate();
-        Moment {
+        Snapshot {
             time_s,
-            state: reality.body.state(),
+            state: plant.body().state(),
             estimate: self.estimate,
             motors: self.motors(),
             setpoint: self.setpoint,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery,
+            battery: plant.battery_v().zip(plant.energy_j()),
         }
     }
 
-    /// Asks the estimator for its angles, which takes as long as a step of the physics, only at
-    /// ticks at which somebody looks at them.
+    /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at
+    /// which they are used.
     fn refresh_estimate(&mut self) {
         if !self.fresh {
             self.estimate = self.estimator.state();
@@ -153,20 +137,19 @@ impl Rig {
         })
     }
 
-    /// What whoever reads the flight should know; `of_plant` is what the drone itself says.
-    pub(super) fn warnings(&self, of_plant: Vec<String>) -> Vec<String> {
+    /// Warnings about saturated motors and about the sensors, with those of the plant between them.
+    pub(super) fn warnings(&self, plant: &Plant) -> Vec<String> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
         let saturated = (self.saturated_writing_ticks > 0).then_some(text);
-        let others = of_plant.into_iter().chain(self.sensors.warnings());
-        saturated.into_iter().chain(others).collect()
+        saturated.into_iter().chain(plant.warnings()).chain(self.sensors.warnings()).collect()
     }
 }
 
-/// What a lost drone, or one that a lost estimator believes in, does.
+/// How a drone, or the belief of its estimator, is lost.
 fn lost(body: &Body, estimate: &State) -> Option<&'static str> {
     let Body { position_m, velocity_m_s, rate_rad_s, .. } = body;
-    // Without a way out in the middle, which a processor would have to foresee.
+    // Without a branch per value, which a processor would have to predict.
     let near = |values: &[f64]| values.iter().fold(true, |near, x| near & (x.abs() < LOST));
     let near = near(position_m.as_slice())
         & near(velocity_m_s.as_slice())

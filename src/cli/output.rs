@@ -1,4 +1,4 @@
-//! Files that a verb writes: opened before the long work, whole or not at all.
+//! Files that a verb writes: opened before the long work, and whole or not at all.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use tempfile::{NamedTempFile, TempDir};
 
 use crate::error::{Error, Result};
 
-/// A file on its way: it stands under a temporary name beside its place until it is kept.
+/// A file under a temporary name beside its place, until it is kept.
 #[derive(Debug)]
 pub(super) struct Output {
     path: PathBuf,
@@ -47,13 +47,18 @@ impl Output {
     }
 }
 
+/// Whether a path names an SVG drawing.
+pub(super) fn is_svg(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"))
+}
+
 /// A folder of files that appear together.
 #[derive(Debug)]
 pub(super) struct OutputFolder {
     path: PathBuf,
-    /// Holds the files until they are all written; lies inside the folder.
+    /// Folder inside it that holds the files until all are written.
     staging: TempDir,
-    /// The folder did not exist before; it goes again if nothing comes of it.
+    /// Whether the folder is new, and removed again unless the files are kept.
     made: bool,
 }
 
@@ -83,7 +88,7 @@ impl OutputFolder {
     }
 
     /// Gives all files their names, in the order named.
-    pub(super) fn keep(mut self, names: &[&str]) -> Result<Vec<PathBuf>> {
+    pub(super) fn keep(mut self, names: &[impl AsRef<Path>]) -> Result<Vec<PathBuf>> {
         self.made = false;
         names
             .iter()
@@ -100,9 +105,46 @@ impl OutputFolder {
 impl Drop for OutputFolder {
     fn drop(&mut self) {
         if self.made {
-            // Leaves nothing behind; a folder that somebody else has put files in stays.
+            // A folder that holds other files by now stays.
             let _ = std::fs::remove_dir_all(self.staging.path());
             let _ = std::fs::remove_dir(&self.path);
+        }
+    }
+}
+
+/// Files of one kind, one for each drone: a file, or numbered files in a folder.
+#[derive(Debug)]
+pub(super) enum Outputs {
+    One(Output),
+    Several(OutputFolder, &'static str),
+}
+
+impl Outputs {
+    /// Opens `path`, or by default `kind.csv` or the folder `kinds`.
+    pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
+        let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
+        Ok(match n {
+            1 => Self::One(Output::create(&path(format!("{kind}.csv")))?),
+            _ => Self::Several(OutputFolder::create(&path(format!("{kind}s")))?, kind),
+        })
+    }
+
+    /// Writes all.
+    pub(super) fn keep<T>(
+        self,
+        items: &[T],
+        write: impl Fn(&T, &mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<Vec<PathBuf>> {
+        match self {
+            Self::One(file) => Ok(vec![file.keep(|out| write(&items[0], out))?]),
+            Self::Several(folder, kind) => {
+                let names = (1..=items.len()).map(|n| format!("{kind}-{n}.csv"));
+                let names: Vec<String> = names.collect();
+                for (item, name) in items.iter().zip(&names) {
+                    folder.write(name, |out| write(item, out))?;
+                }
+                folder.keep(&names)
+            }
         }
     }
 }

@@ -1,9 +1,8 @@
-//! Plans of a scene: its word as it is to be flown by its drone, with its controller and its lamps.
+//! The plans of a scene: its word as its drone, controller and lamps will fly it.
 //!
-//! [`crate::plan`] knows neither a simulator nor lamps. Here it is handed what it reckons with: how
-//! the loop answers a step, the flight that a plan leads to, and how a command becomes light.
+//! [`crate::plan`] knows neither simulator nor lamps. Here it is given what it needs of them: the
+//! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
-use super::Scene;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -11,90 +10,74 @@ use crate::light::LightOptions;
 use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock, stroke_ends};
 use crate::plan::lead::{lead, learn};
 use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
-use crate::sim::{fly, step_responses};
+use crate::scene::Scene;
+use crate::sim::{Drone, fly, step_responses};
 
-/// A plan of one drone.
+/// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
     /// What is sent.
     pub plan: Plan,
-    /// What is left at the strokes' ends, where lights were put on the light's clock.
+    /// Errors of the light at the strokes' ends, where lights follow the light's own clock.
     pub ends: Vec<StrokeEnd>,
 }
 
-impl Scene {
-    /// Plans the flights that write a drawing, one a drone: as [`fleet`], then led by the inverse of
-    /// the scene's loop, with lights on the light's clock, as the scene's `[plan]` says.
-    ///
-    /// # Errors
-    ///
-    /// As [`fleet`], [`step_responses`] and [`fly`].
-    pub fn plans(&self, strokes: &Strokes) -> Result<Vec<Planned>> {
-        let plans = fleet(strokes, &self.plan)?;
-        let follows_design = self.controller.kind.follows_design();
-        let inverse = self.plan.reference == ReferenceKind::Inverse;
-        let responses = if inverse { Some(step_responses(&self.sim())?) } else { None };
-        let planned = plans.into_iter().map(|plan| {
-            let plan = match &responses {
-                None => plan,
-                Some(responses) if follows_design => {
-                    learn(&plan, &self.rehearse(&plan)?, responses)
-                }
-                Some(responses) => lead(&plan, responses),
-            };
-            match self.plan.light_clock {
-                LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
-                LightClock::Light => self.aim(&plan, &self.rehearse(&plan)?),
-            }
-        });
-        planned.collect()
-    }
-
-    /// The plan of one drone, whichever the scene's first one is.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::plans`].
-    pub fn first_plan(&self, strokes: &Strokes) -> Result<Plan> {
-        Ok(self.plans(strokes)?.swap_remove(0).plan)
-    }
-
-    /// Flies a plan with nothing that disturbs it: [`crate::sim::SimOptions::rehearsal`].
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`].
-    pub fn rehearse(&self, plan: &Plan) -> Result<Flight> {
-        fly(plan, &self.sim().rehearsal(), self.seed, &mut |_| {})
-    }
-
-    /// Puts a plan's lights where a flight of it, rehearsed or real, had the strokes' ends.
-    ///
-    /// # Errors
-    ///
-    /// As [`on_the_lights_clock`].
-    pub fn aim(&self, plan: &Plan, flight: &Flight) -> Result<Planned> {
-        let follows = match self.controller.kind.follows_design() {
-            true => Follows::Design,
-            false => Follows::Held,
+/// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says:
+/// [`fleet`], then the reference through the inverse of the scene's loop, then the lights on their
+/// own clock.
+///
+/// # Errors
+///
+/// As [`fleet`], [`step_responses`] and [`fly`].
+pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
+    let plans = fleet(strokes, &scene.plan)?;
+    let follows_design = scene.controller.kind.follows_design();
+    let inverse = scene.plan.reference == ReferenceKind::Inverse;
+    let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
+    let planned = plans.into_iter().map(|plan| {
+        let plan = match &responses {
+            None => plan,
+            Some(responses) if follows_design => learn(&plan, &rehearse(scene, &plan)?, responses),
+            Some(responses) => lead(&plan, responses),
         };
-        let (plan, ends) = on_the_lights_clock(plan, flight, &lamp_clock(&self.light), follows)?;
-        Ok(Planned { plan, ends })
-    }
+        match scene.plan.light_clock {
+            LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
+            LightClock::Light => aim(scene, &plan, &rehearse(scene, &plan)?),
+        }
+    });
+    planned.collect()
 }
 
-impl Scene {
-    /// What a plan's light commands leave at its strokes' ends in a flight of it.
-    ///
-    /// # Errors
-    ///
-    /// As [`stroke_ends`].
-    pub fn stroke_ends(&self, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
-        stroke_ends(plan, flight, &lamp_clock(&self.light))
-    }
+/// Flies a plan undisturbed: [`crate::sim::SimOptions::rehearsal`].
+///
+/// # Errors
+///
+/// As [`fly`].
+pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
+    fly(plan, &Drone::new(&scene.sim().rehearsal(), scene.seed), &mut |_| {})
 }
 
-/// How a command becomes light, on average.
+/// Moves a plan's light commands so that the light begins and ends with the strokes of a flight of
+/// this plan, rehearsed or real.
+///
+/// # Errors
+///
+/// As [`on_the_lights_clock`].
+pub fn aim(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Planned> {
+    let follows = match scene.controller.kind.follows_design() {
+        true => Follows::Design,
+        false => Follows::Held,
+    };
+    let (plan, ends) = on_the_lights_clock(plan, flight, &lamp_clock(&scene.light), follows)?;
+    Ok(Planned { plan, ends })
+}
+
+/// Errors of the light at the strokes' ends in a flight of a plan.
+pub(super) fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
+    stroke_ends(plan, flight, &lamp_clock(&scene.light))
+}
+
+/// The mean delay between a command and its light.
 fn lamp_clock(options: &LightOptions) -> LampClock {
     LampClock {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
@@ -108,10 +91,9 @@ fn lamp_clock(options: &LightOptions) -> LampClock {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::mean_error_m;
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
-    use crate::plan::{PlanOptions, plan};
+    use crate::plan::PlanOptions;
     use crate::sim::{ControllerKind, SensorOptions, SimOptions};
 
     fn noor() -> Strokes {
@@ -126,8 +108,8 @@ mod tests {
 
     /// Root mean square of the distance from the path, undisturbed, and the largest streak.
     fn flown(scene: &Scene) -> (f64, f64) {
-        let planned = scene.plans(&noor()).unwrap().swap_remove(0);
-        let flight = scene.rehearse(&planned.plan).unwrap();
+        let planned = plan(scene, &noor()).unwrap().swap_remove(0);
+        let flight = rehearse(scene, &planned.plan).unwrap();
         let tracking = track(&flight, Part::Letters).unwrap();
         let contour_m = tracking.contour.rms_m;
         let streak_m = planned.ends.iter().map(|end| end.streak_m.abs()).fold(0.0, f64::max);
@@ -137,9 +119,9 @@ mod tests {
     #[test]
     fn the_default_scene_is_planned_as_the_team_planned() {
         let scene = Scene::default();
-        let planned = scene.plans(&noor()).unwrap();
+        let planned = plan(&scene, &noor()).unwrap();
         assert_eq!(planned.len(), 1);
-        assert_eq!(planned[0].plan, plan(&noor(), &scene.plan).unwrap());
+        assert_eq!(planned[0].plan, crate::plan::plan(&noor(), &scene.plan).unwrap());
     }
 
     #[test]
@@ -167,8 +149,8 @@ mod tests {
     #[test]
     fn the_teams_own_lights_leave_streaks_of_a_decimetre() {
         let team = scene(PlanOptions::default(), ControllerKind::Lqr);
-        let plan = team.first_plan(&noor()).unwrap();
-        let ends = team.stroke_ends(&plan, &team.rehearse(&plan).unwrap()).unwrap();
+        let plan = plan(&team, &noor()).unwrap().swap_remove(0).plan;
+        let ends = ends(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
         assert_eq!(ends.len(), 8, "four letters of one stroke each");
         let first_m = ends[0].streak_m;
         assert!((0.2..0.25).contains(&first_m), "the lit tail of the first letter: {first_m} m");
@@ -178,15 +160,15 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_error_that_is_told_is_taken_off() {
+    fn a_known_mean_error_is_taken_off() {
         let mut tipped = Scene { plan: PlanOptions::even(), ..Scene::default() };
         let fly_tipped = |scene: &Scene| {
-            let plan = scene.first_plan(&noor()).unwrap();
+            let plan = plan(scene, &noor()).unwrap().swap_remove(0).plan;
             let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
-            fly(&plan, &sim, 0, &mut |_| {}).unwrap()
+            fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
         };
         let before = fly_tipped(&tipped);
-        let mean_m = mean_error_m(&before).unwrap();
+        let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;
         assert!(mean_m.x < -0.05, "the centre of mass stands off: {mean_m}");
         tipped.plan.mean_error_m = mean_m.into();
         let after = fly_tipped(&tipped);

@@ -1,0 +1,344 @@
+//! Flags that several verbs share, and the scene and the flights that they lead to.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::names::{named, names};
+use super::tell;
+use crate::camera::Framing;
+use crate::error::{Error, Result};
+use crate::expose::BackendChoice;
+use crate::flight::Flight;
+use crate::logs::{self, ImportOptions, PositionSource};
+use crate::plan::{Plan, Style};
+use crate::scene::Scene;
+use crate::shoot::{Recording, Shoot};
+use crate::sim::read_lighthouse_config;
+use crate::study::Contender;
+
+/// A key of the scene with its new value.
+pub(super) type Setting = (String, String);
+
+fn setting(text: &str) -> std::result::Result<Setting, String> {
+    let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// Keys of a scene that are set on the command line.
+#[derive(Debug, Args)]
+pub(super) struct SetFlag {
+    /// Set a key of the scene, such as camera.iso=200; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    pub(super) set: Vec<Setting>,
+}
+
+/// The scene.
+#[derive(Debug, Args)]
+pub(super) struct SceneFlags {
+    /// Scene: a file (TOML), a preset, team, pid, geometric, tuned, or a learned folder
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<String>,
+    #[command(flatten)]
+    set: SetFlag,
+    /// Seed of all noise [default: the scene's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Lighthouse configuration (YAML of cfclient) whose base stations replace the scene's
+    #[arg(long, value_name = "FILE")]
+    lighthouse: Option<PathBuf>,
+}
+
+impl SceneFlags {
+    /// The scene with what was typed here and in other flags.
+    pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
+        Ok(self.contender(more)?.scene)
+    }
+
+    /// The same with the learned plans of a folder.
+    pub(super) fn contender(&self, more: &[Setting]) -> Result<Contender> {
+        let settings = [more, &self.set.set].concat();
+        let mut found = match &self.scene {
+            Some(named) => find_scene(named, &settings)?,
+            None => Contender::new("", parse_scene("", "scene", &settings)?),
+        };
+        self.finish(&mut found.scene)?;
+        Ok(found)
+    }
+
+    /// Whether a scene was named.
+    pub(super) fn is_given(&self) -> bool {
+        self.scene.is_some()
+    }
+
+    /// The scene that was named, or else that of a text.
+    pub(super) fn load_or(&self, toml: &str, file: &str) -> Result<Scene> {
+        if self.scene.is_some() {
+            return self.load(&[]);
+        }
+        let mut scene = parse_scene(toml, file, &self.set.set)?;
+        self.finish(&mut scene)?;
+        Ok(scene)
+    }
+
+    fn finish(&self, scene: &mut Scene) -> Result<()> {
+        scene.seed = self.seed.unwrap_or(scene.seed);
+        if let Some(path) = &self.lighthouse {
+            let config = read_lighthouse_config(path)?;
+            warn_of(path, &config.warnings);
+            scene.sensors.stations = config.stations;
+        }
+        scene.check()
+    }
+}
+
+/// A scene by its name with settings laid over it, and its learned plans.
+pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<Contender> {
+    Contender::find_with(named, &borrowed(settings))
+}
+
+/// The text of a scene with settings laid over it.
+fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
+    Scene::parse_with(toml, file, &borrowed(settings))
+}
+
+fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
+    settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
+}
+
+/// The word as it is drawn.
+#[derive(Debug, Args)]
+pub(super) struct LetterFlags {
+    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
+    #[arg(long, value_name = "NAME|FILE")]
+    font: Option<String>,
+    /// Drawing instead of a word: *.svg, or handwriting as *.json or *.inkml
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<String>,
+}
+
+impl LetterFlags {
+    /// The keys of the scene that were typed.
+    pub(super) fn settings(&self) -> Vec<Setting> {
+        let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
+        let drawing = self.drawing.iter();
+        let drawing = drawing.flat_map(|file| [("letters.drawing", file.as_str()), ("word", "")]);
+        owned(font.chain(drawing))
+    }
+}
+
+fn owned<'a>(settings: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<Setting> {
+    settings.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
+}
+
+/// Way of flying and number of drones.
+#[derive(Debug, Args)]
+pub(super) struct PlanFlags {
+    /// Way of flying
+    #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
+    style: Option<String>,
+    /// Drones that share the word
+    #[arg(long, value_name = "N")]
+    drones: Option<u32>,
+}
+
+impl PlanFlags {
+    /// The keys of the scene that were typed.
+    pub(super) fn settings(&self) -> Vec<Setting> {
+        let style = self.style.iter().map(|style| ("plan.style", style.clone()));
+        let drones = self.drones.iter().map(|n| ("plan.drones", n.to_string()));
+        style.chain(drones).map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+}
+
+/// A word, or ready plans, with the scene.
+#[derive(Debug, Args)]
+pub(super) struct SubjectFlags {
+    /// Word to write, or plans that fly together (*.csv) [default: the scene's word]
+    #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
+    inputs: Vec<String>,
+    /// Word that the plans or flights write [default: the scene's]
+    #[arg(long, value_name = "WORD")]
+    pub(super) word: Option<String>,
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
+    #[command(flatten)]
+    plan: PlanFlags,
+}
+
+impl SubjectFlags {
+    /// The scene.
+    pub(super) fn scene(&self) -> Result<Scene> {
+        Ok(self.contender()?.scene)
+    }
+
+    fn contender(&self) -> Result<Contender> {
+        let settings = [self.letters.settings(), self.plan.settings()].concat();
+        let mut found = self.scene.contender(&settings)?;
+        if let Some(word) = &self.word {
+            set_word(&mut found.scene, word);
+        }
+        Ok(found)
+    }
+
+    /// The word or the plans, ready to fly; `change` has the last word on the scene.
+    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+        let Contender { mut scene, plans: learned, .. } = self.contender()?;
+        change(&mut scene)?;
+        let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
+        let plans: Vec<&String> = self.inputs.iter().filter(is_plan).collect();
+        match self.inputs.as_slice() {
+            [] => {}
+            [word] if plans.is_empty() => set_word(&mut scene, word),
+            all if all.len() == plans.len() => {
+                let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
+                return Shoot::with_plans(scene, plans.collect::<Result<_>>()?);
+            }
+            inputs => {
+                let hint = "name one word, or plans that are flown together";
+                let found = inputs.join(" ");
+                return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
+            }
+        }
+        match learned.get(&scene.strokes()?.word) {
+            Some(plan) => Shoot::with_plans(scene, vec![plan.clone()]),
+            None => Shoot::new(scene),
+        }
+    }
+}
+
+/// The camera.
+#[derive(Debug, Args)]
+pub(super) struct CameraFlags {
+    /// Camera: that of another scene, or auto (square in front of the word, framing it)
+    #[arg(long, value_name = "SCENE|auto")]
+    camera: Option<String>,
+    /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect
+    #[arg(long, value_name = "PHOTO")]
+    camera_from: Option<PathBuf>,
+}
+
+impl CameraFlags {
+    /// Whether a camera was named.
+    pub(super) fn is_given(&self) -> bool {
+        self.camera.is_some() || self.camera_from.is_some()
+    }
+
+    /// The scene that the camera is from, with its word.
+    pub(super) fn scene(&self) -> Result<Scene> {
+        let named = self.camera.as_deref().filter(|named| *named != "auto");
+        let mut scene = named.map_or(Ok(Scene::default()), |n| Ok(find_scene(n, &[])?.scene))?;
+        self.apply(&mut scene)?;
+        Ok(scene)
+    }
+
+    /// Puts the camera that was typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        match self.camera.as_deref() {
+            None => {}
+            Some("auto") => scene.camera.framing = Framing::Word,
+            Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
+        }
+        if let Some(path) = &self.camera_from {
+            scene.camera = std::mem::take(&mut scene.camera).taken_as(path)?;
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+/// The picture: camera, size and the device that computes it.
+#[derive(Debug, Args)]
+pub(super) struct PictureFlags {
+    #[command(flatten)]
+    camera: CameraFlags,
+    /// Size of the picture in pixels, such as 1920x1080
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+    /// Device that computes the exposure; the result is the same, bit for bit
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
+    backend: BackendChoice,
+}
+
+impl PictureFlags {
+    /// Puts camera, size and device that were typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        scene.expose.backend = self.backend;
+        self.camera.apply(scene)?;
+        if let Some((width_px, height_px)) = self.size {
+            scene.camera.width_px = width_px;
+            scene.camera.height_px = height_px;
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+fn size(text: &str) -> std::result::Result<(u32, u32), String> {
+    let sides = text.split_once(['x', 'X', '×']);
+    let sides = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides.ok_or_else(|| "wanted WIDTHxHEIGHT in pixels, such as 1920x1080".to_owned())
+}
+
+/// Flights from files: flights of ours, or logs of real ones.
+#[derive(Debug, Args)]
+pub(super) struct FlightFlags {
+    /// Position (and attitude) of a log that counts as the true one
+    #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
+    pub(super) position: PositionSource,
+    /// Longest gap of a log that is bridged, in seconds
+    #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
+    pub(super) max_gap: f64,
+}
+
+impl FlightFlags {
+    pub(super) fn options(&self) -> ImportOptions {
+        let (position, max_gap_s) = (self.position, self.max_gap);
+        ImportOptions { position, max_gap_s, ..ImportOptions::default() }
+    }
+
+    pub(super) fn read(&self, path: &Path) -> Result<Flight> {
+        read_flight(path, &self.options())
+    }
+
+    /// Flights, logs or light traces that are photographed, one for each drone.
+    pub(super) fn shoot(
+        &self,
+        mut scene: Scene,
+        word: Option<&str>,
+        paths: &[PathBuf],
+    ) -> Result<Shoot> {
+        if let Some(word) = word {
+            set_word(&mut scene, word);
+        }
+        let read = |path: &PathBuf| {
+            let recording = Recording::read(path, &self.options())?;
+            if let Recording::Flight(flight) = &recording {
+                warn_of(path, &flight.warnings);
+            }
+            Ok(recording)
+        };
+        Shoot::with_recordings(scene, paths.iter().map(read).collect::<Result<_>>()?)
+    }
+}
+
+/// Reads a flight and prints its warnings.
+pub(super) fn read_flight(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    let flight = logs::import(path, options)?;
+    warn_of(path, &flight.warnings);
+    Ok(flight)
+}
+
+/// Prints the warnings of a file.
+fn warn_of(path: &Path, warnings: &[String]) {
+    for warning in warnings {
+        tell("warning: ", &format!("{}: {warning}", path.display()));
+    }
+}
+
+/// Gives a scene a word that was typed, in which the two characters `\n` begin a new line.
+pub(super) fn set_word(scene: &mut Scene, word: &str) {
+    scene.set_word(&word.replace("\\n", "\n"));
+}

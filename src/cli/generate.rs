@@ -1,0 +1,58 @@
+//! `noctograph generate`: shell completions and man pages, for packagers.
+
+use std::path::PathBuf;
+
+use clap::{Args, Command, Subcommand};
+use clap_complete::Shell;
+use serde_json::json;
+
+use super::output::OutputFolder;
+use super::report::Report;
+use crate::error::Result;
+
+#[derive(Debug, Args)]
+pub(super) struct GenerateArgs {
+    #[command(subcommand)]
+    kind: Kind,
+}
+
+#[derive(Debug, Subcommand)]
+enum Kind {
+    /// Print a completion script
+    Completions {
+        /// Shell that it is for
+        shell: Shell,
+    },
+    /// Write man pages, one for each verb
+    Man {
+        /// Folder for them
+        #[arg(short, long, value_name = "DIR", default_value = "man")]
+        output: PathBuf,
+    },
+}
+
+pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
+    let mut command = super::command();
+    match &args.kind {
+        Kind::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut command, "noctograph", &mut script);
+            let script = String::from_utf8(script).expect("scripts are text");
+            Ok(Report::new(script.clone(), json!({ "script": script })))
+        }
+        Kind::Man { output } => {
+            let folder = OutputFolder::create(output)?;
+            let mut command = command.disable_help_subcommand(true);
+            command.build();
+            let mut names = Vec::new();
+            let verbs = || command.get_subcommands().filter(|verb| !verb.is_hide_set());
+            let nested = verbs().flat_map(Command::get_subcommands);
+            for page in std::iter::once(&command).chain(verbs()).chain(nested) {
+                let page = clap_mangen::Man::new(page.clone());
+                folder.write(&page.get_filename(), |out| page.render(out))?;
+                names.push(page.get_filename());
+            }
+            Ok(Report::new(String::new(), json!({})).with_files(&folder.keep(&names)?))
+        }
+    }
+}

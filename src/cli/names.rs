@@ -1,0 +1,46 @@
+//! Values of choices on the command line: the names that they have in scene files.
+
+use std::str::FromStr;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+use crate::error::Error;
+use crate::settings::{Described, Shape};
+
+/// A parser of a choice: lists its names in the help and suggests the nearest for a wrong one.
+pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
+where
+    T: Described + FromStr<Err = Error> + Clone + Send + Sync + 'static,
+{
+    names::<T>().try_map(|name| name.parse::<T>())
+}
+
+/// A parser of the names of a choice, which are handed on as they are.
+pub(super) fn names<T: Described>() -> PossibleValuesParser {
+    let variants = match T::SHAPE {
+        Shape::Names(variants) | Shape::Tagged(variants) => variants,
+        Shape::Plain | Shape::Group(_) => &[],
+    };
+    let name = |variant: &crate::settings::Variant| {
+        let doc = variant.doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
+        let doc = doc.collect::<Vec<_>>().join(" ");
+        PossibleValue::new(variant.name).help(doc.trim_end_matches('.').to_owned())
+    };
+    variants.iter().map(name).collect::<Vec<_>>().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expose::BackendChoice;
+
+    #[test]
+    fn a_choice_is_parsed_by_its_names_in_scene_files() {
+        let flag = clap::Arg::new("backend").value_parser(named::<BackendChoice>());
+        let command = clap::Command::new("x").arg(flag);
+        let parse = |name| command.clone().try_get_matches_from(["x", name]);
+        let found = parse("cpu").unwrap().remove_one::<BackendChoice>("backend");
+        assert_eq!(found, Some(BackendChoice::Cpu));
+        assert!(parse("cpp").unwrap_err().to_string().contains("'cpu'"), "a suggestion");
+    }
+}

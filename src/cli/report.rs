@@ -1,0 +1,101 @@
+//! What a verb reports: a table for people, the same as JSON for programs, and its outcome.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use crate::score::Verdict;
+
+/// Columns that tables and messages keep to.
+const WIDTH: usize = 80;
+
+/// Result of a verb.
+#[derive(Debug)]
+pub(super) struct Report {
+    pub(super) text: String,
+    /// An object.
+    pub(super) json: Value,
+    pub(super) outcome: Outcome,
+}
+
+/// What decides the exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    Done,
+    NotLegible,
+    NotSafe,
+}
+
+impl Report {
+    pub(super) fn new(text: String, json: Value) -> Self {
+        Self { text, json, outcome: Outcome::Done }
+    }
+
+    /// Adds the files that were written.
+    pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
+        for (index, file) in files.iter().enumerate() {
+            let head = if index == 0 { "files" } else { "" };
+            self.text += &format!("{head:10}{}\n", file.display());
+        }
+        self.json["files"] = serde_json::json!(files);
+        self
+    }
+
+    /// Sets the outcome.
+    pub(super) fn with_outcome(self, outcome: Outcome) -> Self {
+        Self { outcome, ..self }
+    }
+}
+
+impl From<&Verdict> for Outcome {
+    fn from(verdict: &Verdict) -> Self {
+        if verdict.legible { Self::Done } else { Self::NotLegible }
+    }
+}
+
+/// A line of a table: its name, and text that is wrapped beside it.
+pub(super) fn line(name: &str, text: &str) -> String {
+    wrapped(&format!("{name:10}"), text)
+}
+
+/// Text after a head, wrapped at 80 columns and indented as far as the head reaches.
+pub(super) fn wrapped(head: &str, text: &str) -> String {
+    let indent = head.chars().count();
+    let mut lines = head.to_owned();
+    for (index, paragraph) in text.lines().enumerate() {
+        if index > 0 {
+            lines += &format!("\n{:indent$}", "");
+        }
+        let mut column = indent;
+        for word in paragraph.split(' ') {
+            let width = word.chars().count();
+            if column > indent && column + 1 + width > WIDTH {
+                lines.truncate(lines.trim_end().len());
+                lines += &format!("\n{:indent$}", "");
+                column = indent;
+            } else if column > indent {
+                lines.push(' ');
+                column += 1;
+            }
+            lines += word;
+            column += width;
+        }
+    }
+    lines.truncate(lines.trim_end().len());
+    lines + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_wrapped_beside_their_head() {
+        let text = "word ".repeat(30);
+        let found = line("name", &text);
+        let widths: Vec<usize> = found.lines().map(str::len).collect();
+        assert_eq!(widths, [79, 79, 19], "{found}");
+        assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
+        assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
+    }
+}

@@ -1,0 +1,155 @@
+//! The light of all drones, and the camera that sees it.
+
+use nalgebra::Vector3;
+
+use super::{Recording, Shoot, Watch};
+use crate::camera::{Camera, Framing};
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::light::{LightSample, LightTrace, light};
+
+/// Smallest distance of a lit lamp from the camera.
+const MIN_DISTANCE_M: f64 = 0.1;
+
+/// What the camera sees.
+#[derive(Clone, Debug)]
+pub struct Lighting {
+    /// Flights that carried the lamps; none for light that was recorded alone.
+    pub flights: Vec<Flight>,
+    /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
+    pub trace: LightTrace,
+    /// The scene's camera.
+    pub camera: Camera,
+    /// Warnings of the simulated flights, and of light outside the picture.
+    pub warnings: Vec<String>,
+}
+
+impl Shoot {
+    /// Flies, or takes the recordings, and lights the lamps.
+    ///
+    /// # Errors
+    ///
+    /// As [`Shoot::fly`] and [`light`], and those of the camera.
+    pub fn lighting(mut self, watch: &Watch<'_>) -> Result<Lighting> {
+        match std::mem::take(&mut self.recordings) {
+            recordings if recordings.is_empty() => self.light(self.record(watch)?),
+            recordings => self.light(recordings),
+        }
+    }
+
+    /// Lights the lamps of recordings, one for each drone.
+    pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
+        let several = recordings.len() > 1;
+        let (mut flights, mut all, mut warnings) = (Vec::new(), LightTrace::default(), Vec::new());
+        let mut end_s = 0.0_f64;
+        for (drone, recording) in recordings.into_iter().enumerate() {
+            let mut trace = match recording {
+                Recording::Light(trace) => {
+                    let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
+                    end_s = ends.map(|last| last.time_s).fold(end_s, f64::max);
+                    trace
+                }
+                Recording::Flight(flight) => {
+                    end_s = end_s.max(flight.samples.last().map_or(0.0, |last| last.time_s));
+                    if !self.plans.is_empty() {
+                        let number =
+                            if several { format!("drone {}: ", drone + 1) } else { String::new() };
+                        warnings
+                            .extend(flight.warnings.iter().map(|text| format!("{number}{text}")));
+                    }
+                    let trace = self.light_drone(drone, &flight)?;
+                    flights.push(flight);
+                    trace
+                }
+            };
+            for lamp in trace.lamps.iter_mut().filter(|_| several) {
+                lamp.emitter.name = format!("{}: {}", drone + 1, lamp.emitter.name);
+            }
+            all.append(trace);
+        }
+        let bounds_m = self.bounds_m(&flights)?;
+        let camera = self.scene.camera.camera(bounds_m, end_s)?;
+        check_place(&all, bounds_m, &camera)?;
+        warnings.extend(outside(&all, bounds_m, &camera));
+        Ok(Lighting { flights, trace: all, camera, warnings })
+    }
+
+    /// Lights the lamps of one drone, counted from 0.
+    ///
+    /// # Errors
+    ///
+    /// As [`light`].
+    pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
+        let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
+        light(flight, lamps, self.scene.seed, drone as u64)
+    }
+
+    /// `[left, bottom, right, top]` of what is written, in the plane of the word: of the strokes,
+    /// else of the letters in the flights' design; zeros for a fixed camera without either.
+    fn bounds_m(&self, flights: &[Flight]) -> Result<[f64; 4]> {
+        if let Some(strokes) = &self.strokes {
+            return Ok(strokes.bounds_m());
+        }
+        let samples = flights.iter().flat_map(|flight| &flight.samples);
+        let written = samples.filter(|sample| sample.letter.is_some());
+        let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let [left, bottom, right, top] = written.fold(none, |[l, b, r, t], sample| {
+            let at_m = sample.design_m;
+            [l.min(at_m.x), b.min(at_m.z), r.max(at_m.x), t.max(at_m.z)]
+        });
+        match self.scene.camera.framing {
+            _ if left < right || bottom < top => Ok([left, bottom, right, top]),
+            Framing::Fixed => Ok([0.0; 4]),
+            // Reports that the scene names no word.
+            Framing::Word => Ok(self.scene.strokes()?.bounds_m()),
+        }
+    }
+}
+
+/// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
+fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camera) -> Result<()> {
+    let hint = "set camera.position_m meters in front of the word, or camera.framing = \"word\"";
+    let [x, y, z] = camera.position_m.into();
+    if left < right && y > 0.0 {
+        let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        return Err(Error::input("camera.position_m", found, "y below 0, in front of it", hint));
+    }
+    let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
+    for lamp in &trace.lamps {
+        let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
+        if let Some(sample) = lamp.samples.iter().find(near) {
+            let name = &lamp.emitter.name;
+            let found = format!(
+                "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
+                distance_m(sample),
+                sample.time_s
+            );
+            let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
+            return Err(Error::input("camera.position_m", found, wanted, hint));
+        }
+    }
+    Ok(())
+}
+
+/// Warnings of the word and of light outside the picture.
+fn outside(
+    trace: &LightTrace,
+    [left, bottom, right, top]: [f64; 4],
+    camera: &Camera,
+) -> Vec<String> {
+    let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
+    let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
+    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
+    let light = samples.map(|sample| sample.position_m);
+    let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
+    let warning = |(name, outside): (&str, crate::camera::Outside)| {
+        let sides = outside.in_words()?;
+        Some(format!(
+            "part of the {name} is outside the picture: {sides} (camera.framing = \"word\" frames \
+             the word; camera.fill_frac sets the margin)"
+        ))
+    };
+    sides.into_iter().filter_map(warning).collect()
+}

@@ -1,0 +1,254 @@
+//! Shoot: the one place where the stages are chained, from a scene to its photograph and verdict.
+//!
+//! Product in: a [`Scene`]. Product out: a [`Shot`] with every product on the way.
+//!
+//! 1. [`Shoot::new`] writes the word and plans a flight for each drone. [`Shoot::with_plans`] and
+//!    [`Shoot::with_recordings`] begin later, with plans, flights or light from a file.
+//! 2. [`Shoot::take`] flies every plan with noise of its own, exposes the light of all drones on
+//!    one film, develops it and reads the word.
+//!
+//! [`Shoot::fly`] and [`Shoot::light`] stop earlier. A study varies the public fields: the seed of
+//! the scene, the drones that truly fly, the plans that are sent, the size of the picture.
+//!
+//! Independent work runs side by side: the graphics device starts and the reader is prepared during
+//! the flight, and the photo is encoded while it is read.
+//!
+//! Not modelled: wake and collisions between drones.
+
+use std::num::NonZero;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::expose::Developer;
+use crate::flight::Flight;
+use crate::letters::Strokes;
+use crate::light::csv::is_light_trace;
+use crate::light::{LightOptions, LightTrace};
+use crate::logs::{ImportOptions, import};
+use crate::plan::Plan;
+use crate::scene::Scene;
+use crate::score::Reader;
+use crate::sim::{Drone, SimOptions, fly};
+
+mod file;
+mod lighting;
+mod planned;
+mod preflight;
+mod shot;
+
+pub use file::Format;
+pub use lighting::Lighting;
+pub use planned::{Planned, aim, plan, rehearse};
+pub use shot::{Shot, flight_sha256, known};
+
+/// A scene made ready to be flown and photographed.
+#[derive(Clone, Debug)]
+pub struct Shoot {
+    /// Word, lamps, camera and seed; planner and controllers believe its drone.
+    pub scene: Scene,
+    /// Strokes of the word or drawing; `None` where recordings are photographed without one.
+    pub strokes: Option<Strokes>,
+    /// What is sent, one plan for each drone.
+    pub plans: Vec<Planned>,
+    /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
+    pub recordings: Vec<Recording>,
+    /// True drones where they differ from the scene's, in the order of the plans.
+    pub actual: Vec<Actual>,
+    /// How the photo is read.
+    pub judging: Judging,
+    /// Format in which the photo is encoded, while it is read; `None`: not encoded.
+    pub format: Option<Format>,
+    /// Reader of the strokes; `None`: one is prepared during the flight.
+    pub reader: Option<Arc<Reader>>,
+    /// Cores that expose the film, on this processor; `None`: the backend of `scene.expose`.
+    pub cores: Option<NonZero<usize>>,
+}
+
+/// The drone that flies, in contrast to the one that the scene describes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actual {
+    /// Its body, battery, air and sensors. Controller and estimator are the scene's.
+    pub sim: SimOptions,
+    /// Its lamps.
+    pub light: LightOptions,
+}
+
+/// The flight of one drone from a file, or its light alone.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Recording {
+    /// A flight, simulated or real; it carries the scene's lamps.
+    Flight(Flight),
+    /// Lamps moving through the world.
+    Light(LightTrace),
+}
+
+impl Recording {
+    /// Reads a flight, a log or a light trace.
+    ///
+    /// # Errors
+    ///
+    /// As [`import`] and [`LightTrace::read_csv`].
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<Self> {
+        if is_light_trace(path) {
+            return Ok(Self::Light(LightTrace::read_csv(path)?));
+        }
+        Ok(Self::Flight(import(path, options)?))
+    }
+}
+
+/// How a photo is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Judging {
+    /// Verdict with causes and advice.
+    #[default]
+    Explained,
+    /// Verdict alone.
+    Scored,
+    /// Not at all.
+    Skipped,
+}
+
+/// A stage that takes long enough to report progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// The drones fly.
+    Flying,
+    /// The film is exposed and developed.
+    Exposing,
+}
+
+/// Receives a stage and the fraction of it that is done, 0 to 1, from any thread.
+pub type Watch<'a> = dyn Fn(Stage, f64) + Sync + 'a;
+
+impl Shoot {
+    /// Writes and plans the word or drawing of a scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::strokes`] and [`plan`].
+    pub fn new(scene: Scene) -> Result<Self> {
+        let strokes = scene.strokes()?;
+        let plans = plan(&scene, &strokes)?;
+        Ok(Self { plans, ..Self::bare(scene, Some(strokes)) })
+    }
+
+    /// Flies plans, one for each drone. Without a word in the scene the photo is not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::strokes`].
+    pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
+        let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+        let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
+        Ok(Self { plans, ..Self::bare(scene, strokes) })
+    }
+
+    /// Photographs recorded flights or light, one for each drone. Without a word in the scene the
+    /// photo is not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::strokes`].
+    pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
+        Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
+    }
+
+    fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
+        Self {
+            scene,
+            strokes,
+            plans: Vec::new(),
+            recordings: Vec::new(),
+            actual: Vec::new(),
+            judging: Judging::default(),
+            format: None,
+            reader: None,
+            cores: None,
+        }
+    }
+
+    /// Flies every plan.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::sim::fly`], of the first drone that fails.
+    pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let n = self.plans.len();
+        let done = Mutex::new(vec![0.0; n]);
+        let one = |drone: usize| {
+            self.fly_drone(drone, &mut |share| {
+                let Ok(mut done) = done.lock() else { return };
+                done[drone] = share;
+                #[expect(clippy::cast_precision_loss, reason = "a few drones")]
+                let mean = done.iter().sum::<f64>() / n as f64;
+                drop(done);
+                watch(Stage::Flying, mean);
+            })
+        };
+        // Results are collected in order, so that the same drone's error is reported every time.
+        let flights: Vec<Result<Flight>> = (0..n).into_par_iter().map(one).collect();
+        flights.into_iter().collect()
+    }
+
+    /// Flies the plan of one drone, counted from 0.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::sim::fly`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no such plan.
+    pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+        let believed = self.scene.sim();
+        let actual = self.actual.get(drone).map_or(&believed, |actual| &actual.sim);
+        let (plan, seed) = (&self.plans[drone].plan, self.scene.seed);
+        fly(plan, &Drone { believed: &believed, actual, seed, index: drone as u64 }, progress)
+    }
+
+    /// Flies, exposes, develops and reads.
+    ///
+    /// # Errors
+    ///
+    /// What the stages report. [`crate::error::Error::Input`] for a camera behind the word, where it reads
+    /// mirrored, and for one among the lamps.
+    pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
+        let developer = Developer::start(match self.cores {
+            Some(_) => crate::expose::BackendChoice::Cpu,
+            None => self.scene.expose.backend,
+        });
+        let recordings = std::mem::take(&mut self.recordings);
+        let (recordings, reader) = rayon::join(
+            || match recordings.is_empty() {
+                true => self.record(watch),
+                false => Ok(recordings),
+            },
+            || self.reader(),
+        );
+        let (recordings, reader) = (recordings?, reader?);
+        let lighting = self.light(recordings)?;
+        watch(Stage::Exposing, 0.0);
+        let shot = self.expose(lighting, developer, reader.as_deref())?;
+        watch(Stage::Exposing, 1.0);
+        Ok(shot)
+    }
+
+    fn record(&self, watch: &Watch<'_>) -> Result<Vec<Recording>> {
+        Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
+    }
+
+    /// A reader of the strokes, where the photo is read and shows a word.
+    fn reader(&self) -> Result<Option<Arc<Reader>>> {
+        // A drawing has no word to read.
+        let word = self.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+        match (&self.reader, word) {
+            (_, None) => Ok(None),
+            _ if self.judging == Judging::Skipped => Ok(None),
+            (Some(reader), _) => Ok(Some(reader.clone())),
+            (None, Some(strokes)) => Ok(Some(Arc::new(Reader::new(strokes, &self.scene.score)?))),
+        }
+    }
+}

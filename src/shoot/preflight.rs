@@ -1,0 +1,123 @@
+//! Checks of a shoot before a real flight: plans, simulated flights, lamps and base stations.
+
+use nalgebra::Vector3;
+
+use super::Shoot;
+use super::planned::ends;
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::light::{Drive, LightTrace};
+use crate::plan::Plan;
+use crate::plan::check::{
+    Finding, Flown, Profile, Severity, check_flown, check_letters, check_plans,
+};
+use crate::scene::Scene;
+use crate::sim::coverage;
+
+/// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
+/// long as the lamp's blur tells hot spots from trembling.
+const PIECE_S: f64 = 0.05;
+
+/// Distance between two places at which the view of the base stations is checked.
+const COVERAGE_STEP_M: f64 = 0.1;
+
+impl Shoot {
+    /// Checks letters, plans, simulated flights, light and base stations against a profile.
+    ///
+    /// # Errors
+    ///
+    /// What the stages report, except for a flight that cannot be flown: that is a finding.
+    pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
+        let mut findings = Vec::new();
+        if let Some(strokes) = &self.strokes {
+            findings.extend(check_letters(strokes, &self.scene.plan.style));
+        }
+        let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
+        findings.extend(check_plans(&plans, profile));
+        for (drone, plan) in plans.iter().enumerate() {
+            findings.extend(self.check_flight(drone, plan, profile)?);
+            findings.extend(check_coverage(plan, &self.scene)?);
+        }
+        Ok(findings)
+    }
+
+    fn check_flight(&self, drone: usize, plan: &Plan, profile: &Profile) -> Result<Vec<Finding>> {
+        let flight = match self.fly_drone(drone, &mut |_| {}) {
+            Ok(flight) => flight,
+            Err(Error::Infeasible { what, hint }) => {
+                let (check, wanted) = ("flight", "a flight to its end".to_owned());
+                let severity = Severity::Stop;
+                return Ok(vec![Finding { check, severity, found: what, wanted, change: hint }]);
+            }
+            Err(error) => return Err(error),
+        };
+        let scene = &self.scene;
+        let ends = ends(scene, plan, &flight).unwrap_or_default();
+        let painted = painted(&flight, &self.light_drone(drone, &flight)?, scene);
+        let flown = Flown {
+            flight: &flight,
+            ends: &ends,
+            painted: &painted,
+            motor_max: scene.vehicle.motor_max,
+            battery_modelled: scene.battery.capacity_ah > 0.0,
+        };
+        Ok(check_flown(&flown, profile))
+    }
+}
+
+/// Light of the first lamp that follows the plan, in pieces along its path: start time, length and
+/// seconds of full light.
+fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64, f64)> {
+    let fixtures = scene.light.fixtures();
+    let follows = |name: &str| {
+        fixtures.iter().any(|fixture| {
+            fixture.name == name
+                && matches!(&fixture.drive, Drive::Command(c) if flight.lights.contains_key(c))
+        })
+    };
+    let Some(lamp) = trace.lamps.iter().find(|lamp| follows(&lamp.emitter.name)) else {
+        return Vec::new();
+    };
+    let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
+    let mut from: Option<(f64, Vector3<f64>)> = None;
+    let mut light_s = 0.0;
+    for pair in lamp.samples.windows(2) {
+        let lasts_s = pair[1].time_s - pair[0].time_s;
+        let lit = 0.5 * (pair[0].level + pair[1].level);
+        if lit <= 0.0 {
+            (from, light_s) = (None, 0.0);
+            continue;
+        }
+        let (start_s, start_m) = *from.get_or_insert((pair[0].time_s, pair[0].position_m));
+        light_s += lit * lasts_s;
+        if pair[1].time_s - start_s >= PIECE_S {
+            pieces.push((start_s, (pair[1].position_m - start_m).xz().norm(), light_s));
+            (from, light_s) = (None, 0.0);
+        }
+    }
+    pieces
+}
+
+/// Whether two base stations see the box of the whole flight.
+fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Vec<Finding>> {
+    let check = "coverage";
+    let wanted = "two Lighthouse stations see every place".to_owned();
+    if scene.sensors.stations.is_empty() {
+        let found = "the scene has no base stations".to_owned();
+        let change = "set sensors.stations, or read a Lighthouse configuration".to_owned();
+        return Ok(vec![Finding { check, severity: Severity::Unknown, found, wanted, change }]);
+    }
+    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let places = in_the_air.map(|setpoint| setpoint.position_m);
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let bounds_m =
+        places.fold(none, |b, p| [b[0].min(p.x), b[1].min(p.z), b[2].max(p.x), b[3].max(p.z)]);
+    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
+        return Ok(Vec::new());
+    }
+    let frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
+    let severity = if frac >= 1.0 { Severity::Fine } else { Severity::Stop };
+    let found = format!("{:.1} % of the flight's box is seen", 100.0 * frac);
+    let change = if frac >= 1.0 { "" } else { "move the word or the stations" };
+    Ok(vec![Finding { check, severity, found, wanted, change: change.into() }])
+}

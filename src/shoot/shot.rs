@@ -1,0 +1,143 @@
+//! The photograph with every product on the way to it.
+
+use super::file::encode;
+use super::{Judging, Lighting, Planned, Shoot};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::expose::{Backend, Developer, Exposure, project};
+use crate::flight::Flight;
+use crate::flight::tracking::{Part, track};
+use crate::letters::Strokes;
+use crate::light::LightTrace;
+use crate::photo::{Photo, develop};
+use crate::plan::PlanOptions;
+use crate::scene::Scene;
+use crate::score::{Known, Reader, Verdict, View};
+
+/// A photograph with every product on the way to it.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// The scene.
+    pub scene: Scene,
+    /// Strokes of the word or drawing; `None` for recordings without one.
+    pub strokes: Option<Strokes>,
+    /// What was sent, one plan for each drone; empty for recordings.
+    pub plans: Vec<Planned>,
+    /// Flights, one for each drone; none for light that was recorded alone.
+    pub flights: Vec<Flight>,
+    /// Lamps of all drones.
+    pub trace: LightTrace,
+    /// The camera.
+    pub camera: Camera,
+    /// The film.
+    pub exposure: Exposure,
+    /// The photo.
+    pub photo: Photo,
+    /// The photo's file in [`Shoot::format`].
+    pub file: Option<Vec<u8>>,
+    /// What the photo reads as; `None` for a drawing and where reading is skipped.
+    pub verdict: Option<Verdict>,
+    /// What a person should know about this photo.
+    pub warnings: Vec<String>,
+}
+
+impl Shot {
+    /// SHA-256 of the flights, separated by spaces; `None` where there are none.
+    #[must_use]
+    pub fn flight_sha256(&self) -> Option<String> {
+        flight_sha256(&self.flights)
+    }
+}
+
+/// SHA-256 of flights, separated by spaces; `None` where there are none.
+#[must_use]
+pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
+    let digests: Vec<String> = flights.iter().map(Flight::sha256).collect();
+    (!digests.is_empty()).then(|| digests.join(" "))
+}
+
+impl Shoot {
+    /// Exposes and develops what the camera sees, encodes the photo and reads it.
+    pub(super) fn expose(
+        self,
+        lighting: Lighting,
+        developer: Developer,
+        reader: Option<&Reader>,
+    ) -> Result<Shot> {
+        let Lighting { flights, trace, camera, warnings } = lighting;
+        let scene = &self.scene;
+        let latent = project(&trace, &camera, &scene.expose)?;
+        let exposure = match self.cores {
+            None => developer.develop(&latent)?,
+            Some(cores) => Exposure {
+                film: latent.develop_on(cores),
+                backend: Backend::Cpu,
+                adapter: "CPU".to_owned(),
+            },
+        };
+        let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
+        photo.scene_toml = self.format.map(|_| scene.to_toml());
+        let read = || match reader {
+            None => Ok(None),
+            Some(reader) => self.read(reader, &photo, &camera, &flights).map(Some),
+        };
+        let encode = || match self.format {
+            None => Ok(None),
+            Some(format) => {
+                encode(format, scene, &photo, &exposure.film, &camera, flight_sha256(&flights))
+                    .map(Some)
+            }
+        };
+        let (verdict, file) = rayon::join(read, encode);
+        let (verdict, file) = (verdict?, file?);
+        let Self { scene, strokes, plans, .. } = self;
+        Ok(Shot {
+            scene,
+            strokes,
+            plans,
+            flights,
+            trace,
+            camera,
+            exposure,
+            photo,
+            file,
+            verdict,
+            warnings,
+        })
+    }
+
+    fn read(
+        &self,
+        reader: &Reader,
+        photo: &Photo,
+        camera: &Camera,
+        flights: &[Flight],
+    ) -> Result<Verdict> {
+        let view = View::from(camera);
+        match self.judging {
+            Judging::Explained => {
+                let known = known(flights, &self.scene.plan);
+                Ok(reader.explain(photo, &view, &known)?.0)
+            }
+            Judging::Scored | Judging::Skipped => reader.score(photo, &view),
+        }
+    }
+}
+
+/// What flights say about their photo: speed along the strokes, and the means over the drones of
+/// the distance from the path and of the lag.
+#[must_use]
+pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
+    let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
+    let tracked: Vec<_> = tracked.collect();
+    let mean = |value: fn(&crate::flight::tracking::Tracking) -> f64| {
+        #[expect(clippy::cast_precision_loss, reason = "a few drones")]
+        let n = tracked.len() as f64;
+        (!tracked.is_empty()).then(|| tracked.iter().map(value).sum::<f64>() / n)
+    };
+    Known {
+        speed_m_s: (!flights.is_empty()).then_some(plan.stroke_speed_m_s),
+        contour_m: mean(|tracking| tracking.contour.mean_m),
+        lag_s: mean(|tracking| tracking.lag_s),
+    }
+}

@@ -1,0 +1,305 @@
+//! Flies a plan, tick by tick.
+
+use nalgebra::Vector3;
+
+use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
+use super::options::SimOptions;
+use super::recorder::Recorder;
+use super::vehicle::Plant;
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::plan::Plan;
+
+/// Longest plan that is flown. A battery lasts for a tenth of it.
+const MAX_DURATION_S: f64 = 3600.0;
+/// Ticks between two reports of progress.
+const TICKS_PER_REPORT: u32 = 250;
+
+/// A simulated drone.
+#[derive(Clone, Copy, Debug)]
+pub struct Drone<'a> {
+    /// The model that controller and estimator are designed for.
+    pub believed: &'a SimOptions,
+    /// The true body, motors, battery, air and sensors.
+    pub actual: &'a SimOptions,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// Index among the drones that fly together. Each index has its own noise, in sensors and air.
+    pub index: u64,
+}
+
+impl<'a> Drone<'a> {
+    /// The drone of index 0, exactly as its controller believes it to be.
+    #[must_use]
+    pub fn new(options: &'a SimOptions, seed: u64) -> Self {
+        Self { believed: options, actual: options, seed, index: 0 }
+    }
+}
+
+/// Flies a plan with one drone.
+///
+/// The flight lasts from 0 to the time of the last setpoint. The same plan and drone give the same
+/// bytes on every machine. `progress` is called with the completed fraction, 0 to 1.
+///
+/// # Errors
+///
+/// Those of [`SimOptions::check`]; [`Error::Input`] for a plan without setpoints or with values
+/// that no drone can reach; [`Error::Infeasible`] for one longer than an hour, for weights without
+/// a gain, and for a drone that turns over or flies away.
+///
+/// # Panics
+///
+/// If a column of `plan.lights` is not as long as `plan.setpoints`, or if the believed and the
+/// actual drone have different rates.
+pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+    let Drone { believed, actual, seed, index } = *drone;
+    assert_eq!(believed.rates, actual.rates, "one clock");
+    believed.check()?;
+    actual.check()?;
+    check_plan(plan)?;
+    let rates = &actual.rates;
+    let n_ticks = n_ticks(plan, rates.control_hz)?;
+    let ticks_per_sample = rates.control_hz / rates.log_hz;
+    let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+
+    let first_m = plan.setpoints[0].position_m;
+    let start_m = Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0));
+    let mut plant = Plant::new(actual, dt_s, seed, index, start_m);
+    let mut avionics = Avionics::new(drone, start_m)?;
+    let mut recorder = Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize);
+    for tick in 0..=n_ticks {
+        let time_s = f64::from(tick) / f64::from(rates.control_hz);
+        avionics.tick(plan, time_s, &plant)?;
+        if tick.is_multiple_of(ticks_per_sample) {
+            recorder.record(&avionics.snapshot(time_s, &plant));
+        }
+        let motors = avionics.motors();
+        for _ in 0..rates.steps_per_tick {
+            plant.advance(&motors);
+        }
+        if tick.is_multiple_of(TICKS_PER_REPORT) {
+            progress(f64::from(tick) / f64::from(n_ticks.max(1)));
+        }
+    }
+    progress(1.0);
+    Ok(recorder.finish(avionics.warnings(&plant)))
+}
+
+/// Checks that the plan has setpoints, and only positions and motions within a drone's reach.
+fn check_plan(plan: &Plan) -> Result<()> {
+    let n = plan.setpoints.len();
+    assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
+    assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
+    let hint = "plan the word again, or correct the file that the plan was read from";
+    if plan.setpoints.is_empty() {
+        return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));
+    }
+    for (i, s) in plan.setpoints.iter().enumerate() {
+        let sent_m = plan.sent_m(i);
+        let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
+        for value in s.position_m.iter().chain(moving).chain(&sent_m) {
+            if value.is_nan() || value.abs() >= LOST {
+                let wanted = format!("a number within ±{LOST}");
+                return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Control ticks from the first setpoint to the last.
+fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
+    let duration_s = plan.duration_s();
+    if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
+        return Err(Error::Infeasible {
+            what: format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
+            hint: "write a shorter word, or draw faster".into(),
+        });
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 7.2e6")]
+    Ok(((duration_s + TIME_TOLERANCE_S) * f64::from(rate_hz)) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+    use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
+    use crate::plan::Setpoint;
+    use crate::sim::{EstimatorKind, Gusts, Positioning};
+
+    /// Setpoints `(time, x, z)` with a light on all of them.
+    fn plan(points: &[(f64, f64, f64)]) -> Plan {
+        let setpoint = |&(time_s, x, z): &(f64, f64, f64)| Setpoint {
+            time_s,
+            position_m: Vector3::new(x, 0.0, z),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        let setpoints: Vec<_> = points.iter().map(setpoint).collect();
+        let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
+        Plan { setpoints, lights, ..Plan::default() }
+    }
+
+    fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {
+        fly(plan, &Drone::new(options, seed), &mut |_| {})
+    }
+
+    fn fly_default(plan: &Plan) -> Result<Flight> {
+        flown(plan, &SimOptions::default(), 1)
+    }
+
+    #[test]
+    fn a_drone_takes_off_hovers_and_lands() {
+        let up_and_down =
+            plan(&[(0.0, 0.2, 0.0), (1.0, 0.2, 0.5), (6.0, 0.2, 0.0), (8.0, 0.2, 0.0)]);
+        let flight = fly_default(&up_and_down).unwrap();
+        let at = |time_s: f64| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap();
+        assert_eq!(at(0.9).position_m, Vector3::x() * 0.2, "waits on the floor");
+        assert_eq!(at(0.9).motors, [0.0; 4]);
+        assert!((at(5.9).position_m.z - 0.5).abs() < 0.03, "hovers: {:?}", at(5.9));
+        let end = flight.samples.last().unwrap();
+        assert_eq!((end.position_m.z, end.motors), (0.0, [0.0; 4]), "lies on the floor");
+        assert_eq!(end.velocity_body_m_s, Vector3::zeros());
+        assert_eq!((flight.samples.len(), end.time_s), (2001, 8.0), "250 Hz, both ends");
+        assert_eq!(flight.lights["headlights"], vec![0.5; 2001]);
+    }
+
+    #[test]
+    fn saturation_while_writing_is_reported() {
+        let flight =
+            fly_default(&plan(&[(0.0, 0.0, 0.5), (1.0, 0.0, 1.5), (3.0, 0.0, 1.5)])).unwrap();
+        assert!(
+            flight.warnings[0].starts_with("a motor was at its limit"),
+            "{:?}",
+            flight.warnings
+        );
+        let saturated_s = &flight.extra[SATURATED_S];
+        let cut = |s: &FlightSample| s.motors.iter().any(|m| [0.0, 65_535.0].contains(m));
+        let ticks = flight.samples.iter().filter(|s| cut(s)).count() as f64;
+        // Samples are every second tick.
+        let last_s = *saturated_s.last().unwrap();
+        assert!(ticks > 10.0 && (last_s / (0.004 * ticks) - 1.0).abs() < 0.1, "{last_s} s");
+        assert!(saturated_s.is_sorted() && saturated_s[0] == 0.0, "counts up from nought");
+        assert_eq!(flight.extra.len(), 1, "no battery, no voltage");
+    }
+
+    #[test]
+    fn a_battery_is_in_the_log_with_what_it_gave() {
+        let hover = plan(&[(0.0, 0.0, 0.5), (10.0, 0.0, 0.5)]);
+        let flight = flown(&hover, &SimOptions::cf21(), 1).unwrap();
+        let column = |name: &str| flight.extra[name].as_slice();
+        let (volts, joules) = (column(BATTERY_V), column(ENERGY_J));
+        assert_eq!((volts.len(), column(SATURATED_S).last()), (flight.samples.len(), Some(&0.0)));
+        // In hover 0.24 A + 6.68 A/N · 0.3218 N = 2.39 A.
+        let want_j: f64 = volts.iter().skip(1).map(|v| v * 2.39 * 0.004).sum();
+        let found_j = joules.last().unwrap();
+        assert!((found_j / want_j - 1.0).abs() < 0.01, "{found_j} J of {want_j} J");
+        assert!(joules.is_sorted() && volts[0] > *volts.last().unwrap());
+    }
+
+    #[test]
+    fn a_drone_heavier_than_its_controller_believes_hangs_low() {
+        let hover = plan(&[(0.0, 0.0, 0.5), (6.0, 0.0, 0.5)]);
+        let believed = SimOptions::default();
+        let mut actual = believed.clone();
+        actual.vehicle.mass_kg *= 1.02;
+        let fly = |believed, actual| {
+            let drone = Drone { believed, actual, ..Drone::new(actual, 1) };
+            fly(&hover, &drone, &mut |_| {}).unwrap()
+        };
+        let last = |flight: Flight| flight.samples.last().unwrap().position_m.z;
+        // What is lifted by position error alone: 2 % of the weight over K's 0.364 N/m.
+        let sag_m = 0.02 * 0.0351 * 9.81 / 0.364;
+        let low_m = last(fly(&believed, &believed)) - last(fly(&believed, &actual));
+        assert!((low_m - sag_m).abs() < 0.002, "{low_m} m instead of {sag_m} m");
+        let known_m = last(fly(&actual, &actual)) - last(fly(&believed, &believed));
+        assert!(known_m.abs() < 0.002, "who knows the mass stays up: {known_m} m");
+    }
+
+    #[test]
+    fn each_index_has_its_own_noise_and_the_first_is_the_default() {
+        // At hover: in motion all estimates share the error of their model.
+        let hover = plan(&[(0.0, 0.0, 0.5), (40.0, 0.0, 0.5)]);
+        for (positioning, kind) in [
+            (Positioning::Position, EstimatorKind::Luenberger),
+            (Positioning::Sweeps, EstimatorKind::Ekf),
+            (Positioning::UwbTwr, EstimatorKind::Ekf),
+        ] {
+            let mut options = SimOptions::cf21();
+            options.sensors.positioning = positioning;
+            options.observer.kind = kind;
+            options.air.gusts = Gusts::OrnsteinUhlenbeck;
+            // Errors of the estimate, less their mean.
+            let errors_m = |index| {
+                let drone = Drone { index, ..Drone::new(&options, 3) };
+                let flight = fly(&hover, &drone, &mut |_| {}).unwrap();
+                let error_m = |s: &FlightSample| s.estimate_m - s.position_m;
+                let errors_m: Vec<Vector3<f64>> = flight.samples.iter().map(error_m).collect();
+                #[expect(clippy::cast_precision_loss, reason = "10 001")]
+                let mean_m = errors_m.iter().sum::<Vector3<f64>>() / errors_m.len() as f64;
+                (flight, errors_m.iter().map(|e| e - mean_m).collect::<Vec<_>>())
+            };
+            let of_all = [0, 1, 2].map(errors_m);
+            assert_eq!(of_all[0].0, flown(&hover, &options, 3).unwrap(), "index 0 is the default");
+            let product = |i: usize, j: usize| -> f64 {
+                of_all[i].1.iter().zip(&of_all[j].1).map(|(a, b)| a.dot(b)).sum()
+            };
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                let correlation = product(i, j) / (product(i, i) * product(j, j)).sqrt();
+                assert!(correlation.abs() < 0.2, "{positioning:?} {i} {j}: {correlation}");
+            }
+        }
+    }
+
+    #[test]
+    fn progress_rises_from_nought_to_one() {
+        let mut seen = Vec::new();
+        let hover = plan(&[(0.0, 0.0, 0.5), (3.0, 0.0, 0.5)]);
+        let options = SimOptions::default();
+        fly(&hover, &Drone::new(&options, 1), &mut |done| seen.push(done)).unwrap();
+        assert_eq!((seen[0], *seen.last().unwrap()), (0.0, 1.0));
+        assert!(seen.is_sorted() && seen.len() > 5, "{seen:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_flown_is_refused_with_its_reason() {
+        let refused = |points| fly_default(&plan(points)).unwrap_err().to_string();
+        assert!(refused(&[]).contains("no setpoint"));
+        assert!(refused(&[(0.0, 0.0, 0.5), (3601.0, 0.0, 0.5)]).contains("3601 s"));
+        assert!(refused(&[(0.0, 0.0, 0.5), (f64::NAN, 0.0, 0.5)]).contains("NaN s"));
+        assert!(refused(&[(0.0, 0.0, 0.5), (1.0, f64::NAN, 0.5)]).contains("setpoint 1"));
+        let jump = refused(&[(0.0, 0.0, 0.5), (1.0, 9.0, 0.5), (5.0, 9.0, 0.5)]);
+        assert!(jump.contains("turns over after 1."), "{jump}");
+    }
+
+    #[test]
+    fn any_settings_give_a_finite_flight_or_an_error() {
+        let hover = plan(&[(0.0, 0.0, 0.0), (0.1, 0.0, 0.5), (1.5, 0.3, 0.5), (2.0, 0.3, 0.5)]);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut flew = 0;
+        for case in 0..300 {
+            let mut factor = || libm::pow(10.0, rng.random_range(-1.5..1.5));
+            let mut options = SimOptions::default();
+            options.vehicle.inertia_kg_m2.iter_mut().for_each(|j| *j *= factor());
+            options.vehicle.k_f_n *= factor();
+            options.controller.q.iter_mut().for_each(|q| *q *= factor());
+            options.controller.r.iter_mut().for_each(|r| *r *= factor());
+            options.observer.q.iter_mut().for_each(|q| *q *= factor() * factor());
+            options.observer.r.iter_mut().for_each(|r| *r *= factor() * factor());
+            options.sensors.lighthouse_jitter_m *= factor();
+            let Ok(flight) = flown(&hover, &options, case) else { continue };
+            flew += 1;
+            for s in &flight.samples {
+                let sum = s.position_m.sum() + s.velocity_body_m_s.sum() + s.rate_body_rad_s.sum();
+                let rest = s.estimate_m.sum() + s.motors.iter().sum::<f64>();
+                assert!((sum + rest).is_finite(), "case {case} at {} s", s.time_s);
+            }
+        }
+        assert!((50..300).contains(&flew), "both ends are reached: {flew} of 300 flew");
+    }
+}
