@@ -249,12 +249,16 @@ fn letter(choice: &Choice, glyph: &Glyph) -> LetterVerdict {
         Some((other, p)) if *p > choice.p => Some(letter_like(*other, expected)),
         _ => Some(expected),
     };
+    let likely = choice.others.iter().filter(|other| other.1 >= LEAST_SHARE).map(rival);
+    let mut confusion: Vec<Rival> =
+        [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();
+    confusion.sort_by(|a, b| b.p.total_cmp(&a.p));
     LetterVerdict {
         best,
         p: choice.p,
         no_letter: choice.none,
         rivals: choice.others.iter().take(N_RIVALS).map(rival).collect(),
-        confusion: choice.others.iter().filter(|other| other.1 >= LEAST_SHARE).map(rival).collect(),
+        confusion,
         ..LetterVerdict::unseen(expected)
     }
 }

@@ -86,7 +86,7 @@ pub struct LetterVerdict {
     pub missing_mm: Option<f64>,
     /// Length of the light's lines away from the intended strokes.
     pub stray_mm: Option<f64>,
-    /// Shares of all other letters in the choice, the likeliest first, down to a thousandth.
+    /// Shares of all letters in the choice, the likeliest first, down to a thousandth.
     pub confusion: Vec<Rival>,
 }
 

@@ -1,4 +1,4 @@
-//! Reading without being told, and finding a word by its ink.
+//! Blind recognition, and placement of a word by its ink.
 
 use super::studio::{Shot, camera, word};
 use super::*;
@@ -6,7 +6,7 @@ use super::*;
 const WORDS: [&str; 4] = ["NOOR", "QUIZ", "FLOCK", "DRAWN"];
 
 #[test]
-fn words_are_read_without_being_told() {
+fn words_are_recognized_blindly() {
     for text in WORDS {
         let strokes = word(text);
         let reading = read(&Shot::of(&strokes).photo()).unwrap();
@@ -17,7 +17,7 @@ fn words_are_read_without_being_told() {
 }
 
 #[test]
-fn the_teams_faults_leave_the_word_readable_without_being_told() {
+fn the_teams_faults_leave_the_word_recognizable() {
     let shot = Shot::of(&word("NOOR"));
     let faults = [
         ("trailing by 6 cm", shot.clone().trailing(0.06)),

@@ -1,4 +1,4 @@
-//! Why: faults put in are named, measured, and their mending gains what they cost.
+//! Causes: faults are named and measured, and mending them gains what they cost.
 
 use super::studio::{Shot, word};
 use super::*;
@@ -26,7 +26,7 @@ fn the_explained_verdict_is_the_quick_one() {
     let noor = word("NOOR");
     let shot = Shot::of(&noor).trailing(0.08).ending_early(0.1);
     let (quick, why) = (shot.verdict(&noor), explained(&shot, &noor));
-    assert_eq!((quick.read, quick.probability), (why.read, why.probability));
+    assert_eq!((quick.read, quick.readability), (why.read, why.readability));
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn an_early_end_is_measured_and_its_mending_gains() {
 }
 
 #[test]
-fn light_between_strokes_is_a_transit_with_its_lamp_s_delay() {
+fn light_between_strokes_is_a_transit_with_its_lamp_delay() {
     let strokes = word("NET");
     let mut shot = Shot::of(&strokes);
     let e = &strokes.glyphs[1].moves;
@@ -77,9 +77,9 @@ fn a_shifted_letter_and_a_tail_are_named() {
     }
     shot.moves.insert(0, Move { from_m: [-0.6, 0.3], to_m: [-0.6, 0.5], lit: true });
     let verdict = explained(&shot, &noor);
-    let of = |kind| verdict.causes.iter().find(|cause| cause.kind == kind).map(|c| c.letter);
-    assert_eq!(of(CauseKind::Shifted), Some(Some(2)), "{:#?}", verdict.causes);
-    assert_eq!(of(CauseKind::Streak), Some(Some(0)), "{:#?}", verdict.causes);
+    let letter_of = |kind| verdict.causes.iter().find(|cause| cause.kind == kind).map(|c| c.letter);
+    assert_eq!(letter_of(CauseKind::Shifted), Some(Some(2)), "{:#?}", verdict.causes);
+    assert_eq!(letter_of(CauseKind::Streak), Some(Some(0)), "{:#?}", verdict.causes);
 }
 
 #[test]
