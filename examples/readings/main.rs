@@ -20,13 +20,15 @@ const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz01
 fn main() -> Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let folder = Path::new(args.get(1).map_or(".", String::as_str));
-    let text = std::fs::read_to_string(folder.join("truth.json")).expect("truth.json beside the photos");
+    let text =
+        std::fs::read_to_string(folder.join("truth.json")).expect("truth.json beside the photos");
     let truth: serde_json::Value = serde_json::from_str(&text).expect("truth.json is JSON");
     let photos = truth.as_object().expect("an object of photos");
     match args.first().map(String::as_str) {
         Some("verdicts") => {
+            let full = args.get(2).is_some_and(|arg| arg == "full");
             for (name, of) in photos {
-                verdict(folder, name, of["expected"].as_str().unwrap_or(""))?;
+                verdict(folder, name, of["expected"].as_str().unwrap_or(""), full)?;
             }
         }
         Some("strips") => {
@@ -52,7 +54,7 @@ fn open(folder: &Path, name: &str, word: &str) -> Result<(Strokes, Photo, View, 
     Ok((strokes, Photo::read(&folder.join("photos").join(format!("{name}.png")))?, view, scene))
 }
 
-fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {
+fn verdict(folder: &Path, name: &str, word: &str, full: bool) -> Result<()> {
     let (strokes, photo, view, scene) = match open(folder, name, word) {
         Ok(found) => found,
         Err(error) => {
@@ -61,9 +63,17 @@ fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {
         }
     };
     let reader = Reader::new(&strokes, &scene.score)?;
-    let (verdict, _) = reader.explain(&photo, &view, &Known::default())?;
-    let ln_p: Vec<String> =
-        verdict.letters.iter().map(|letter| format!("{:.3}", libm::log(letter.p.max(1e-9)))).collect();
+    let (verdict, blind) = if full {
+        let (verdict, _) = reader.explain(&photo, &view, &Known::default())?;
+        (verdict, read(&photo)?.text.replace('\n', "/"))
+    } else {
+        (reader.score(&photo, &view)?, String::new())
+    };
+    let ln_p: Vec<String> = verdict
+        .letters
+        .iter()
+        .map(|letter| format!("{:.3}", libm::log(letter.p.max(1e-9))))
+        .collect();
     let (rival, p) = verdict.rival.map_or(("-".to_owned(), 0.0), |rival| (rival.word, rival.p));
     println!(
         "{name}\t{word}\t{:.4}\t{}\t{}\t{rival}\t{p:.4}\t{:.3}\t{:.1}\t{}",
@@ -72,7 +82,7 @@ fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {
         verdict.read,
         verdict.faithfulness.unwrap_or(0.0),
         verdict.cap_height_px.unwrap_or(0.0),
-        read(&photo)?.text.replace('\n', "/"),
+        blind,
     );
     Ok(())
 }
@@ -85,7 +95,8 @@ fn strips(folder: &Path, name: &str, word: &str, out: &mut impl Write) -> Result
         .map(|at| u8::try_from(at + 1).expect("62 characters"))
         .collect();
     for (width, bytes) in Reader::new(&strokes, &scene.score)?.strips(&photo, &view)? {
-        let head = [u16::try_from(labels.len()), u16::try_from(width)].map(|n| n.expect("short words"));
+        let head =
+            [u16::try_from(labels.len()), u16::try_from(width)].map(|n| n.expect("short words"));
         let head = head.into_iter().flat_map(u16::to_le_bytes);
         let record: Vec<u8> = head.chain(labels.iter().copied()).chain(bytes).collect();
         out.write_all(&record).expect("room on the disk");

@@ -127,7 +127,12 @@ impl Target {
     }
 
     /// The best correlation and its shift, within a square around a shift.
-    pub(super) fn seek(&self, word: &Raster, around: [isize; 2], reach: isize) -> (f32, [isize; 2]) {
+    pub(super) fn seek(
+        &self,
+        word: &Raster,
+        around: [isize; 2],
+        reach: isize,
+    ) -> (f32, [isize; 2]) {
         let per_norms = self.per_norms(word);
         let mut best = (f32::NEG_INFINITY, around);
         for down in around[1] - reach..=around[1] + reach {

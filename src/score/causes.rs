@@ -89,7 +89,12 @@ pub struct Known {
 }
 
 /// The sentence for all faults of a kind.
-pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], letters: &[char], known: &Known) -> String {
+pub(super) fn sentence(
+    kind: CauseKind,
+    causes: &[&Cause],
+    letters: &[char],
+    known: &Known,
+) -> String {
     let mut named: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
         let name = format!("{} ({})", letters[index], index + 1);
@@ -144,7 +149,10 @@ pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], letters: &[char], kno
             });
             let mut alike: Vec<String> = alike.collect();
             alike.dedup();
-            format!("Choose another font, or draw {who} otherwise: this font's {}.", alike.join(", "))
+            format!(
+                "Choose another font, or draw {who} otherwise: this font's {}.",
+                alike.join(", ")
+            )
         }
         CauseKind::OffPath => format!(
             "Fly nearer the path in {who}: light runs up to {most_mm:.0} mm beside the strokes{}.",

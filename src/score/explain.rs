@@ -175,8 +175,9 @@ impl Reader {
         }
         let advice = kinds.into_iter().map(|kind| {
             let of_kind = || found.iter().filter(move |(cause, _)| cause.kind == kind);
-            let mendings: Vec<(usize, &Mending)> =
-                of_kind().filter_map(|(cause, mending)| cause.letter.zip(mending.as_ref())).collect();
+            let mendings: Vec<(usize, &Mending)> = of_kind()
+                .filter_map(|(cause, mending)| cause.letter.zip(mending.as_ref()))
+                .collect();
             let causes: Vec<&Cause> = of_kind().map(|(cause, _)| cause).collect();
             let gain = (!mendings.is_empty())
                 .then(|| readability(&self.reread(&seen.strips, sketches, &mendings)) - before);
@@ -191,7 +192,12 @@ impl Reader {
     }
 
     /// Reads the word again with faults taken out of letters.
-    fn reread(&self, strips: &[Strip], sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Vec<Choice> {
+    fn reread(
+        &self,
+        strips: &[Strip],
+        sketches: &[Sketch],
+        mendings: &[(usize, &Mending)],
+    ) -> Vec<Choice> {
         let mut strips = strips.to_vec();
         for (index, sketch) in sketches.iter().enumerate() {
             let own = mendings.iter().filter(|(letter, _)| *letter == index);
@@ -201,10 +207,15 @@ impl Reader {
             if mendings.iter().any(|(letter, _)| *letter == index) {
                 let blur = |raster: &Raster| raster.blur(BLUR_H * f32::from(PX_PER_H));
                 let is_own = |grid: &&super::plane::Grid| {
-                    let baseline_m = grid.top_m - (super::strip::HEAD_ROW + CAP_PX) as f64 * grid.pitch_m;
+                    let baseline_m =
+                        grid.top_m - (super::strip::HEAD_ROW + CAP_PX) as f64 * grid.pitch_m;
                     (baseline_m - glyph.cell.baseline_m).abs() < 0.5 * glyph.cell.cap_height_m
                 };
-                let line = self.lines.iter().position(|grid| is_own(&grid)).expect("a letter is in a line");
+                let line = self
+                    .lines
+                    .iter()
+                    .position(|grid| is_own(&grid))
+                    .expect("a letter is in a line");
                 let page = &self.pages[index].grid;
                 strips[line].change(&self.lines[line], page, &blur(&sketch.ink), &blur(&mended));
             }

@@ -146,7 +146,8 @@ impl Line {
         let per_area = narrow(1.0 / (pitch * pitch));
         let channel = |light: &Raster| -> Vec<f32> {
             let at = |at: usize| {
-                let (x, y) = (left + pitch * (at % width) as f64, top + pitch * (at / width) as f64);
+                let (x, y) =
+                    (left + pitch * (at % width) as f64, top + pitch * (at / width) as f64);
                 (light.sum([x, x + pitch], [y, y + pitch]) * per_area).clamp(0.0, 1.0)
             };
             (0..width * HEIGHT).map(at).collect()
@@ -158,9 +159,8 @@ impl Line {
     /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where
     /// there is the least ink between their middles.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
-        let column = |px: f64| {
-            whole((px / self.step).max(0.0)).clamp(self.columns[0], self.columns[1] - 1)
-        };
+        let column =
+            |px: f64| whole((px / self.step).max(0.0)).clamp(self.columns[0], self.columns[1] - 1);
         let ink = |x: usize| -> f32 {
             (self.rows[0]..self.rows[1]).map(|y| self.ink.values[y * self.ink.width + x]).sum()
         };
@@ -171,8 +171,10 @@ impl Line {
         let mut ends: Vec<usize> =
             [self.columns[0]].into_iter().chain(between).chain([self.columns[1]]).collect();
         ends.sort_unstable();
-        let whole_line = [self.columns[0] as f64, self.extent[0], self.columns[1] as f64, self.extent[1]];
-        let boxes = ends.windows(2).map(|ends| self.ink_box(ends[0], ends[1]).unwrap_or(whole_line));
+        let whole_line =
+            [self.columns[0] as f64, self.extent[0], self.columns[1] as f64, self.extent[1]];
+        let boxes =
+            ends.windows(2).map(|ends| self.ink_box(ends[0], ends[1]).unwrap_or(whole_line));
         boxes.map(|sides| sides.map(|side| side * self.step)).collect()
     }
 

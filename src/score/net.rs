@@ -65,7 +65,8 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
-        let integers = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
+        let integers =
+            |bytes: &[u8]| bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
         layers.push(Layer {
             kernel: [kh, kw],
             channels: [ci, co],
@@ -104,7 +105,8 @@ impl Layer {
                 for (channel, (sum, weights)) in
                     sums.iter_mut().zip(self.weights.chunks_exact(kh * run)).enumerate()
                 {
-                    let products = patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
+                    let products =
+                        patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
                     let total = i64::from(products.sum::<i32>() + self.biases[channel]);
                     let scaled = (total * i64::from(self.multipliers[channel])) >> 24;
                     *sum = i32::try_from(scaled).expect("logits are small");
@@ -140,5 +142,24 @@ impl Map {
             }
         }
         Self { height, width, channels, values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logits_are_the_same_integers_on_every_machine() {
+        let width = 60;
+        let light = |step: usize| -> Vec<f32> {
+            (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
+        };
+        let logits = logits(&Strip { width, bright: light(7), pure: light(13) });
+        assert_eq!(logits.len(), width / COLUMN_PX);
+        let hash = logits.iter().flatten().fold(0xcbf2_9ce4_8422_2325_u64, |hash, logit| {
+            (hash ^ logit.to_bits()).wrapping_mul(0x100_0000_01b3)
+        });
+        assert_eq!(hash, 0, "{hash}");
     }
 }

@@ -15,8 +15,8 @@ use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
 use super::view::View;
 use super::{
-    BLUR_H, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, SCALES, ScoreOptions,
-    cap_height_m, check, check_size,
+    BLUR_H, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, SCALES,
+    ScoreOptions, cap_height_m, check, check_size,
 };
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};
@@ -179,8 +179,11 @@ impl Reader {
         let choices = columns.choices(&self.expected);
         let readability = readability(&choices);
         let rival = self.rival(&columns, &choices);
-        let letters: Vec<LetterVerdict> =
-            choices.iter().zip(&self.strokes.glyphs).map(|(choice, glyph)| letter(choice, glyph)).collect();
+        let letters: Vec<LetterVerdict> = choices
+            .iter()
+            .zip(&self.strokes.glyphs)
+            .map(|(choice, glyph)| letter(choice, glyph))
+            .collect();
 
         let Placed { shift_m, scale, rotation_rad, .. } = seen.placed;
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
@@ -274,7 +277,8 @@ fn line(glyphs: &[Glyph]) -> Grid {
     let pitch_m = cell.cap_height_m / CAP_PX as f64;
     let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
     let ends = lit.flat_map(|step| [step.from_m[0], step.to_m[0]]);
-    let (left, right) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), x| (left.min(x), right.max(x)));
+    let (left, right) = ends
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), x| (left.min(x), right.max(x)));
     let width = whole(((right - left) / pitch_m).ceil()) + 2 * MARGIN_PX;
     Grid {
         left_m: left - MARGIN_PX as f64 * pitch_m,

@@ -76,8 +76,10 @@ pub fn read(photo: &Photo) -> Result<Reading> {
         let top = worth(&lines);
         lines.retain(|line| line.ln_p >= top || (line.letters.len() > 1 && clear(line)));
     }
-    let texts: Vec<String> =
-        lines.iter().map(|line| line.letters.iter().map(|letter| letter.letter).collect()).collect();
+    let texts: Vec<String> = lines
+        .iter()
+        .map(|line| line.letters.iter().map(|letter| letter.letter).collect())
+        .collect();
     let letters = lines.into_iter().flat_map(|line| line.letters).collect();
     Ok(Reading { text: texts.join("\n"), letters })
 }
@@ -101,7 +103,8 @@ fn read_line(line: &Line) -> Option<ReadLine> {
         .map(|column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px)
         .collect();
     let letters = text.chars().zip(line.boxes(&middles)).zip(choices);
-    let letters = letters.map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px });
+    let letters =
+        letters.map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px });
     Some(ReadLine { letters: letters.collect(), ln_p })
 }
 

@@ -109,7 +109,11 @@ impl Columns {
 
     /// The likeliest words of some characters, the first of which is one of others, the likeliest first
     /// (prefix beam search, Hannun and others 2014).
-    pub(super) fn search(&self, first: &[(char, Classes)], rest: &[(char, Classes)]) -> Vec<(String, f64)> {
+    pub(super) fn search(
+        &self,
+        first: &[(char, Classes)],
+        rest: &[(char, Classes)],
+    ) -> Vec<(String, f64)> {
         let shares = |symbols: &[(char, Classes)]| -> Vec<Vec<f64>> {
             let none = ('?', 1 << (N_CLASSES - 1));
             symbols.iter().chain([&none]).map(|(_, set)| self.shares(*set)).collect()
@@ -133,7 +137,9 @@ impl Columns {
                     next.entry(prefix.clone()).or_default()[1] += letter * own.1[index][at];
                 }
                 let (names, shares) = &tables[usize::from(!prefix.is_empty())];
-                for (name, shares) in names.iter().zip(shares).filter(|(_, shares)| shares[at] > LEAST_STEP) {
+                for (name, shares) in
+                    names.iter().zip(shares).filter(|(_, shares)| shares[at] > LEAST_STEP)
+                {
                     let from = if last == Some(*name) { *blank } else { both };
                     let mut longer = prefix.clone();
                     longer.push(*name);
@@ -157,10 +163,15 @@ impl Columns {
         let middle = |index: usize| {
             let shares = self.shares(word[index]);
             let weights = lattice.forward.iter().zip(&lattice.backward).zip(&shares);
-            let weights = weights.map(|((left, right), share)| left[2 * index + 1] * right[2 * index + 1] / share);
-            let (sum, moment) = weights.enumerate().fold((0.0, 0.0), |(sum, moment), (at, weight)| {
-                (sum + weight * lattice.scales[at], moment + weight * lattice.scales[at] * at as f64)
-            });
+            let weights = weights
+                .map(|((left, right), share)| left[2 * index + 1] * right[2 * index + 1] / share);
+            let (sum, moment) =
+                weights.enumerate().fold((0.0, 0.0), |(sum, moment), (at, weight)| {
+                    (
+                        sum + weight * lattice.scales[at],
+                        moment + weight * lattice.scales[at] * at as f64,
+                    )
+                });
             moment / sum
         };
         (0..word.len()).map(middle).collect()
@@ -172,10 +183,19 @@ impl Columns {
         let own = lattice.total();
         (0..word.len())
             .map(|index| {
-                let rest: Vec<Classes> = word.iter().enumerate().filter(|(at, _)| *at != index).map(|(_, set)| *set).collect();
+                let rest: Vec<Classes> = word
+                    .iter()
+                    .enumerate()
+                    .filter(|(at, _)| *at != index)
+                    .map(|(_, set)| *set)
+                    .collect();
                 let without = Lattice::new(self, &rest);
                 let without_p = without.total() * libm::exp(without.ln_scale - lattice.ln_scale);
-                let no_letter = lattice.substituted(index, &self.shares(1 << (N_CLASSES - 1)), 1 << (N_CLASSES - 1));
+                let no_letter = lattice.substituted(
+                    index,
+                    &self.shares(1 << (N_CLASSES - 1)),
+                    1 << (N_CLASSES - 1),
+                );
                 let mut others: Vec<(char, f64)> = NAMES
                     .iter()
                     .map(|name| char::from(*name))
@@ -217,9 +237,13 @@ impl<'a> Lattice<'a> {
         for shares in letters.iter_mut().chain([&mut blanks]) {
             shares.iter_mut().zip(&scales).for_each(|(share, scale)| *share /= scale);
         }
-        let share = |at: usize, state: usize| if state % 2 == 0 { blanks[at] } else { letters[state / 2][at] };
+        let share = |at: usize, state: usize| {
+            if state % 2 == 0 { blanks[at] } else { letters[state / 2][at] }
+        };
         let n_states = 2 * word.len() + 1;
-        let may_skip = |state: usize| state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0;
+        let may_skip = |state: usize| {
+            state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0
+        };
         let mut forward = vec![vec![0.0; n_states]; n_columns];
         let mut backward = forward.clone();
         for at in 0..n_columns {
@@ -243,7 +267,11 @@ impl<'a> Lattice<'a> {
                     let after = &backward[at + 1];
                     after[state]
                         + if state + 1 < n_states { after[state + 1] } else { 0.0 }
-                        + if state + 2 < n_states && may_skip(state + 2) { after[state + 2] } else { 0.0 }
+                        + if state + 2 < n_states && may_skip(state + 2) {
+                            after[state + 2]
+                        } else {
+                            0.0
+                        }
                 };
                 backward[at][state] = ways * share(at, state);
             }

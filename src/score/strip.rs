@@ -41,7 +41,8 @@ impl Strip {
     ) -> Self {
         let pure = color::pure(ink_color);
         let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
-        let both = grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
+        let both =
+            grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
         Self {
             width: grid.width,
             bright: both.iter().map(|light| exposed(light[0])).collect(),
@@ -52,7 +53,8 @@ impl Strip {
     /// Adds to the light what a picture of a part of the same plane has more than another, or less.
     pub(super) fn change(&mut self, own: &Grid, part: &Grid, before: &Raster, after: &Raster) {
         let ratio = own.pitch_m / part.pitch_m;
-        let [left, top] = [(own.left_m - part.left_m) / part.pitch_m, (part.top_m - own.top_m) / part.pitch_m];
+        let [left, top] =
+            [(own.left_m - part.left_m) / part.pitch_m, (part.top_m - own.top_m) / part.pitch_m];
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
@@ -71,6 +73,9 @@ impl Strip {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         #[expect(clippy::cast_sign_loss, reason = "0 to 255")]
         let byte = |light: f32| (255.0 * light.sqrt()).round() as u8;
-        self.bright.iter().zip(&self.pure).flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
+        self.bright
+            .iter()
+            .zip(&self.pure)
+            .flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
     }
 }
