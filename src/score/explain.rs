@@ -58,6 +58,9 @@ const OFF_PATH_PX: f64 = 0.05 * H_PX;
 /// Share in the choice below which a faultless drawing is a flaw of its font.
 const STRANGE: f64 = 0.5;
 
+/// Share in the choice from which a letter is sure.
+const SURE: f64 = 0.97;
+
 /// How a fault is taken out of a picture.
 enum Mending {
     Erase(Vec<[f64; 2]>),
@@ -141,8 +144,13 @@ impl Reader {
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
         for (cause, mending) in &mut found {
             let (Some(index), Some(mending)) = (cause.letter, mending) else { continue };
-            let choices = self.reread(&seen.strips, &sketches, &[(index, mending)]);
-            cause.gain = Some(choices[index].p - verdict.letters[index].p);
+            let p = verdict.letters[index].p;
+            // A letter that is sure gains nothing.
+            cause.gain = Some(if p >= SURE {
+                0.0
+            } else {
+                self.reread(&seen.strips, &sketches, &[(index, mending)])[index].p - p
+            });
         }
         self.flaws_of_design(&mut found);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
@@ -151,7 +159,7 @@ impl Reader {
         if seen.contrast < DIM {
             found.push((cause(CauseKind::Dim, None), None));
         }
-        verdict.advice = self.advise(seen, verdict.readability, &sketches, &found, known);
+        verdict.advice = self.advise(seen, verdict, &sketches, &found, known);
         let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
         found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
         verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
@@ -162,7 +170,7 @@ impl Reader {
     fn advise(
         &self,
         seen: &Seen,
-        before: f64,
+        verdict: &Verdict,
         sketches: &[Sketch],
         found: &[Found],
         known: &Known,
@@ -179,8 +187,13 @@ impl Reader {
                 .filter_map(|(cause, mending)| cause.letter.zip(mending.as_ref()))
                 .collect();
             let causes: Vec<&Cause> = of_kind().map(|(cause, _)| cause).collect();
-            let gain = (!mendings.is_empty())
-                .then(|| readability(&self.reread(&seen.strips, sketches, &mendings)) - before);
+            let is_sure = |(index, _): &(usize, &Mending)| verdict.letters[*index].p >= SURE;
+            let gain = (!mendings.is_empty()).then(|| {
+                if mendings.iter().all(is_sure) {
+                    return 0.0;
+                }
+                readability(&self.reread(&seen.strips, sketches, &mendings)) - verdict.readability
+            });
             let letters: Vec<char> =
                 self.strokes.glyphs.iter().map(|glyph| glyph.character).collect();
             Advice { kind, text: sentence(kind, &causes, &letters, known), gain }

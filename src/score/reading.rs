@@ -21,6 +21,9 @@ const RARER: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 /// Mean share of the letters from which a second line of writing is believed.
 const LEAST_SHARE: f64 = 0.6;
 
+/// ln of the probability, by letter, from which other ways to find ink are not tried.
+const CLEAR: f64 = -0.1;
+
 /// Text of a photo.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reading {
@@ -57,17 +60,19 @@ pub fn read(photo: &Photo) -> Result<Reading> {
     let rules = [0.95, 0.6].into_iter().flat_map(|full_rank| {
         [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank })
     });
-    let mut found: Vec<Vec<ReadLine>> = Vec::new();
+    let worth =
+        |lines: &[ReadLine]| lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
+    let mut lines: Vec<ReadLine> = Vec::new();
     for rule in rules {
-        let lines = Line::find_all(photo, rule);
-        let read: Vec<ReadLine> = lines.iter().filter_map(read_line).collect();
-        found.push(read);
+        let found = Line::find_all(photo, rule);
+        let read: Vec<ReadLine> = found.iter().filter_map(read_line).collect();
+        if lines.is_empty() || worth(&read) > worth(&lines) {
+            lines = read;
+        }
+        if worth(&lines) > CLEAR {
+            break;
+        }
     }
-    let worth = |lines: &Vec<ReadLine>| {
-        lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max)
-    };
-    let best = found.into_iter().reduce(|a, b| if worth(&b) > worth(&a) { b } else { a });
-    let mut lines = best.unwrap_or_default();
     let clear = |line: &ReadLine| {
         let n = line.letters.len() as f64;
         line.letters.iter().map(|letter| letter.p).sum::<f64>() >= LEAST_SHARE * n
