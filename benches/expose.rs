@@ -17,7 +17,7 @@ use std::hint::black_box;
 use std::num::NonZero;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use noctograph::camera::{Camera, CameraOptions, Framing};
+use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose, project};
 use noctograph::light::LightTrace;
 use noctograph::scene::Scene;
@@ -26,10 +26,12 @@ use noctograph::shoot::Shoot;
 /// 28 mm at 4 m.
 fn camera() -> Camera {
     let options = CameraOptions {
-        framing: Framing::Fixed,
-        position_m: [0.0, -4.0, 0.0],
-        target_m: [0.0; 3],
-        focal_length_m: 0.028,
+        framing: Framing::Fixed(FixedPose {
+            position_m: [0.0, -4.0, 0.0],
+            target_m: [0.0; 3],
+            ..FixedPose::default()
+        }),
+        lens: LensModel::Custom(CustomLens { focal_length_m: 0.028, ..CustomLens::default() }),
         blur_m: 29.3e-6,
         ..CameraOptions::default()
     };
@@ -52,7 +54,7 @@ fn trace() -> LightTrace {
 fn bench(c: &mut Criterion) {
     let (camera, trace) = (camera(), trace());
     let merged = ExposeOptions::default();
-    let unmerged = ExposeOptions { merge_tolerance_px: 0.0, ..merged };
+    let unmerged = ExposeOptions { merge_tolerance_px: 0.0, ..merged.clone() };
     let mut group = c.benchmark_group("expose");
     group.sample_size(30);
     for (name, options) in [("merged", &merged), ("unmerged", &unmerged)] {
@@ -66,10 +68,9 @@ fn bench(c: &mut Criterion) {
         });
     }
     for (name, backend) in [("cpu", BackendChoice::Cpu), ("wgpu", BackendChoice::Wgpu)] {
-        let options = ExposeOptions { backend, ..merged };
-        if expose(&trace, &camera, &options).is_ok() {
+        if expose(&trace, &camera, &merged, backend).is_ok() {
             group.bench_function(format!("whole, {name}"), |b| {
-                b.iter(|| expose(black_box(&trace), &camera, &options).unwrap());
+                b.iter(|| expose(black_box(&trace), &camera, &merged, backend).unwrap());
             });
         }
     }

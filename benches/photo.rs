@@ -18,9 +18,12 @@ use noctograph::shoot::{Judging, Shoot};
 
 /// NOOR as the default scene writes it.
 fn noor() -> (Film, Camera) {
-    let mut scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
-    scene.expose.backend = BackendChoice::Cpu;
-    let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
+    let shoot = Shoot {
+        judging: Judging::Skipped,
+        backend: BackendChoice::Cpu,
+        ..Shoot::new(scene).unwrap()
+    };
     let shot = shoot.take(&|_, _| {}).unwrap();
     (shot.exposure.film, shot.camera)
 }
@@ -37,9 +40,9 @@ fn photo(c: &mut Criterion) {
         ("room", PhotoOptions { ambient_cd_m2: room, ..plain() }),
         (
             "noise in a lit room",
-            PhotoOptions { noise: Noise::Emva1288, ambient_cd_m2: room, ..plain() },
+            PhotoOptions { noise: Noise::default(), ambient_cd_m2: room, ..plain() },
         ),
-        ("noise in the dark", PhotoOptions { noise: Noise::Emva1288, ..plain() }),
+        ("noise in the dark", PhotoOptions { noise: Noise::default(), ..plain() }),
         ("camera tone", PhotoOptions { tone: Tone::Camera, ..plain() }),
         ("neutral tone", PhotoOptions { tone: Tone::Neutral, ..plain() }),
         ("everything", all.clone()),

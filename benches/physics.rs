@@ -1,7 +1,7 @@
 //! Steps of the flight physics a second, one drone on one core, in processor time.
 //!
 //! `cargo bench --bench physics`; an element is a step of 1 ms. The goal is 6 M steps/s for "rotors
-//! and drag", which is what other simulators' physics are (`floor.rs`: 6.9 M, built for its machine).
+//! and drag", the scope of other simulators' physics (6.9 M in one written for the purpose).
 //! Measured in November 2026, the best and the median of 60 runs on a busy core with AVX-512: 13.0 and
 //! 8.4 M; "cf21" 9.7 and 6.7 M, with gusts 6.1 and 5.0 M.
 
@@ -25,12 +25,11 @@ fn motion() -> SimOptions {
 /// All of it: battery, ground effect and gusts as well.
 fn everything() -> SimOptions {
     let mut options = SimOptions::cf21();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     options
 }
 
-/// Time that this thread was on a core, where the system tells it: other programs on the machine
-/// take none of it.
+/// Processor time of this thread, where the system reports it.
 fn processor_time() -> Option<Duration> {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     line.split(' ').next()?.parse().ok().map(Duration::from_nanos)

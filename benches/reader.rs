@@ -18,8 +18,11 @@ use noctograph::shoot::{Judging, Shoot};
 fn preview(word: &str, size_px: [u32; 2]) -> (Strokes, Photo, View) {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
     [scene.camera.width_px, scene.camera.height_px] = size_px;
-    scene.expose.backend = BackendChoice::Cpu;
-    let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+    let shoot = Shoot {
+        judging: Judging::Skipped,
+        backend: BackendChoice::Cpu,
+        ..Shoot::new(scene).unwrap()
+    };
     let shot = shoot.take(&|_, _| {}).unwrap();
     (shot.strokes.unwrap(), shot.photo, (&shot.camera).into())
 }

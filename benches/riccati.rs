@@ -9,7 +9,7 @@ use noctograph::control::{lqr, observer_gain};
 
 type Model = (SMatrix<f64, 12, 12>, SMatrix<f64, 12, 4>);
 
-/// The reference flight's hover, as `noctograph::sim` linearises it.
+/// The reference flight's hover, as `noctograph::sim` linearizes it.
 fn hover() -> Model {
     let (mut a, mut b) = (SMatrix::zeros(), SMatrix::zeros());
     for at in [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)] {

@@ -40,7 +40,7 @@ fn full(positioning: Positioning, estimator: EstimatorKind) -> SimOptions {
     options
 }
 
-/// Time that this thread was on a core; what the clock says where the system does not tell.
+/// Processor time of this thread; wall time where the system does not report it.
 fn processor_time(since: Instant) -> Duration {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let ns = line.and_then(|line| line.split(' ').next()?.parse().ok());
@@ -72,7 +72,7 @@ fn main() {
     let n = std::env::args().find_map(|word| word.parse().ok()).unwrap_or(1000);
     let plan = word();
     let mut gusts = full(Positioning::Sweeps, EstimatorKind::Ekf);
-    gusts.air.gusts = Gusts::OrnsteinUhlenbeck;
+    gusts.air.gusts = Gusts::room();
     let cases = [
         ("sweeps, EKF", full(Positioning::Sweeps, EstimatorKind::Ekf)),
         ("crossing beams, observer", full(Positioning::CrossingBeams, EstimatorKind::Luenberger)),

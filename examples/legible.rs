@@ -1,9 +1,9 @@
 //! Which letters read, and how small NOOR may be: every character of three fonts, planned, flown,
-//! photographed and read, in the team's way and in the even way; then NOOR smaller and smaller for
-//! each controller.
+//! photographed and read, in the styles `team` and `even`; then NOOR at falling sizes for each
+//! controller.
 //!
 //! ```sh
-//! cargo run --release --example legible -- characters   # a table of what reads
+//! cargo run --release --example legible -- characters   # a table of all characters
 //! cargo run --release --example legible -- heights      # a table and legible.png, a contact sheet
 //! ```
 //!
@@ -36,7 +36,7 @@ fn main() -> Outcome<()> {
     match std::env::args().nth(1).as_deref() {
         Some("characters") => characters(),
         Some("heights") => heights(),
-        _ => Err("name what to find out: characters or heights".into()),
+        _ => Err("name a table: characters or heights".into()),
     }
 }
 
@@ -59,14 +59,14 @@ fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     // The board's own lights are no part of the letters.
     scene.light.led_bitmask = 128;
-    scene.light.ring_effect = RingEffect::Off;
+    scene.light.ring = RingEffect::Off;
     scene
 }
 
 fn shoot(scene: &Scene, word: &str) -> Outcome<(Verdict, Photo)> {
-    let mut scene = Scene { word: word.to_owned(), ..scene.clone() };
-    scene.expose.backend = BackendChoice::Cpu;
-    let shoot = Shoot { judging: Judging::Scored, ..Shoot::new(scene)? };
+    let scene = Scene { word: word.to_owned(), ..scene.clone() };
+    let shoot =
+        Shoot { judging: Judging::Scored, backend: BackendChoice::Cpu, ..Shoot::new(scene)? };
     let shot = shoot.take(&|_, _| {})?;
     Ok((shot.verdict.ok_or("a word is read")?, shot.photo))
 }

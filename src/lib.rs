@@ -32,6 +32,7 @@
 //! | 0 | [`error`] | one Error, by what the reader must mend |
 //! | 0 | `digest` | SHA-256 of products: films, flights, files and studies are all named by it, so it stands below them |
 //! | 0 | `statistics` | median and quantiles |
+//! | 0 | `random` | random numbers as functions of a key |
 //! | 0 | [`geometry`] | poses, frames, polylines |
 //! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
 //! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
@@ -53,8 +54,8 @@
 //! What a room must not know keeps the house good:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
-//! - f64 and nalgebra up to `expose`'s segments, integers and glam after them; the width changes
-//!   in one function.
+//! - f64 and nalgebra up to the segments of `expose`, f32 in its records, integers after them. There
+//!   is no vector library for f32: records are scalars, and lanes of scalars.
 //! - No clock, no environment, no printing and no progress bar above `cli` in this table: stages
 //!   report progress through a callback. Same scene and seed, same bytes.
 //! - Degrees, milliseconds and other axes stay in `cli` and in the readers of foreign files.
@@ -73,6 +74,7 @@ pub mod cli;
 pub mod control;
 mod digest;
 pub mod error;
+pub mod export;
 pub mod expose;
 pub mod flight;
 pub mod geometry;
@@ -81,6 +83,7 @@ pub mod light;
 pub mod logs;
 pub mod photo;
 pub mod plan;
+mod random;
 pub mod report;
 pub mod scene;
 pub mod score;

@@ -163,33 +163,6 @@ macro_rules! plain {
 }
 plain!(bool, String);
 
-/// Groups that are not yet declared with [`settings!`]: printed without their documentation.
-macro_rules! undeclared {
-    ($($type:ty),* $(,)?) => {$(
-        impl Described for $type {
-            const SHAPE: Shape = Shape::Plain;
-
-            fn check(&self, _: &str, _: Option<[f64; 2]>) -> Result<()> {
-                Ok(())
-            }
-        }
-    )*};
-}
-undeclared!(
-    crate::letters::LetterOptions,
-    crate::sim::VehicleOptions,
-    crate::sim::BatteryOptions,
-    crate::sim::AirOptions,
-    crate::sim::RateOptions,
-    crate::sim::ControllerOptions,
-    crate::sim::ObserverOptions,
-    crate::sim::SensorOptions,
-    crate::light::LightOptions,
-    crate::camera::CameraOptions,
-    crate::expose::ExposeOptions,
-    crate::photo::PhotoOptions,
-);
-
 impl<T: Described> Described for Option<T> {
     const SHAPE: Shape = T::SHAPE;
 

@@ -1,15 +1,14 @@
 //! The faults bench: ten faults at six levels each, as flights, lamps and cameras make them. The
 //! example beside it photographs them, `tests/it/faults.rs` holds the score's answer to a golden table.
 //!
-//! What the planner knows is one scene, what flies and is photographed another: faults are in the
-//! second. Each is made by a knob of the simulator, the lamps or the camera. Two are not quite: light
-//! commands that go missing are taken out of the plan, and less light is dimmer lamps, since an
-//! exposure cannot be shorter than its flight.
+//! The planner uses one scene, the flight and the photograph another, which has the fault: a setting of
+//! the simulator, the lamps or the camera. Two faults have no setting: lost light commands are removed
+//! from the plan, and less light is dimmer lamps, since an exposure cannot be shorter than its flight.
 
 use std::num::NonZero;
 
 use nalgebra::Vector3;
-use noctograph::camera::{Camera, ImagePoint};
+use noctograph::camera::{Camera, CustomLens, ImagePoint, LensModel};
 use noctograph::error::Result;
 use noctograph::letters::{self, Strokes};
 use noctograph::light::RingEffect;
@@ -123,7 +122,10 @@ pub(crate) const FAULTS: [Fault; 10] = [
             let (placed, [middle, _, _]) = setting.sight()?;
             let camera = &mut setting.actual.camera;
             let aperture_m = placed.focal_length_m / 1.4;
-            (camera.lens, camera.focal_length_m) = (None, placed.focal_length_m);
+            camera.lens = LensModel::Custom(CustomLens {
+                focal_length_m: placed.focal_length_m,
+                distortion: placed.distortion,
+            });
             camera.transmission *= (1.4 / camera.f_number) * (1.4 / camera.f_number);
             camera.f_number = 1.4;
             camera.focus_m = Some(middle.depth_m / (1.0 + circle_m / aperture_m));
@@ -184,7 +186,7 @@ impl Setting {
         scene.letters.font = "ae483-fixed".into();
         scene.controller.kind = ControllerKind::LqrFeedforward;
         scene.light.led_bitmask = 128;
-        scene.light.ring_effect = RingEffect::Off;
+        scene.light.ring = RingEffect::Off;
         [scene.camera.width_px, scene.camera.height_px] = [320, 180];
         Self {
             known: scene.clone(),
@@ -219,7 +221,7 @@ impl Setting {
         let scene = Scene {
             seed: actual.seed,
             camera: actual.camera.clone(),
-            expose: actual.expose,
+            expose: actual.expose.clone(),
             photo: actual.photo.clone(),
             ..known.clone()
         };

@@ -1,17 +1,17 @@
-//! A camera from a photograph: what its EXIF says of sensor, lens and exposure.
+//! A camera from the EXIF of a photograph: sensor, lens and exposure.
 //!
-//! EXIF 2.32. The sensor's width comes from the body where the model is known, else from its pixels
-//! a centimetre or inch (as Canon, Nikon and Sony write them), else from the focal length and its
-//! equivalent on 35 mm film (36 mm wide, as most makers reckon it).
+//! EXIF 2.32. The width of the sensor is that of the body where the model is known, else from its
+//! resolution in pixels per centimeter or inch (as Canon, Nikon and Sony write it), else from the
+//! focal length and its equivalent on 35 mm film (36 mm wide, as most makers define it).
 
 use std::path::Path;
 
 use exif::{Exif, In, Tag, Value};
 
-use super::{BodyName, CameraOptions};
+use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel};
 use crate::error::{Error, Result};
 
-/// Most bytes of a photograph that are read: the largest that cameras make, and some.
+/// Largest file of a photograph.
 const MAX_FILE_BYTES: u64 = 1 << 28;
 
 impl CameraOptions {
@@ -22,7 +22,7 @@ impl CameraOptions {
     /// # Errors
     ///
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF or lacks
-    /// what a camera needs; all that is lacking is named.
+    /// tags that a camera needs, with their names.
     pub fn taken_as(self, path: &Path) -> Result<Self> {
         let unreadable = |source| Error::read(path, source);
         let place = path.display().to_string();
@@ -35,7 +35,7 @@ impl CameraOptions {
         }
         let mut reader = std::io::BufReader::new(file);
         match exif::Reader::new().read_from_container(&mut reader) {
-            Ok(exif) => self.told_by(&exif, &place),
+            Ok(exif) => self.with_exif(&exif, &place),
             Err(exif::Error::Io(source)) => Err(unreadable(source)),
             Err(error) => {
                 let found = format!("no EXIF ({error})");
@@ -44,16 +44,16 @@ impl CameraOptions {
         }
     }
 
-    fn told_by(mut self, exif: &Exif, place: &str) -> Result<Self> {
-        let body = text(exif, Tag::Model).and_then(|model| BodyName::of_model(&model));
+    fn with_exif(mut self, exif: &Exif, place: &str) -> Result<Self> {
+        let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
         let equivalent_m = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm / 1000.0);
         let of_film = focal_length_m.zip(equivalent_m).map(|(f, film)| 0.036 * f / film);
-        // Programs that make a picture smaller leave its pixels a centimetre as they were.
+        // Programs that shrink a picture leave its resolution tags unchanged.
         let agrees = |width_m: &f64| of_film.is_none_or(|film| (width_m / film - 1.0).abs() < 0.1);
         let of_pixels = focal_plane_width_m(exif)
             .filter(|width_m| SENSORS_M.contains(width_m) && agrees(width_m));
-        let sensor_width_m = body.map(|body| body.body().sensor_width_m).or(of_pixels).or(of_film);
+        let sensor_width_m = body.as_ref().map(BodyModel::sensor_width_m).or(of_pixels).or(of_film);
         let f_number = number(exif, Tag::FNumber);
         let exposure_s = number(exif, Tag::ExposureTime);
         let iso =
@@ -69,19 +69,23 @@ impl CameraOptions {
             ("ExposureTime", exposure_s.is_some()),
             ("PhotographicSensitivity", iso.is_some()),
         ];
-        let lacking: Vec<&str> =
+        let missing: Vec<&str> =
             needed.iter().filter(|(_, there)| !there).map(|(tag, _)| *tag).collect();
         let (Some(focal_length_m), Some(sensor_width_m), Some(f_number)) =
             (focal_length_m, sensor_width_m, f_number)
         else {
-            return Err(lacks(place, &lacking));
+            return Err(without(place, &missing));
         };
         let (Some(exposure_s), Some(iso)) = (exposure_s, iso) else {
-            return Err(lacks(place, &lacking));
+            return Err(without(place, &missing));
         };
 
-        (self.body, self.lens) = (body, None);
-        (self.focal_length_m, self.sensor_width_m) = (focal_length_m, sensor_width_m);
+        self.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
+        let distortion = match self.lens {
+            LensModel::Custom(lens) => lens.distortion,
+            _ => [0.0; 4],
+        };
+        self.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
         (self.f_number, self.iso) = (f_number, iso);
         self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
         self.focus_m = number(exif, Tag::SubjectDistance).or(self.focus_m);
@@ -89,13 +93,13 @@ impl CameraOptions {
         Ok(self)
     }
 
-    /// Width and height in the photograph's aspect, upright.
+    /// Sets width and height to the aspect of the photograph, upright.
     fn take_aspect(&mut self, exif: &Exif) {
         let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth);
         let height = side(Tag::PixelYDimension, Tag::ImageLength);
         let (Some(width), Some(height)) = (width, height) else { return };
-        // 5 to 8 lie on their side: x and y of the file are y and x of the scene.
+        // Orientations 5 to 8 exchange x and y.
         let turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
         let longer = self.width_px.max(self.height_px);
         let shorter = f64::from(longer) * (width.min(height) / width.max(height));
@@ -105,9 +109,10 @@ impl CameraOptions {
         [self.width_px, self.height_px] =
             if upright { [shorter, longer] } else { [longer, shorter] };
         if upright {
-            // The sensor's longer side stands.
-            self.sensor_width_m *= f64::from(shorter) / f64::from(longer);
-            self.body = None;
+            // The longer side of the sensor is vertical.
+            let sensor_width_m =
+                self.body.sensor_width_m() * (f64::from(shorter) / f64::from(longer));
+            self.body = BodyModel::Custom(CustomBody { sensor_width_m });
         }
     }
 }
@@ -115,26 +120,26 @@ impl CameraOptions {
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-fn lacks(place: &str, lacking: &[&str]) -> Error {
-    let found = format!("EXIF without {}", lacking.join(", "));
+fn without(place: &str, missing: &[&str]) -> Error {
+    let found = format!("EXIF without {}", missing.join(", "));
     Error::input(place, found, "the tags of lens and exposure", HINT)
 }
 
-/// Widths of sensors, from a telephone's second camera to a technical camera's back.
+/// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
-/// The sensor's width by its pixels and their number a unit of length.
+/// Width of the sensor from its pixels and their number per unit of length.
 fn focal_plane_width_m(exif: &Exif) -> Option<f64> {
     let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
         Some(3.0) => 0.01,
-        None | Some(2.0) => 0.0254, // inches, where nothing is said
+        None | Some(2.0) => 0.0254, // inches by default
         Some(_) => return None,
     };
     let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth))?;
     Some(pixels / number(exif, Tag::FocalPlaneXResolution)? * unit_m)
 }
 
-/// A number above 0 that a tag holds.
+/// Positive number of a tag.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(values) => values.first()?.to_f64(),
@@ -155,7 +160,7 @@ mod tests {
     use super::*;
     use exif::{Field, Rational, experimental::Writer};
 
-    /// A TIFF file of nothing but these tags.
+    /// A TIFF file with these tags alone.
     fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
         let fields: Vec<Field> = fields
             .iter()
@@ -191,8 +196,12 @@ mod tests {
     fn a_photograph_sets_sensor_lens_and_exposure() {
         let file = tiff(&telephone());
         let camera = CameraOptions::default().taken_as(file.path()).unwrap();
-        assert_eq!((camera.focal_length_m, camera.f_number, camera.iso), (0.0057, 1.8, 50.0));
-        assert!((camera.sensor_width_m - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
+        assert_eq!(
+            (camera.lens.focal_length_m(), camera.f_number, camera.iso),
+            (0.0057, 1.8, 50.0)
+        );
+        let sensor_width_m = camera.body.sensor_width_m();
+        assert!((sensor_width_m - 0.036 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
         assert_eq!(camera.shutter_close_s, Some(30.0));
         assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
         camera.check().unwrap();
@@ -204,16 +213,16 @@ mod tests {
     }
 
     #[test]
-    fn a_model_that_is_known_needs_no_35_mm_equivalent() {
+    fn a_known_model_needs_no_35_mm_equivalent() {
         let mut tags = telephone();
         tags[0].1 = Value::Ascii(vec![b"ILCE-6400".to_vec()]);
         tags.remove(2);
         let camera = CameraOptions::default().taken_as(tiff(&tags).path()).unwrap();
-        assert_eq!((camera.body, camera.sensor_width_m), (Some(BodyName::A6400), 0.0235));
+        assert_eq!((&camera.body, camera.body.sensor_width_m()), (&BodyModel::A6400, 0.0235));
     }
 
     #[test]
-    fn pixels_a_centimetre_tell_the_sensor_unless_the_picture_was_made_smaller() {
+    fn the_resolution_gives_the_sensor_unless_the_picture_was_shrunk() {
         let mut tags = telephone();
         tags.retain(|(tag, _)| *tag != Tag::FocalLengthIn35mmFilm && *tag != Tag::PixelXDimension);
         tags.extend([
@@ -222,7 +231,7 @@ mod tests {
             (Tag::FocalPlaneXResolution, ratio(26_906, 10)),
         ]);
         let width_m = |tags: &[(Tag, Value)]| {
-            CameraOptions::default().taken_as(tiff(tags).path()).unwrap().sensor_width_m
+            CameraOptions::default().taken_as(tiff(tags).path()).unwrap().body.sensor_width_m()
         };
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
@@ -230,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_lacking_is_named() {
+    fn missing_tags_are_named() {
         let error = |path: &Path| CameraOptions::default().taken_as(path).unwrap_err();
         let some: Vec<_> = telephone().drain(..2).collect();
         let message = error(tiff(&some).path()).to_string();

@@ -1,58 +1,56 @@
-//! The camera: a description without pixels. Pose, lens, shutter, sensitivity.
+//! The camera as a description without pixels: pose, lens, shutter, sensitivity.
 //!
-//! Camera frame: x right, y down, z forward. Image: origin top left, pixel centres at +0.5.
+//! Camera frame: x right, y down, z forward. Image: origin top left, pixel centers at +0.5.
 //! Not modelled: rolling shutter, field curvature, chromatic aberration.
 
 use nalgebra::{Matrix3, Vector3};
 
-pub use bodies::{Body, BodyName, Lens, LensName};
-pub(crate) use framing::check_size;
-pub use framing::{CameraOptions, Framing, MAX_PIXELS, MAX_SIDE_PX};
+pub use bodies::{BodyModel, CustomBody, CustomLens, LensModel};
+pub(crate) use options::check_size;
+pub use options::{CameraOptions, FixedPose, Framing, MAX_PIXELS, MAX_SIDE_PX, WordFraming};
 pub use outside::Outside;
 pub use white_balance::WhiteBalance;
 
 mod bodies;
 mod exif;
-mod framing;
+mod options;
 mod outside;
 mod white_balance;
 
-/// A camera on a tripod, its shutter open once.
+/// A camera at rest whose shutter opens once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Entrance pupil, in the world.
     pub position_m: Vector3<f64>,
-    /// Turns world vectors into camera vectors (x right, y down, z forward).
+    /// Rotation from the world to the camera frame (x right, y down, z forward).
     pub camera_from_world: Matrix3<f64>,
     /// Focal length of the lens.
     pub focal_length_m: f64,
-    /// Width of the sensor; its height follows from the picture's aspect, pixels are square.
+    /// Width of the sensor; pixels are square.
     pub sensor_width_m: f64,
     /// Aperture number N.
     pub f_number: f64,
-    /// Share of the light that the lens lets through, 0 to 1.
+    /// Share of the light that the lens transmits, 0 to 1.
     pub transmission: f64,
-    /// Standard deviation of the lens's blur on the sensor (aberrations and focus, without
-    /// diffraction).
+    /// Standard deviation of the blur of the lens on the sensor (aberrations, without diffraction).
     pub blur_m: f64,
-    /// Distance that is in focus, along the optical axis; `None` where everything is.
+    /// Distance in focus, along the optical axis; everything is sharp with `None`.
     pub focus_m: Option<f64>,
     /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as `OpenCV` has it:
     /// with x, y the tangents off the axis and r² = x² + y², the lens draws
     /// `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
     /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Share of the light that the barrel takes away at the corner of the picture; it grows with
-    /// the square of the distance from the middle. The fall by cos⁴ comes on top by itself.
+    /// Share of the light lost by vignetting at the corner of the picture; it grows with the square
+    /// of the distance from the middle. The natural falloff by cos⁴ is separate.
     pub vignetting: f64,
-    /// Gains of red, green and blue after the sensor and before the tone curve: what the camera
-    /// takes for white.
+    /// White balance: gains of red, green and blue between the sensor and the tone curve.
     pub white_balance: [f64; 3],
     /// Sensitivity: `H_sat` = 78 / ISO lx s (ISO 12232).
     pub iso: f64,
-    /// When the shutter opens, in flight time.
+    /// Time of flight at which the shutter opens.
     pub shutter_open_s: f64,
-    /// When the shutter closes, in flight time.
+    /// Time of flight at which the shutter closes.
     pub shutter_close_s: f64,
     /// Width of the picture.
     pub width_px: u32,
@@ -84,8 +82,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Where a point of the world falls in the picture; `None` behind the entrance pupil or on it,
-    /// and where the distortion folds back, so far outside the picture that the lens has no image.
+    /// Image of a point of the world; `None` for a point that is not in front of the entrance pupil,
+    /// and beyond the radius at which the distortion folds back.
     #[must_use]
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
@@ -101,9 +99,9 @@ impl Camera {
         })
     }
 
-    /// Direction in the world, of length 1, that falls on a place in the picture: the inverse of
-    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12; `None` where the distortion
-    /// is so strong that no direction does.
+    /// Direction in the world, of length 1, of a point of the picture: the inverse of
+    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12; `None` where a strong
+    /// distortion has no inverse.
     #[must_use]
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let f = self.focal_length_px();
@@ -124,7 +122,7 @@ impl Camera {
         None
     }
 
-    /// Tangents off the axis as the lens draws them; `None` beyond the radius where it folds back.
+    /// Tangents off the axis with distortion; `None` beyond the radius at which it folds back.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -141,7 +139,24 @@ impl Camera {
         ])
     }
 
-    /// Share of the light that the barrel lets through to a place in the picture, 0 to 1.
+    /// Box `[left, bottom, right, top]` of the plane of the word (y = 0) around the four corners of
+    /// the picture; `None` where a corner does not show the plane within 1 km.
+    #[must_use]
+    pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
+        let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
+        let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
+        let unbounded = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        corners.into_iter().try_fold(unbounded, |[left, bottom, right, top], [x_px, y_px]| {
+            let ray = self.world_from_image(x_px, y_px)?;
+            let distance_m = -self.position_m.y / ray.y;
+            let point_m = self.position_m + ray * distance_m;
+            let [x, z] = [point_m.x, point_m.z];
+            (distance_m > 0.0 && distance_m < 1000.0)
+                .then(|| [left.min(x), bottom.min(z), right.max(x), top.max(z)])
+        })
+    }
+
+    /// Share of the light that vignetting leaves at a point of the picture, 0 to 1.
     #[must_use]
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
@@ -150,8 +165,7 @@ impl Camera {
         (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
     }
 
-    /// Diameter on the sensor of a point's image at a depth, by lack of focus:
-    /// `f² / N · |d - d_f| / (d d_f)`.
+    /// Diameter of the circle of confusion on the sensor: `f² / N · |d - d_f| / (d d_f)`.
     #[must_use]
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
@@ -160,7 +174,8 @@ impl Camera {
         })
     }
 
-    /// Luminous exposure in lx s in the picture's middle of a surface of 1 cd/m², `π τ t / (4 N²)`.
+    /// Luminous exposure in lx s, in the middle of the picture, of a surface of 1 cd/m²:
+    /// `π τ t / (4 N²)`.
     #[must_use]
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
@@ -181,6 +196,18 @@ mod tests {
 
     fn camera() -> Camera {
         CameraOptions::default().camera([-0.6, 0.5, 0.9, 1.0], 57.0).unwrap()
+    }
+
+    #[test]
+    fn the_picture_of_a_camera_square_in_front_shows_its_bounds_of_the_plane() {
+        let camera = camera();
+        let bounds_m = camera.plane_bounds_m().unwrap();
+        // The word is 1.5 m wide and half of the picture.
+        for (found, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
+            assert!((found - wanted).abs() < 1e-9, "{bounds_m:?}");
+        }
+        let up = crate::geometry::camera_from_world(Vector3::new(0.0, 0.1, 1.0));
+        assert_eq!(Camera { camera_from_world: up, ..camera }.plane_bounds_m(), None);
     }
 
     #[test]

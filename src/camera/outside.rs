@@ -1,10 +1,10 @@
-//! What falls outside the picture, and by how much.
+//! Distances by which points lie outside the picture.
 
 use nalgebra::Vector3;
 
 use super::Camera;
 
-/// How far things stand out of the picture, in metres at their own distance; 0 where they do not.
+/// Distances by which points lie outside the picture, in meters at their depth; 0 inside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outside {
     /// Beyond the left edge.
@@ -15,12 +15,12 @@ pub struct Outside {
     pub top_m: f64,
     /// Below the bottom edge.
     pub bottom_m: f64,
-    /// Something is behind the camera or beside it.
+    /// Whether a point is behind the camera or beside it.
     pub behind: bool,
 }
 
 impl Outside {
-    /// What a person is told: `12 cm left, 3 cm at the bottom`; `None` where all is inside.
+    /// Description such as `12 cm on the left, 3 cm at the bottom`; `None` where all is inside.
     #[must_use]
     pub fn in_words(&self) -> Option<String> {
         let sides = [
@@ -42,7 +42,7 @@ impl Outside {
 }
 
 impl Camera {
-    /// How far points of the world stand out of the picture.
+    /// Distances by which points of the world lie outside the picture.
     #[must_use]
     pub fn outside(&self, points_m: impl IntoIterator<Item = Vector3<f64>>) -> Outside {
         let mut outside = Outside::default();
@@ -66,11 +66,12 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
+    use crate::camera::{CameraOptions, Framing, WordFraming};
 
     #[test]
-    fn sides_and_centimetres_are_named() {
-        let camera = CameraOptions { fill_frac: 1.0, ..CameraOptions::default() };
+    fn sides_and_centimeters_are_named() {
+        let framing = Framing::Word(WordFraming { fill_frac: 1.0 });
+        let camera = CameraOptions { framing, ..CameraOptions::default() };
         let camera = camera.camera([-0.6, 0.5, 0.9, 1.0], 1.0).unwrap();
         let at = |x: f64, z: f64| Vector3::new(x, 0.0, z);
         assert_eq!(camera.outside([at(-0.59, 0.5), at(0.89, 1.0)]).in_words(), None);

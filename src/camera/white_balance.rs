@@ -1,16 +1,17 @@
-//! White balance: what the camera takes for white.
+//! White balance of the camera.
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Result, within};
+use crate::error::Result;
+use crate::settings::{Described, Shape};
 
-/// What the camera takes for white: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
+/// White balance: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {
-    /// Gains of red, green and blue; 1 each is balanced for daylight, D65.
+    /// Gains of red, green and blue; 1 each is the balance for daylight, D65.
     Gains([f64; 3]),
-    /// Colour temperature of the light that is to look white, in kelvin.
+    /// Color temperature in kelvin of the light that becomes white.
     Kelvin(f64),
 }
 
@@ -20,24 +21,23 @@ impl Default for WhiteBalance {
     }
 }
 
-/// Range of the approximation of Planck's locus.
+/// Range of the approximation of the Planckian locus.
 const KELVIN: [f64; 2] = [1700.0, 25_000.0];
 
-impl WhiteBalance {
-    /// Checks the range.
-    pub(super) fn check(self) -> Result<()> {
+impl Described for WhiteBalance {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         match self {
-            Self::Kelvin(kelvin) => {
-                within("camera.white_balance (kelvin)", kelvin, KELVIN[0], KELVIN[1])
-            }
-            Self::Gains(gains) => {
-                gains.iter().try_for_each(|gain| within("camera.white_balance", *gain, 0.01, 100.0))
-            }
+            Self::Kelvin(kelvin) => kelvin.check(place, Some(KELVIN)),
+            Self::Gains(gains) => gains.check(place, Some([0.01, 100.0])),
         }
     }
+}
 
-    /// Gains of red, green and blue. Those of a colour temperature are at least 1, so that what
-    /// saturates the sensor is white at every temperature.
+impl WhiteBalance {
+    /// Gains of red, green and blue. Those of a color temperature are at least 1, so that saturated
+    /// pixels are white at every temperature.
     #[must_use]
     pub fn gains(self) -> [f64; 3] {
         match self {
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_names_gains_or_kelvin() {
+    fn a_scene_has_gains_or_kelvin() {
         #[derive(Deserialize)]
         struct Scene {
             white_balance: WhiteBalance,
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(parsed("white_balance = 3200"), Ok(WhiteBalance::Kelvin(3200.0)));
         let gains = WhiteBalance::Gains([2.0, 1.0, 1.5]);
         assert_eq!(parsed("white_balance = [2, 1.0, 1.5]"), Ok(gains));
-        assert!(WhiteBalance::Kelvin(100.0).check().is_err());
-        assert!(WhiteBalance::Gains([1.0, f64::NAN, 1.0]).check().is_err());
+        assert!(WhiteBalance::Kelvin(100.0).check("white", None).is_err());
+        assert!(WhiteBalance::Gains([1.0, f64::NAN, 1.0]).check("white", None).is_err());
     }
 }

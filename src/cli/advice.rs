@@ -16,7 +16,10 @@ const FLAGS: [(&str, &str); 6] = [
         "`--drones N` sets the number of drones, `--style even` lets several share a word",
     ),
     ("plan.style", "`--style even` or `--style team` chooses it"),
-    ("sensors.stations", "`--lighthouse FILE` reads the base stations from a file of cfclient"),
+    (
+        "sensors.lighthouse.stations",
+        "`--lighthouse FILE` reads the base stations from a file of cfclient",
+    ),
     ("word", "name the word on the command line, as in `noctograph preview NOOR`"),
 ];
 
@@ -72,7 +75,7 @@ mod tests {
     #[test]
     fn an_error_leads_to_the_flag_or_the_key_that_mends_it() {
         assert!(at("my.toml:3: vehicle.mass_kg", "fly").contains("--set vehicle.mass_kg=VALUE"));
-        assert!(at("controller.q[3]", "fly").contains("--set controller.q="));
+        assert!(at("controller.lqr.q[3]", "fly").contains("--set controller.lqr.q="));
         assert!(at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
         assert!(at("camera.position_m", "preview").contains("--camera auto"));
         assert_eq!(at("import.max_gap_s", "import"), "`--max-gap` sets it");

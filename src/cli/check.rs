@@ -3,8 +3,9 @@
 use clap::Args;
 use serde_json::json;
 
+use super::findings;
 use super::flags::SubjectFlags;
-use super::report::{Outcome, Report, wrapped};
+use super::report::{Outcome, Report};
 use crate::error::{Error, Result};
 use crate::plan::check::{Finding, Profile, Severity};
 
@@ -23,7 +24,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let findings = shoot.preflight(&profile)?;
     let stops = findings.iter().any(|finding| finding.severity == Severity::Stop);
     let json = json!({
-        "fly": !stops, "profile": profile, "drones": shoot.plans.len(), "findings": findings,
+        "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
+        "findings": findings.iter().map(findings::json).collect::<Vec<_>>(),
     });
     let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };
     Ok(Report::new(table(&findings, stops, &profile), json).with_outcome(outcome))
@@ -38,20 +40,6 @@ fn profile(name: &str) -> Result<Profile> {
 }
 
 fn table(findings: &[Finding], stops: bool, profile: &Profile) -> String {
-    let mut text = String::new();
-    for finding in findings {
-        let mark = match finding.severity {
-            Severity::Fine => "ok",
-            Severity::Unknown => "?",
-            Severity::Warning => "warn",
-            Severity::Stop => "STOP",
-        };
-        text += &wrapped(&format!("{mark:5} {:16} ", finding.check), &finding.found);
-        if finding.severity != Severity::Fine {
-            text += &wrapped(&format!("{:23}wanted: ", ""), &finding.wanted);
-            text += &wrapped(&format!("{:23}change: ", ""), &finding.change);
-        }
-    }
     let verdict = if stops { "not safe to fly" } else { "safe to fly" };
-    text + &format!("\n{verdict} (profile {})\n", profile.name)
+    format!("{}\n{verdict} (profile {})\n", findings::table(findings), profile.name)
 }

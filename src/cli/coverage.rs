@@ -55,7 +55,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
     let map = coverage_map::svg(&grid, word_m);
     let path = output.keep(|out| out.write_all(map.as_bytes()))?;
-    let n_stations = scene.sensors.stations.len();
+    let n_stations = scene.sensors.lighthouse.stations.len();
     let (seen_frac, quantiles_m) = (grid.seen_frac(), quantiles_m(&grid));
     let json = json!({
         "n_stations": n_stations, "seen_frac": seen_frac,

@@ -44,7 +44,8 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let format = args.format.unwrap_or_else(|| Format::from_path(&args.output));
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights)?;
-    let shoot = Shoot { format: Some(format), judging: Judging::Skipped, ..shoot };
+    let backend = args.picture.backend;
+    let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(&shot.warnings);
     let bytes = shot.file.as_deref().expect("a format was asked for");

@@ -86,7 +86,7 @@ impl SceneFlags {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
             warn_of(path, &config.warnings);
-            scene.sensors.stations = config.stations;
+            scene.sensors.lighthouse.stations = config.stations;
         }
         scene.check()
     }
@@ -238,7 +238,7 @@ impl CameraFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         match self.camera.as_deref() {
             None => {}
-            Some("auto") => scene.camera.framing = Framing::Word,
+            Some("auto") => scene.camera.framing = Framing::default(),
             Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
         }
         if let Some(path) = &self.camera_from {
@@ -259,13 +259,12 @@ pub(super) struct PictureFlags {
     size: Option<(u32, u32)>,
     /// Device that computes the exposure; the result is the same, bit for bit
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
-    backend: BackendChoice,
+    pub(super) backend: BackendChoice,
 }
 
 impl PictureFlags {
-    /// Puts camera, size and device that were typed into the scene.
+    /// Puts camera and size that were typed into the scene.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
-        scene.expose.backend = self.backend;
         self.camera.apply(scene)?;
         if let Some((width_px, height_px)) = self.size {
             scene.camera.width_px = width_px;

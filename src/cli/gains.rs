@@ -32,7 +32,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     for warning in &design.warnings {
         tell("warning: ", warning);
     }
-    let bryson = if args.bryson { bryson(&design, &scene.controller.r) } else { String::new() };
+    let bryson = if args.bryson { bryson(&design, &scene.controller.lqr.r) } else { String::new() };
     Ok(Report::new(tables(&design) + &bryson, to_json(&design)))
 }
 
@@ -115,7 +115,7 @@ fn margin(margins: &Margins) -> String {
 fn bryson(design: &Design, r: &[f64; 4]) -> String {
     let mut text =
         "\nbryson    1 / (largest deviation from hover within the motors' range)^2\n".to_owned();
-    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.r");
+    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.lqr.r");
     for (i, input) in INPUTS.iter().enumerate() {
         let (deviation, weight) = (design.largest_inputs[i], design.bryson_r[i]);
         let unit = if i == 3 { "N" } else { "N m" };

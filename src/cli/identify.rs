@@ -73,13 +73,13 @@ fn table(found: &Identified) -> String {
         }
     }
     if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
-        text += "\nmeasured      sigma, m        observer.q\n";
+        text += "\nmeasured      sigma, m        observer.luenberger.q\n";
         for ((name, sigma), q) in ["x", "y", "z"].iter().zip(sigma).zip(q) {
             text += &format!("{name:14}{sigma:<16.4}{q:.0}\n");
         }
     }
     if let (Some(sigma), Some(r)) = (found.model_sigma, found.observer_r()) {
-        text += "\nmodel         sigma, per s    observer.r\n";
+        text += "\nmodel         sigma, per s    observer.luenberger.r\n";
         let mut weights = r.iter();
         for (name, sigma) in MODEL_STATES.iter().zip(sigma) {
             let weight = if *name == "psi" { None } else { weights.next() };

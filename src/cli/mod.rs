@@ -18,10 +18,12 @@ mod compare_photo;
 mod coverage;
 mod coverage_map;
 mod expose;
+mod findings;
 mod flags;
 mod fly;
 mod gains;
 mod generate;
+mod hold;
 mod identify;
 mod import;
 mod learn;
@@ -105,6 +107,8 @@ enum Verb {
     /// Split a ranking's flights over many processes or machines
     #[command(subcommand)]
     Sweep(sweep::SweepVerb),
+    /// Hold an altitude on three imperfect sensors: figures and plots
+    Hold(hold::HoldArgs),
     /// Print a scene file: every key with its meaning and unit
     Scene(scene::SceneArgs),
     /// Draw a font's characters: order and direction of strokes
@@ -121,7 +125,7 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("Read a photo", &["read"]),
     ("Before a flight", &["check", "meter", "coverage"]),
     ("After a flight", &["import", "compare", "compare-photo", "identify"]),
-    ("Choose a controller", &["gains", "rank", "tune", "learn", "robustness", "sweep"]),
+    ("Choose a controller", &["gains", "rank", "tune", "learn", "robustness", "sweep", "hold"]),
     ("Show", &["scene", "specimen"]),
 ];
 
@@ -192,6 +196,7 @@ fn run(verb: &Verb) -> Result<Report> {
         Verb::Learn(args) => learn::run(args),
         Verb::Robustness(args) => robustness::run(args),
         Verb::Sweep(verb) => sweep::run(verb),
+        Verb::Hold(args) => hold::run(args),
         Verb::Scene(args) => scene::run(args),
         Verb::Specimen(args) => specimen::run(args),
         Verb::Generate(args) => generate::run(args),

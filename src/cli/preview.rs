@@ -28,7 +28,8 @@ pub(super) struct PreviewArgs {
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let shoot = args.subject.shoot(|scene| args.picture.apply(scene))?;
     let folder = OutputFolder::create(&args.output)?;
-    let shot = Shoot { format: Some(Format::Png), ..shoot }.take(&watch())?;
+    let backend = args.picture.backend;
+    let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
     warn(&shot.warnings);
 
     let png = shot.file.as_deref().expect("a format was asked for");

@@ -12,6 +12,7 @@ use super::square_on::Corners;
 use super::{show, tell};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::geometry::segment_distance;
 use crate::letters::Strokes;
 use crate::photo::Photo;
 use crate::plan::Plan;
@@ -129,7 +130,7 @@ fn check_plan(plan: &Plan, strokes: &Strokes, file: &str) -> Result<()> {
         let glyph = setpoint.letter.map(|letter| strokes.glyphs.get(letter));
         let Some(glyph) = glyph else { continue };
         let moves = glyph.into_iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
-        let off_m = moves.map(|step| off_m(point, step.from_m, step.to_m));
+        let off_m = moves.map(|step| segment_distance(point, [step.from_m, step.to_m]));
         if off_m.fold(f64::INFINITY, f64::min) > far_m {
             let letter = setpoint.letter.map_or(0, |letter| letter + 1);
             return Err(Error::input(
@@ -141,14 +142,4 @@ fn check_plan(plan: &Plan, strokes: &Strokes, file: &str) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Distance of a point from a segment.
-fn off_m(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
-    let along = [to[0] - from[0], to[1] - from[1]];
-    let away = [point[0] - from[0], point[1] - from[1]];
-    let squares = along[0] * along[0] + along[1] * along[1];
-    let dot = away[0] * along[0] + away[1] * along[1];
-    let part = if squares > 0.0 { (dot / squares).clamp(0.0, 1.0) } else { 0.0 };
-    libm::hypot(away[0] - part * along[0], away[1] - part * along[1])
 }

@@ -23,7 +23,7 @@ pub(super) struct SpecimenArgs {
     /// Characters to show [default: the font's first 1000]
     characters: Option<String>,
     /// Lines that are followed in the outlines of a typeface
-    #[arg(long, value_name = "NAME", default_value = "centre-line", value_parser = named::<Trace>())]
+    #[arg(long, value_name = "NAME", default_value = "center-line", value_parser = named::<Trace>())]
     trace: Trace,
     /// Sheet to write: *.png or *.svg
     #[arg(short, long, value_name = "FILE", default_value = "specimen.svg")]

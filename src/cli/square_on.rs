@@ -51,35 +51,14 @@ pub(super) fn square_on(
     }
     let mut scene = flags.scene()?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    let fixed = scene.camera.framing == Framing::Fixed && !scene.has_strokes();
+    let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();
     let bounds_m = if fixed { [0.0; 4] } else { scene.strokes()?.bounds_m() };
     let camera = scene.camera.camera(bounds_m, 0.0)?;
-    // Where the rays of the photo's corners meet the plane of the word.
-    let [right, bottom] = size_px.map(f64::from);
-    let rays = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
-    let meets = rays.map(|[x, y]| {
-        let ray = camera.world_from_image(x, y)?;
-        let far = -camera.position_m.y / ray.y;
-        (far > 0.0 && far < MAX_FAR_M).then(|| camera.position_m + ray * far)
-    });
-    let meets: Option<Vec<_>> = meets.into_iter().collect();
-    let meets = meets.ok_or_else(|| {
+    let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
         let wanted = "a camera all of whose picture shows the plane of the word";
         let hint = "name the scene that the photo was taken with, or the four --corners instead";
         Error::input("camera", "one that looks past the word", wanted, hint)
     })?;
-    let of = |pick: fn(f64, f64) -> f64, start: f64, axis: usize| {
-        meets.iter().map(|point| point[axis]).fold(start, pick)
-    };
-    let bounds_m = [
-        of(f64::min, f64::INFINITY, 0),
-        of(f64::min, f64::INFINITY, 2),
-        of(f64::max, f64::NEG_INFINITY, 0),
-        of(f64::max, f64::NEG_INFINITY, 2),
-    ];
-    let px_per_m = right / (bounds_m[2] - bounds_m[0]);
+    let px_per_m = f64::from(size_px[0]) / (bounds_m[2] - bounds_m[0]);
     Ok(View::from(&camera).square_on(&photo, bounds_m, px_per_m))
 }
-
-/// Farthest that the plane of the word may be along a ray of the camera.
-const MAX_FAR_M: f64 = 1000.0;

@@ -15,7 +15,7 @@ const MAX_SQUARINGS: usize = 60;
 
 /// Linear model of `ẋ = f(x, u)` about a point: `A = ∂f/∂x` and `B = ∂f/∂u`, by central
 /// differences with a step of 1e-4 (relative above 1).
-pub fn linearise<const N: usize, const M: usize>(
+pub fn linearize<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
@@ -24,8 +24,8 @@ pub fn linearise<const N: usize, const M: usize>(
 }
 
 /// The same from two steps (Richardson's extrapolation), which leaves 1e-12: for figures that are
-/// held against references, not for what flies.
-pub fn linearise_finely<const N: usize, const M: usize>(
+/// compared with references, not for flight.
+pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
@@ -51,7 +51,7 @@ fn jacobian<const N: usize, const M: usize>(
     slope
 }
 
-/// How many independent directions of the state of `ẋ = A x` the output `y = C x` tells apart: the
+/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
 /// rank of `[C; CA; CA²; …]`. `N` means observable.
 #[must_use]
 pub fn observability_rank<const N: usize, const P: usize>(
@@ -109,7 +109,7 @@ pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
     false
 }
 
-/// Which states of `ẋ = A x` no output `y = C x` tells apart from zero: every state that is not a
+/// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
 /// combination of the rows of `[C; CA; CA²; …]`, by index.
 #[must_use]
 pub fn unobservable_states<const N: usize, const P: usize>(
@@ -134,15 +134,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pendulum_linearises_to_its_known_matrices() {
+    fn pendulum_linearizes_to_its_known_matrices() {
         let pendulum = |x: &Vector2<f64>, u: &Vector1<f64>| {
             Vector2::new(x[1], -9.81 * libm::sin(x[0]) + 3.0 * u[0])
         };
-        let (a, b) = linearise(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
+        let (a, b) = linearize(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
         let want = Matrix2::new(0.0, 1.0, -9.81 * libm::cos(0.3), 0.0);
         assert!((a - want).norm() < 2e-8, "A = {a}");
         assert!((b - Vector2::new(0.0, 3.0)).norm() < 1e-10, "B = {b}");
-        let (a, b) = linearise_finely(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
+        let (a, b) = linearize_finely(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
         assert!((a - want).norm() < 1e-11, "A = {a}");
         assert!((b - Vector2::new(0.0, 3.0)).norm() < 1e-11, "B = {b}");
     }

@@ -5,13 +5,13 @@ use nalgebra::{Cholesky, Const, DimMin, SMatrix};
 use super::riccati::care;
 use crate::error::{Error, Result};
 
-/// Gain `K` of the feedback `u = −K x` that minimises `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
+/// Gain `K` of the feedback `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
 ///
 /// `K = R⁻¹ Bᵀ X` with `X` from [`care`]. Only the ratio of `Q` to `R` matters.
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilises the
+/// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilizes the
 /// system at these weights.
 pub fn lqr<const N: usize, const M: usize>(
     a: &SMatrix<f64, N, N>,

@@ -1,4 +1,4 @@
-//! How much gain, phase and lag a feedback stands before it is unstable.
+//! Margins of gain and phase of a feedback, and models with input lag.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ const SWEEP_STEPS: u32 = 4000;
 /// Halvings of the step in which a crossing lies: 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
 
-/// What one loop stands, broken at its input, the others closed.
+/// Margins of one loop, opened at its input, with the others closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Margins {
     /// Largest factor above 1 on the input up to which the loop is stable; `None`: any.

@@ -2,7 +2,7 @@
 //!
 //! In: a model `ẋ = A x + B u`, `y = C x`, and weights. Out: the gain of a linear-quadratic
 //! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
-//! many of its states can be seen, its poles, what gain, phase and lag a feedback stands).
+//! many of its states are observable, its poles, its margins of gain and phase).
 //!
 //! Method: algebraic Riccati equations by structure-preserving doubling; the continuous one comes
 //! to the discrete one through a Cayley transform. No gain is made from eigenvalues: nalgebra's QR
@@ -14,9 +14,10 @@
 //! preserving algorithms for periodic discrete-time algebraic Riccati equations", Int. J. Control
 //! 77 (2004) 767–788; Anderson, Moore, "Optimal Control: Linear Quadratic Methods" (1990).
 //!
-//! Not modelled: cross weights between state and input, descriptor systems, semidefinite solutions
+//! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
 
+mod kalman;
 mod linear;
 mod lqr;
 mod margins;
@@ -24,8 +25,9 @@ mod poles;
 mod response;
 mod riccati;
 
+pub use kalman::{Innovation, Kalman};
 pub use linear::{
-    is_hurwitz, linearise, linearise_finely, observability_rank, unobservable_states,
+    is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};

@@ -1,5 +1,4 @@
-//! Step response of a loop, and its inverse: what must be sent so that the loop puts out what is
-//! wanted.
+//! Step response of a loop, and its inverse: the inputs for a wanted output.
 
 /// Output of a stable loop from rest after its input stepped from 0 to 1, at even times from the
 /// step on; afterwards it stays at the last value.
@@ -11,9 +10,9 @@ pub struct StepResponse {
     pub values: Vec<f64>,
 }
 
-/// Share of the step below which what is left of a response counts as nothing.
+/// Share of the step below which the rest of a response is neglected.
 const SETTLED: f64 = 1e-3;
-/// Times at which the output is held against what is wanted, per input: one between two inputs
+/// Times at which the output is compared with the wanted one, per input: one between two inputs
 /// keeps the loop from swinging there.
 const OUTPUTS_PER_INPUT: usize = 2;
 
@@ -55,11 +54,10 @@ impl StepResponse {
     }
 
     /// Inputs, each held from its time in `times_s` until the next, that make the loop put out
-    /// `wanted`, in the sense of least squares over the whole span, after a rest at what is wanted
-    /// first: the zero-phase inverse, which begins to act before it is due.
+    /// `wanted`, in the sense of least squares over the whole span, after a rest at its first value: the zero-phase inverse, which begins to act before it is due.
     ///
-    /// `ridge` weighs the square of `input − wanted` against that of the error of the output: what
-    /// the loop cannot follow is not asked for. 0.01 asks for corners sharply, 1 hardly at all.
+    /// `ridge` weighs the square of `input − wanted` against that of the error of the output: motions
+    /// that the loop cannot follow are left out. 0.01 asks for corners sharply, 1 hardly at all.
     ///
     /// Method: normal equations, banded since the response settles, by Cholesky's factors. Time
     /// and memory grow with the number of inputs times those within the response.
@@ -96,7 +94,7 @@ impl StepResponse {
             weights.clear();
             weights.extend((from..until).map(|k| {
                 let after = times_s.get(k + 1).map_or(0.0, |next| self.at(time_s - next));
-                // What came before the window has settled and is the window's first input's.
+                // Everything before the window has settled and counts with the window's first input.
                 if k == from && from > 0 {
                     1.0 - after
                 } else {
@@ -208,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_settled_response_is_inverted_over_any_span() {
-        // The window forgets what has settled: a long rest changes nothing.
+        // Settled inputs leave the window: a long rest changes nothing.
         let loop_ = lag(0.1);
         let times_s: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.1).collect();
         let sent = loop_.inverse(&times_s, |time_s| if time_s < 20.0 { 1.0 } else { 2.0 }, 0.01);

@@ -14,13 +14,13 @@ const MAX_DOUBLINGS: usize = 60;
 /// place. A smaller value would wait for rounding noise.
 const CONVERGED: f64 = 1e-15;
 /// Largest residual of an accepted solution, relative to the sizes that its terms are made of
-/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, what rounding of `X` alone can do is 1e-16 of that). Sound problems
+/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, rounding of `X` alone causes 1e-16 of that). Sound problems
 /// leave 1e-12 and less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms themselves (`‖Q‖ + ‖XGX‖`) from which a solution is refined.
 /// The reference flight's leaves 1e-15; weights that are six decades apart leave up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Steps of the refinement. Each squares what is wrong; after two only rounding is left.
+/// Steps of the refinement. Each squares the error; after two only rounding remains.
 const MAX_REFINEMENTS: usize = 2;
 /// Shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the one before; a
 /// second one is needed only where the first hits an eigenvalue of `A`.
@@ -70,7 +70,7 @@ where
     doubling(*a, *g, *q).filter(|x| Cholesky::new(*x).is_some()).ok_or_else(no_solution)
 }
 
-/// Doubles the horizon of the discrete equation until its cost stands still.
+/// Doubles the horizon of the discrete equation until its cost converges.
 fn doubling<const N: usize>(
     mut a: Square<N>,
     mut g: Square<N>,
@@ -188,7 +188,7 @@ fn symmetric<const N: usize>(m: Square<N>) -> Square<N> {
 
 fn no_solution() -> Error {
     Error::Infeasible {
-        what: "the Riccati equation has no stabilising, positive definite solution".into(),
+        what: "the Riccati equation has no stabilizing, positive definite solution".into(),
         hint: "give every state a weight above zero, and keep the weights within a few powers of \
                ten of one another"
             .into(),
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_positive_roots_only_the_stabilising_one_is_accepted() {
+    fn of_two_positive_roots_only_the_stabilizing_one_is_accepted() {
         // 2 x − x² − 1/2 = 0 has the roots 1 ± √½.
         let (one, q) = (Matrix1::new(1.0), Matrix1::new(-0.5));
         let accepted = |x| solves_care(&Matrix1::new(x), &one, &one, &q);

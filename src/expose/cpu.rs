@@ -1,89 +1,72 @@
 //! The splat on the CPU: the twin of `splat.wgsl`, in the same integers.
 //!
-//! Every core takes a band of rows; sums of integers are the same in any order. The inner loop
-//! works on [`LANES`] pixels at once, in the widest registers that this processor has (pulp picks
-//! them when the program runs); integers are the same in all of them. It goes down the columns of a
-//! box, with the curves along in registers.
+//! Each thread takes a band of rows; sums of integers are the same in any order. The inner loop
+//! works on [`LANES`] pixels at once, in the widest registers of this processor (selected by pulp at
+//! run time), down the columns of a box, with the curves along x in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
 use std::ops::Range;
+
+use rayon::prelude::*;
 
 use super::curves::{Curves, LANES, LOW_BITS};
 use super::record::{DITHER, Record};
 use super::sheet::Sheet;
 use super::{Latent, Tint};
 
-/// Pixels in the records' boxes that are worth a thread of their own: a quarter of a millisecond or
-/// so.
-const THREAD_PIXELS: u64 = 1 << 19;
+/// Least number of pixels, summed over the boxes of the records, for a band of its own: about a
+/// quarter of a millisecond.
+const BAND_PIXELS: u64 = 1 << 19;
 
-/// Adds up the light on at most so many cores: three planes of counts.
-pub(super) fn splat(cores: u64, latent: &Latent) -> Vec<u32> {
+/// Adds up the light in at most `n_bands` bands of rows: three planes of counts.
+pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
-    let bands = bands(&latent.tints, latent.size_px, cores);
-    std::thread::scope(|scope| {
-        let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
-        let dark = bands.first().map_or(0, |band| band.start as usize) * width;
-        rest.iter_mut().for_each(|plane| _ = plane.split_off_mut(..dark));
-        let last = bands.len().saturating_sub(1);
-        for (i, rows) in bands.into_iter().enumerate() {
-            let pixels = rows.len() * width;
-            let planes = rest.iter_mut().filter_map(|plane| plane.split_off_mut(..pixels));
-            let planes = planes.collect();
-            let sheet = Sheet::new(rows, width, width + LANES);
-            let band = Band { latent, sheet, planes };
-            if i == last {
-                pulp::Arch::new().dispatch(band);
-            } else {
-                scope.spawn(move || pulp::Arch::new().dispatch(band));
-            }
-        }
+    let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
+    let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
+    let starts = [0].into_iter().chain(ends.iter().copied());
+    let bands = starts.zip(&ends).map(|(start, &end)| Band {
+        latent,
+        sheet: Sheet::new(start..end, width, width + LANES),
+        planes: rest
+            .iter_mut()
+            .filter_map(|plane| plane.split_off_mut(..(end - start) as usize * width))
+            .collect(),
     });
+    let bands: Vec<Band<'_>> = bands.collect();
+    bands.into_par_iter().for_each(|band| pulp::Arch::new().dispatch(band));
     counts
 }
 
-/// The lit rows of the picture in bands of equal work, one for each thread that is worth it.
-fn bands(tints: &[Tint], size_px: [u32; 2], cores: u64) -> Vec<Range<u32>> {
+/// Last row (exclusive) of each of several bands of equal work.
+fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
-    // Differences from row to row, then summed: pixels of boxes on each row.
+    // Pixels of boxes on each row: first the differences between rows, then their sums.
     let mut pixels = vec![0_i64; height as usize + 1];
     for record in tints.iter().flat_map(|tint| &tint.records) {
         let [columns, rows] = record.inside(width, &(0..height));
         pixels[rows.start as usize] += columns.len() as i64;
         pixels[rows.end as usize] -= columns.len() as i64;
     }
-    let mut on_row = 0;
-    let mut until = 0;
+    let (mut on_row, mut until) = (0, 0);
     for row in &mut pixels {
         on_row += *row;
         until += on_row;
         *row = until;
     }
-    let all = until;
-    let threads = (all.cast_unsigned() / THREAD_PIXELS).clamp(1, cores);
-    let share = all.cast_unsigned().div_ceil(threads).max(1).cast_signed();
-
-    let rows =
-        |until: i64| pixels[..height as usize].partition_point(|&pixels| pixels < until) as u32;
-    let [first, end] = [rows(1), (rows(all) + 1).min(height)];
-    let ends = (1..threads).map(|band| rows(share * band.cast_signed()) + 1).chain([end]);
-    let mut bands: Vec<Range<u32>> = Vec::new();
-    for end in ends {
-        let start = bands.last().map_or(first, |band| band.end);
-        if start < end {
-            bands.push(start..end);
-        }
-    }
-    bands
+    let n_bands = (until.cast_unsigned() / BAND_PIXELS).clamp(1, n_bands).cast_signed();
+    let full = |band: i64| pixels.partition_point(|&pixels| pixels * n_bands < until * band) as u32;
+    let mut ends: Vec<u32> = (1..n_bands).map(|band| full(band) + 1).chain([height]).collect();
+    ends.dedup();
+    ends
 }
 
-/// Some rows of the picture, and all records.
+/// A band of rows, and all records.
 struct Band<'a> {
     latent: &'a Latent,
     sheet: Sheet,
-    /// Those rows.
+    /// Its rows of the three planes.
     planes: Vec<&'a mut [u32]>,
 }
 
@@ -178,18 +161,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_number_of_cores_leaves_the_same_bits() {
+    fn any_number_of_bands_leaves_the_same_bits() {
         for (name, mut latent) in scenes() {
-            // Enough of them for several threads.
+            // Enough records for several bands.
             for tint in &mut latent.tints {
                 tint.records = tint.records.iter().cycle().take(12_000).copied().collect();
             }
-            let on_one = splat(1, &latent);
-            for cores in [2, 3, 16] {
-                let bands = bands(&latent.tints, latent.size_px, cores);
-                let several = bands.len() > 1 || latent.tints.is_empty();
-                assert!(several && bands.len() as u64 <= cores, "{name}: {bands:?}");
-                assert!(splat(cores, &latent) == on_one, "{name} on {cores} cores");
+            let one = splat(1, &latent);
+            for n in [2, 3, 16] {
+                let ends = ends_of_bands(&latent.tints, latent.size_px, n);
+                let several = ends.len() > 1 || latent.tints.is_empty();
+                assert!(several && ends.len() as u64 <= n, "{name}: {ends:?}");
+                assert!(splat(n, &latent) == one, "{name} in {n} bands");
             }
         }
     }

@@ -1,47 +1,48 @@
-//! The curves of a record as integers: all that the backends multiply.
+//! Curves of a record as integers, which the backends multiply.
 //!
-//! A spot is a gaussian, `exp(-(u² + v²) / 2)` with u and v in σ: the product of one curve along
-//! each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the record's spots; light,
-//! share and scale are in the curve across. The curve is divided by the sum of what is drawn of it,
-//! so a spot keeps its light whatever its place between the pixels and whatever rounding did.
+//! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ: the product of one curve along
+//! each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the spots of the record;
+//! light, share and scale are in the curve across. Curves are divided by their sums, so that a spot
+//! keeps its light at any position between the pixels and after rounding.
 //!
-//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same
-//! bits on every machine.
+//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same bits
+//! on every machine.
 
 use std::ops::Range;
 
+use super::narrow;
 use super::record::Record;
 
-/// Pixels that are reckoned at once: a register of 256 bits.
+/// Pixels that are computed at once: a register of 256 bits.
 pub(super) const LANES: usize = 8;
 
-/// The curve along goes from this at its middle to 0: steps of 1.5e-5, so it errs by 7.6e-6.
+/// Peak of the curve along, whose steps of 1.5e-5 make an error of 7.6e-6.
 const ALONG: f32 = 65_535.0;
 
-/// Bits of the lower part of a curve across. Four products of such a part with a curve along stay
-/// below 2^32, and so do those of the upper.
+/// Bits of the lower part of a curve across. Four products of either part with a curve along stay
+/// below 2^32.
 pub(super) const LOW_BITS: u32 = 14;
 
-/// A pixel's sum, in counts times `2^shift`, is so long that its upper parts stay below 2^31.
+/// Bits of the sum of a pixel, in counts times `2^shift`, so that the upper parts stay below 2^31.
 const SUM_BITS: i32 = 30;
 
-/// Numbers in a step of the long loops: as many as fill the registers of any processor, and too many
-/// for the compiler to write them out one by one.
+/// Numbers in a step of the long loops: enough to fill the registers of any processor, and too many
+/// to unroll.
 const STEP: usize = 32;
 
-/// 2 to this is nothing.
+/// Exponent of 2 that stands for zero.
 const NOTHING: f32 = -125.0;
 
-/// Curves of a record, drawn.
+/// Curves of a record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
-    /// Along a row of the box, then zeros to the end of the lanes and once more; spot after spot.
+    /// Along a row of the box, padded with zeros to whole lanes and one more; spot after spot.
     along: Vec<u32>,
-    /// Down a column, the bits above [`LOW_BITS`] and those below, then zeros to the end of the
-    /// lanes; spot after spot.
+    /// Down a column, the bits above [`LOW_BITS`] and those below, padded with zeros to whole lanes;
+    /// spot after spot.
     high: Vec<u32>,
     low: Vec<u32>,
-    /// From spot to spot, along and across.
+    /// Distance between spots, along and across.
     strides: [usize; 2],
     /// Sums are in counts times `2^shift`; from 1 to 30.
     pub(super) shift: u32,
@@ -49,7 +50,7 @@ pub(super) struct Curves {
 }
 
 impl Curves {
-    /// Draws a record's, for a film of so many counts per lx s.
+    /// Draws the curves of a record, for a film of so many counts per lx s.
     #[inline(always)]
     pub(super) fn draw(&mut self, record: &Record, counts_per_lx_s: f64) {
         let (width, height) = (record.width as usize, record.height as usize);
@@ -106,20 +107,20 @@ impl Curves {
         }
     }
 
-    /// The curve of a spot along the row, from a pixel of the box on: whole lanes.
+    /// Curve of a spot along the row, from a pixel of the box on, in whole lanes.
     #[inline(always)]
     pub(super) fn along(&self, spot: usize, from: usize) -> &[u32] {
         &self.along[spot * self.strides[0]..][from..self.strides[0]]
     }
 
-    /// Both parts of the curve of a spot across, for some rows of the box.
+    /// Upper and lower part of the curve of a spot across, for some rows of the box.
     #[inline(always)]
     pub(super) fn across(&self, spot: usize, rows: Range<usize>) -> [&[u32]; 2] {
         [&self.high, &self.low].map(|part| &part[spot * self.strides[1]..][rows.clone()])
     }
 }
 
-/// The powers of 2 that are a bell, pixel by pixel.
+/// Exponents of 2 of a bell curve, pixel by pixel.
 #[inline(always)]
 fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     for (c, powers) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
@@ -134,8 +135,8 @@ fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
 
 const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// 2 to a number from -125 to 0, within 1e-7 of itself: to a whole number and to what is left, by
-/// Taylor's series.
+/// 2 to the power of a number from -125 to 0, to 1e-7 of itself: the integer part in the exponent,
+/// the rest by a Taylor series.
 #[inline(always)]
 fn exp2(power: f32) -> f32 {
     let whole = power + MAGIC;
@@ -143,12 +144,12 @@ fn exp2(power: f32) -> f32 {
     let x2 = x * x;
     let low = (1.0 + x) + x2 * (1.0 / 2.0 + x * (1.0 / 6.0));
     let high = (1.0 / 24.0 + x * (1.0 / 120.0)) + x2 * (1.0 / 720.0 + x * (1.0 / 5040.0));
-    // The exponent of a float lies in its bits from the 24th on.
+    // The exponent of a float begins at bit 23.
     let series = low + x2 * x2 * high;
     f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
-/// The sum over some numbers.
+/// Sum of integers in lanes.
 #[inline(always)]
 fn sum<T>(of: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
     let mut sum = [0; LANES];
@@ -160,15 +161,15 @@ fn sum<T>(of: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
     sum.iter().sum()
 }
 
-/// What the sum of a curve across is reckoned in: fine enough for 1e-7 of it, and with the widest
-/// spot below 2^32.
+/// Unit of the sum of a curve across: fine enough for 1e-7 of it, and below 2^32 for the widest
+/// spot.
 const SUMMED: f32 = (1_u32 << 22) as f32;
 
-/// One of the upper parts, and its inverse.
+/// Unit of the upper part, and its inverse.
 const HIGH: f32 = (1_u32 << LOW_BITS) as f32;
 const PER_HIGH: f32 = 1.0 / HIGH;
 
-/// Added to a number of less than 2^22, this leaves it rounded, in the sum's last bits.
+/// Added to a number below 2^22, this rounds it into the last bits of the sum.
 const MAGIC: f32 = 12_582_912.0;
 
 /// A number from -1/2 to 2^22, rounded.
@@ -177,17 +178,10 @@ fn whole(x: f32) -> u32 {
     (x + MAGIC).to_bits().wrapping_sub(MAGIC.to_bits())
 }
 
-/// The exponent of 2 that is just above a positive number.
+/// Least exponent of 2 above a positive number.
 #[inline(always)]
 fn exponent(x: f64) -> i32 {
     (x.to_bits() >> 52) as i32 - 1022
-}
-
-/// A factor of a curve.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "f32 tells 6e-8 of it")]
-fn narrow(x: f64) -> f32 {
-    x as f32
 }
 
 #[cfg(test)]
@@ -212,9 +206,9 @@ mod tests {
         assert!(worst < 3e-7, "it errs by {worst}");
     }
 
-    /// A spot of some light and place, 100 counts per lx s.
+    /// Curves of a spot at 100 counts per lx s.
     fn drawn(light_lx_s: f64, sigma_px: f64, at_px: [f64; 2]) -> (Curves, Record) {
-        let ends_px = [glam::DVec2::from(at_px); 2];
+        let ends_px = [at_px.into(); 2];
         let segment = super::super::merge::Segment {
             ends_px,
             sigma_px,
@@ -231,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spot_keeps_its_light_to_3e_7_whatever_its_place_and_width() {
+    fn a_spot_keeps_its_light_to_3e_7_at_any_position_and_width() {
         for (sigma_px, at_px) in
             [(0.9, [30.0, 30.5]), (0.9, [30.21, 31.83]), (1.7, [60.4, 50.1]), (250.0, [2e3, 2e3])]
         {

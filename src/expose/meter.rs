@@ -1,81 +1,81 @@
-//! Exposure advice: how far each lamp's trail lies over or under saturation, and what would put it
-//! where it is wanted.
+//! Light meter: the exposure of each trail relative to saturation, and the settings that would
+//! change it to a wanted one.
 //!
 //! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`Reading`] for each emitter. The
-//! exposure in the middle of a trail is summed up from the lamp's own light nearby, in f64, as
-//! `expose` draws it; light of other lamps, glare and ambient light come on top.
+//! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
+//! draws it; light of other lamps, glare and ambient light are not included.
 
 use super::merge::{self, Segment};
-use super::project;
+use super::project::{self, Px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::light::LightTrace;
+use crate::statistics::weighted_quantile;
 
-/// Samples that lie this close to a segment are one with it: the meter needs no fine lines.
+/// Tolerance of the segments: the meter needs less detail than the picture.
 const MERGE_PX: f64 = 0.05;
 
-/// Light farther along or across than this many σ counts for nothing.
+/// Distance along or across a segment beyond which its light is ignored.
 const REACH_SIGMA: f64 = 5.0;
 
-/// A place is hot where its exposure is this much over the lamp's median: domain knowledge has a
-/// stop as the bound of an even stroke.
+/// Exposure of a hot spot above the median of the lamp; an even stroke varies by about one stop.
 const HOT_STOPS: f64 = 2.0;
 
-/// A stretch is a streak where the lamp is this many times as fast in the picture as usual.
+/// Speed of a streak in the picture over the median speed of the lamp.
 const STREAK_SPEED: f64 = 2.0;
 
-/// How the trail of an emitter is exposed. Stops are over saturation (ISO 12232, 78 / ISO lx s),
-/// under it where negative, for a lamp's luminance.
+/// Exposure of the trail of an emitter. Stops are relative to saturation (ISO 12232, 78 / ISO lx s)
+/// and refer to luminance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// The emitter's name.
+    /// Name of the emitter.
     pub name: String,
-    /// How long it is lit in the picture.
+    /// Time for which it is lit in the picture.
     pub lit_s: f64,
     /// Median over the length of its trail.
     pub median_stops: f64,
-    /// Of twenty parts of the length, one is darker than this.
+    /// 5th percentile over the length.
     pub p5_stops: f64,
-    /// Of twenty parts of the length, one is brighter than this.
+    /// 95th percentile over the length.
     pub p95_stops: f64,
-    /// Where it lingers: two stops and more over the median.
+    /// Places where it dwells: two stops or more above the median.
     pub hot_spots: Vec<HotSpot>,
-    /// How long it is lit while it moves more than twice as fast as usual.
+    /// Time for which it is lit and moves more than twice as fast as its median.
     pub streak_s: f64,
 }
 
-/// A place where a lamp lingers while it is lit.
+/// A place where a lit lamp dwells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HotSpot {
-    /// When it begins.
+    /// Start.
     pub time_s: f64,
-    /// How long it lasts.
+    /// Duration.
     pub duration_s: f64,
-    /// Where, in the picture.
+    /// Place in the picture.
     pub at_px: [f64; 2],
-    /// Its brightest part, over saturation.
+    /// Exposure of its brightest part.
     pub stops: f64,
 }
 
-/// What would put a trail where it is wanted, each alone.
+/// Settings that would give a trail the wanted exposure, each by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advice {
     /// Aperture number.
     pub f_number: f64,
     /// Sensitivity.
     pub iso: f64,
-    /// Level of the lamp, of its level now.
+    /// Level of the lamp relative to the present one.
     pub level: f64,
 }
 
 impl Reading {
-    /// How uneven the trail is: brightest less darkest twentieth of its length.
+    /// Range of the exposure along the trail, from the 5th to the 95th percentile.
     #[must_use]
     pub fn evenness_stops(&self) -> f64 {
         self.p95_stops - self.p5_stops
     }
 
-    /// What would put the median at `target_stops` over saturation.
+    /// Settings that would put the median at `target_stops`.
     #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> Advice {
         let more = target_stops - self.median_stops;
@@ -87,8 +87,8 @@ impl Reading {
     }
 }
 
-/// Exposure on the sensor of a lamp that passes square to the axis, in lx s, spread evenly over a
-/// trail of width `width_m`: `I τ π f / (4 N² d v w)`.
+/// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly over
+/// a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
 #[must_use]
 pub fn trail_exposure_lx_s(
     intensity_cd: f64,
@@ -102,8 +102,7 @@ pub fn trail_exposure_lx_s(
         / (4.0 * f_number * f_number * distance_m * speed_m_s * width_m)
 }
 
-/// Reads the exposure of each lamp of a trace, by name; lamps that leave no light in the picture are
-/// left out.
+/// Meters each emitter of a trace, by name; those that leave no light in the picture are omitted.
 ///
 /// # Errors
 ///
@@ -118,12 +117,11 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
         let share: f64 = lamp.emitter.rgb.iter().zip(luminance).map(|(c, y)| c * y).sum();
         let intervals = project::intervals(lamp, camera);
         merge::merge(intervals, share, MERGE_PX, &mut segments);
-        let inside = |s: &Segment| {
-            let middle = s.ends_px[0].midpoint(s.ends_px[1]);
-            let size = glam::DVec2::new(camera.width_px.into(), camera.height_px.into());
-            middle.cmpge(glam::DVec2::ZERO).all() && middle.cmple(size).all()
-        };
-        segments.retain(inside);
+        segments.retain(|segment| {
+            let [x, y]: [f64; 2] = segment.middle_px().into();
+            (0.0..=camera.width_px.into()).contains(&x)
+                && (0.0..=camera.height_px.into()).contains(&y)
+        });
         let name = &*lamp.emitter.name;
         match trails.iter_mut().find(|(known, _)| *known == name) {
             Some((_, all)) => all.append(&mut segments),
@@ -136,15 +134,15 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<Reading>> {
     });
     let readings: Vec<Reading> = readings.collect();
     if readings.is_empty() {
-        let hint = "look at the light of the flight, the shutter and where the camera stands";
+        let hint = "check the lights of the flight, the shutter and the pose of the camera";
         let found = "no lamp that is lit in the picture";
         return Err(Error::input("light", found, "light to measure", hint));
     }
     Ok(readings)
 }
 
-/// Brightest light that the floor shows, in stops over saturation; `None` where it is dark or out
-/// of the picture.
+/// Brightest light of the floor, in stops relative to saturation; `None` where it is dark or out of
+/// the picture.
 #[must_use]
 pub fn floor_stops(
     trace: &LightTrace,
@@ -157,17 +155,15 @@ pub fn floor_stops(
 
 fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading> {
     let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
-    let length = |s: &Segment| s.ends_px[0].distance(s.ends_px[1]);
     let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
-    let mut by_brightness: Vec<(f64, f64)> =
-        all.iter().zip(segments).map(|(stops, s)| (*stops, length(s).max(1e-9))).collect();
-    by_brightness.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let median_stops = quantile(&by_brightness, 0.5)?;
+    let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
+    let mut by_brightness: Vec<(f64, f64)> = all.iter().copied().zip(lengths).collect();
+    let mut at_share = |share| weighted_quantile(&mut by_brightness, share);
+    let [p5_stops, median_stops, p95_stops] = [at_share(0.05)?, at_share(0.5)?, at_share(0.95)?];
 
-    let mut speeds: Vec<(f64, f64)> =
-        segments.iter().map(|s| (length(s) / s.duration_s, s.duration_s)).collect();
-    speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let usual = quantile(&speeds, 0.5)?;
+    let speed = |segment: &Segment| (segment.length_px() / segment.duration_s, segment.duration_s);
+    let mut speeds: Vec<(f64, f64)> = segments.iter().map(speed).collect();
+    let usual = weighted_quantile(&mut speeds, 0.5)?;
     let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
 
     let mut hot_spots: Vec<HotSpot> = Vec::new();
@@ -182,7 +178,7 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading>
             None if hot => hot_spots.push(HotSpot {
                 time_s: segment.start_s,
                 duration_s: segment.duration_s,
-                at_px: segment.ends_px[0].midpoint(segment.ends_px[1]).to_array(),
+                at_px: segment.middle_px().into(),
                 stops: *stops,
             }),
             None => {}
@@ -193,45 +189,32 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading>
         name: name.to_owned(),
         lit_s: segments.iter().map(|s| s.duration_s).sum(),
         median_stops,
-        p5_stops: quantile(&by_brightness, 0.05)?,
-        p95_stops: quantile(&by_brightness, 0.95)?,
+        p5_stops,
+        p95_stops,
         hot_spots,
         streak_s: streaks.fold(0.0, |sum, (_, duration_s)| sum + duration_s),
     })
 }
 
-/// The value below which a share of the weight lies; values in order, each with its weight.
-fn quantile(values: &[(f64, f64)], share: f64) -> Option<f64> {
-    let all: f64 = values.iter().map(|(_, weight)| weight).sum();
-    let mut below = 0.0;
-    values
-        .iter()
-        .find(|(_, weight)| {
-            below += weight;
-            below >= share * all
-        })
-        .map(|(value, _)| *value)
-}
-
-/// Exposure in the middle of a segment, from itself and from what joins it, before and after.
+/// Exposure in the middle of a segment, from itself and from the adjoining segments.
 fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
-    let at = segments[i].ends_px[0].midpoint(segments[i].ends_px[1]);
+    let at_px = segments[i].middle_px();
     let near = |s: &&Segment| {
-        let reach = REACH_SIGMA * s.sigma_px;
-        s.ends_px[0].distance(at).min(s.ends_px[1].distance(at)) < reach
+        let [start, end] = s.ends_px.map(|end| (end - at_px).norm());
+        start.min(end) < REACH_SIGMA * s.sigma_px
     };
     let after = segments[i + 1..].iter().take_while(near);
     let before = segments[..i].iter().rev().take_while(near);
-    after.chain(before).chain([&segments[i]]).map(|s| left_by(s, at)).sum()
+    after.chain(before).chain([&segments[i]]).map(|s| left_by(s, at_px)).sum()
 }
 
-/// What a segment leaves at a place, in lx s.
-fn left_by(segment: &Segment, at: glam::DVec2) -> f64 {
+/// Exposure of a point by a segment, in lx s.
+fn left_by(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
     let root_tau = std::f64::consts::TAU.sqrt();
-    let length = start.distance(end);
-    let along = if length > 0.0 { (end - start) / length } else { glam::DVec2::X };
-    let (u, v) = ((at - start).dot(along) / sigma, along.perp_dot(at - start) / sigma);
+    let length = segment.length_px();
+    let along = if length > 0.0 { (end - start) / length } else { Px::x() };
+    let (u, v) = ((at_px - start).dot(&along) / sigma, along.perp(&(at_px - start)) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
     let below = |x: f64| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2);
     let smear = if length > 1e-3 * sigma {

@@ -1,69 +1,72 @@
-//! Lamps as the camera sees them: where in the picture, how bright, how wide; in f64.
+//! Projection of lamps: position, brightness and width of their spots in the picture, in f64.
 //!
-//! A lamp of intensity `I` cd lights the entrance pupil with `I(θ) cosα / d²` lx (θ off the
-//! beam's axis, α off the optical axis), the pupil of diameter `f/N` passes `π (f/2N)² τ` times
-//! that in lumen, and all of it lands in the lamp's spot: lumen over pixel area, summed over the
-//! pixels of the spot, is what this file calls light, in lx px².
+//! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ off the beam axis,
+//! α off the optical axis). The pupil of diameter `f/N` passes `π (f/2N)² τ` times that in lumen,
+//! all of which falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
+//! spot, is called light here, in lx px².
 
-use glam::DVec2;
+use nalgebra::Vector2;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::light::{Emitter, Lamp, LightSample};
 
-/// Nearest depth at which a lamp still leaves light: nearer, the picture of a point is not a spot
-/// of this model (focus, pupil size). Lamps that come nearer are left out while they are.
+/// A point in the picture.
+pub(super) type Px = Vector2<f64>;
+
+/// Least depth of a lamp that leaves light. The image of a nearer point is no spot of this model
+/// (focus, pupil size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
-/// Narrowest spot: sampled at pixel centres, a gaussian of this width keeps its sum to 2.3e-7
-/// whatever its place between the pixels (`2 exp(-2 π² σ²)`); at 0.7 px it would be 1.3e-4.
+/// Width of the narrowest spot. Sampled at pixel centers, a Gaussian of this width keeps its sum to
+/// 2.3e-7 anywhere between the pixels (`2 exp(-2 π² σ²)`); at 0.7 px it would be 1.3e-4.
 pub(super) const MIN_SIGMA_PX: f64 = 0.9;
 
-/// Widest spot; wider ones are drawn this wide, with all their light.
+/// Width of the widest spot; wider ones are drawn this wide, with all their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
-/// Farthest spot from the picture's corner; beyond, differences of places lose the picture.
+/// Greatest distance of a spot from the corner of the picture, for the precision of differences.
 const FARTHEST_PX: f64 = 1e9;
 
-/// Wavelength at which the diffraction is reckoned: the peak of the eye's day sensitivity.
+/// Wavelength of the diffraction: the peak of photopic vision.
 const WAVELENGTH_M: f64 = 0.55e-6;
 
-/// σ of the gaussian nearest to an Airy disc, in units of λN (0.21 λ / numerical aperture: Zhang,
+/// σ of the Gaussian nearest to an Airy disc, in units of λN (0.21 λ / numerical aperture: Zhang,
 /// Zerubia and Olivo-Marin 2007).
 const AIRY_SIGMA: f64 = 0.42;
 
 /// Variance of a square pixel along each axis, in px².
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
-/// A stretch between two neighbouring samples with the shutter open.
+/// Stretch between two neighboring samples with the shutter open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
-    /// When it begins and ends.
+    /// Start and end.
     pub(super) time_s: [f64; 2],
-    /// Where the spot is then, in px.
-    pub(super) at_px: [DVec2; 2],
-    /// How bright the spot is then; in between it changes evenly.
+    /// Position of the spot at both.
+    pub(super) at_px: [Px; 2],
+    /// Brightness of the spot at both; linear in between.
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
 }
 
 impl Interval {
-    /// Light of the whole stretch, in lx s px².
+    /// Light in lx s px².
     pub(super) fn light(&self) -> f64 {
         0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
     }
 }
 
-/// One instant of a lamp in the picture.
+/// Image of a lamp at one instant.
 #[derive(Clone, Copy)]
 struct Spot {
-    at_px: DVec2,
+    at_px: Px,
     light_lx_px2: f64,
     sigma_px: f64,
 }
 
-/// The stretches of a lamp that leave light, in order of time.
+/// Intervals of a lamp that leave light, in order of time.
 pub(super) fn intervals<'a>(
     lamp: &'a Lamp,
     camera: &'a Camera,
@@ -77,8 +80,8 @@ pub(super) fn intervals<'a>(
         if !in_shutter || (a.level == 0.0 && b.level == 0.0) {
             return None;
         }
-        let first = if a.time_s < open { between(&a, &b, open) } else { a };
-        let second = if b.time_s > close { between(&a, &b, close) } else { b };
+        let first = if a.time_s < open { a.toward(&b, open) } else { a };
+        let second = if b.time_s > close { a.toward(&b, close) } else { b };
 
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
@@ -97,7 +100,7 @@ pub(super) fn intervals<'a>(
     })
 }
 
-/// Checks that a lamp's numbers are numbers and its time runs forward.
+/// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
 pub(super) fn check(lamp: &Lamp) -> Result<()> {
     let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, .. } = &lamp.emitter;
     let settings = [
@@ -115,7 +118,7 @@ pub(super) fn check(lamp: &Lamp) -> Result<()> {
                 format!("lamp `{name}`: {key}"),
                 value,
                 format!("a number from 0 to {max:e}"),
-                "mend this emitter in the scene file; a color outside sRGB must be brought inside",
+                "correct this emitter in the scene; a color outside sRGB must be brought inside",
             ));
         }
     }
@@ -141,26 +144,15 @@ pub(super) fn check(lamp: &Lamp) -> Result<()> {
     Ok(())
 }
 
-/// The sample at `time_s` on the straight way from `a` to `b`.
-fn between(a: &LightSample, b: &LightSample, time_s: f64) -> LightSample {
-    let share = (time_s - a.time_s) / (b.time_s - a.time_s);
-    LightSample {
-        time_s,
-        position_m: a.position_m + (b.position_m - a.position_m) * share,
-        axis: a.axis + (b.axis - a.axis) * share,
-        level: a.level + (b.level - a.level) * share,
-    }
-}
-
-/// A camera looking at one kind of lamp: everything that does not change from sample to sample.
+/// A camera and an emitter: all that does not change from sample to sample.
 struct Lens<'a> {
     camera: &'a Camera,
     emitter: &'a Emitter,
-    /// Light of 1 cd on the optical axis at 1 m, in lx px².
+    /// Light in lx px² of 1 cd on the optical axis at 1 m.
     light_at_1m: f64,
-    /// Variance of the spot without the lamp's disc.
+    /// Variance of the spot without the disc of the lamp.
     blur_px2: f64,
-    /// Variance that the lamp's disc adds at 1 m depth: R²/4 along each axis.
+    /// Variance that the disc adds at a depth of 1 m: R²/4 along each axis.
     disc_at_1m_px2: f64,
 }
 
@@ -181,12 +173,12 @@ impl<'a> Lens<'a> {
         }
     }
 
-    /// The spot of a lamp; `None` where it is nearer than [`NEAREST_M`], behind the camera, or
-    /// beyond [`FARTHEST_PX`].
+    /// Spot of a lamp; `None` where it is nearer than [`NEAREST_M`], behind the camera, or beyond
+    /// [`FARTHEST_PX`].
     fn see(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
-        let at_px = DVec2::new(image.x_px, image.y_px);
-        if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
+        let at_px = Px::new(image.x_px, image.y_px);
+        if image.depth_m < NEAREST_M || at_px.amax() > FARTHEST_PX {
             return None;
         }
         let to_camera_m = self.camera.position_m - sample.position_m;
@@ -197,7 +189,6 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
-        // A disc of radius R has R²/4 along each axis.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)

@@ -1,32 +1,33 @@
-//! Segments become records: what both backends draw, and all that they draw.
+//! Records: the segments as both backends draw them.
 //!
-//! A segment is the integral of a gaussian spot along its way; Gauss-Legendre quadrature makes that
-//! a sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which is
-//! all that the backends have to add up. A ramp of the brightness along the way is in the spots'
-//! shares, so a fade costs nothing.
+//! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
+//! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
+//! backends add up. A ramp of the brightness is in the shares of the spots, so a fade costs nothing.
+//! Here f64 becomes f32.
 
 use std::ops::Range;
 
-use glam::DVec2;
-
 use super::merge::Segment;
+use super::narrow;
+use super::project::Px;
 
-/// Spots in a record, at most.
+/// Most spots of a record.
 pub(super) const SPOTS: usize = 4;
 
-/// Where a spot ends: 5 σ. Beyond lies 3.7e-6 of its light, which is given to the rest, and no pixel
-/// gets more than 3.7e-6 of its peak.
+/// Radius of a spot. Beyond it lies 3.7e-6 of the light, which goes to the rest of the spot, and at
+/// it the spot has 3.7e-6 of its peak.
 const REACH_SIGMA: f64 = 5.0;
 
-/// How much brighter than the gaussian's own a spot's peak may be, once its sum is put right.
+/// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected.
 const PEAK_MARGIN: f64 = 1.0 + 1.0 / 1024.0;
 
-/// Longest way, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of the
-/// quadrature, with the gaussian's derivative of order 2n at its middle). Longer ways are split.
+/// Longest segment, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of
+/// the quadrature, with the derivative of order 2n of the Gaussian at its middle). Longer segments
+/// are split.
 const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
 
-/// Places from -1 to 1 and shares of 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and
-/// Stegun 1964, table 25.4).
+/// Nodes from -1 to 1 and weights of 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and Stegun
+/// 1964, table 25.4).
 const RULES: [&[(f64, f64)]; SPOTS] = [
     &[(0.0, 1.0)],
     &[(-0.577_350_269_189_625_8, 0.5), (0.577_350_269_189_625_8, 0.5)],
@@ -43,26 +44,25 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
     ],
 ];
 
-/// Counts are rounded up or down by a threshold that differs from pixel to pixel, by these steps
-/// along x and y, and from segment to segment. Rounding to nearest would lose the whole faint rim
-/// of every spot where thousands of segments share the counts (2e-6 of the light of a hover at
-/// 250 Hz); with the threshold the rim is right in the mean.
+/// Steps along x and y of the dither, the threshold at which counts are rounded up; it also differs
+/// from segment to segment. Rounding to nearest would lose the faint rim of every spot where
+/// thousands of segments overlap (2e-6 of the light of a hover at 250 Hz).
 ///
-/// The steps are 2^32 over the plastic number and its square: evenly spread in the plane (Roberts
-/// 2018, the R2 sequence).
+/// The steps are 2^32 over the plastic number and its square, for a threshold that is evenly
+/// distributed in the plane (Roberts 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
-/// One segment for the splat.
+/// A short segment as the sum of its spots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
-    /// Places of the spots from the middle of the box's first pixel; the first `spots` of them count.
+    /// Centers of the spots, from the center of the first pixel of the box; the first `spots` count.
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
-    /// Parts of the light, 1 together.
+    /// Shares of the light, with sum 1.
     pub(super) share: [f32; SPOTS],
     /// Luminous exposure in the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
-    /// Pixels in a σ, inverse.
+    /// Inverse of σ in pixels.
     pub(super) per_px: f32,
     /// First pixel of the box, which may lie outside the picture.
     pub(super) x: i32,
@@ -70,21 +70,21 @@ pub(super) struct Record {
     /// Pixels in the box.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// From 1 to [`SPOTS`].
+    /// Number of spots, 1 to [`SPOTS`].
     pub(super) spots: u32,
-    /// Where the rounding of the counts starts: see [`DITHER`].
+    /// Threshold of the first pixel: see [`DITHER`].
     pub(super) dither: u32,
 }
 
 impl Record {
-    /// Luminous exposure that no pixel of it exceeds, in lx s.
+    /// Upper bound of its exposure of a pixel.
     #[inline(always)]
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
         self.light_lx_s * per_px * per_px * (PEAK_MARGIN / std::f64::consts::TAU)
     }
 
-    /// Columns and rows of the picture's part with these rows, where the box lies there.
+    /// Columns and rows of the box that lie in the picture and among these rows.
     #[inline(always)]
     pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
         let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();
@@ -95,7 +95,7 @@ impl Record {
         ]
     }
 
-    /// Where the rounding starts at a pixel of the picture inside the box.
+    /// Dither at a pixel of the picture inside the box.
     #[inline(always)]
     pub(super) fn dither_at(&self, x: u32, y: u32) -> u32 {
         let [i, j] =
@@ -105,11 +105,11 @@ impl Record {
     }
 }
 
-/// Cuts a segment to what reaches a picture, splits it if it is long, and hands on its records.
+/// Passes on the records of a segment: of the part that reaches the picture, in pieces where it is
+/// long.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
-    let [start, end] = segment.ends_px;
-    let length_sigma = start.distance(end) / segment.sigma_px;
+    let length_sigma = segment.length_px() / segment.sigma_px;
     let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
     let mut k = 0.0;
@@ -128,28 +128,23 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
     }
 }
 
-/// From where to where along a segment, 0 to 1, its light reaches the picture.
+/// Shares of the length, 0 to 1, between which the light of a segment reaches the picture: the part
+/// between each pair of borders (Liang and Barsky 1984).
 fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
-    let reach = DVec2::splat(REACH_SIGMA * segment.sigma_px + 1.0);
-    let (low, high) = (-reach, DVec2::from(size_px.map(f64::from)) + reach);
+    let reach = REACH_SIGMA * segment.sigma_px + 1.0;
     let [start, end] = segment.ends_px;
-    let inside = |p: DVec2| p.cmpge(low).all() && p.cmple(high).all();
-    if inside(start) && inside(end) {
-        return Some([0.0, 1.0]);
-    }
-
-    // Liang and Barsky 1984: the part of the way that lies between each pair of borders.
-    let way = end - start;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        if way[axis] == 0.0 {
-            if start[axis] < low[axis] || start[axis] > high[axis] {
-                return None;
-            }
+        let borders = [-reach, f64::from(size_px[axis]) + reach];
+        let inside = |px: f64| (borders[0]..=borders[1]).contains(&px);
+        if inside(start[axis]) && inside(end[axis]) {
             continue;
         }
-        let a = (low[axis] - start[axis]) / way[axis];
-        let b = (high[axis] - start[axis]) / way[axis];
+        let length = end[axis] - start[axis];
+        if length == 0.0 {
+            return None;
+        }
+        let [a, b] = borders.map(|border| (border - start[axis]) / length);
         from = from.max(a.min(b));
         to = to.min(a.max(b));
     }
@@ -160,16 +155,16 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
-    let reach = DVec2::splat(REACH_SIGMA * sigma);
-    // Pixel centres are at +0.5.
-    let first = (start.min(end) - reach - 0.5).ceil();
-    let last = (start.max(end) + reach - 0.5).floor();
-    let size = DVec2::from(size_px.map(f64::from));
-    if last.cmplt(DVec2::ZERO).any() || first.cmpge(size).any() {
+    let reach = Px::repeat(REACH_SIGMA * sigma);
+    // Pixel centers are at +0.5.
+    let half = Px::repeat(0.5);
+    let first = (start.inf(&end) - reach - half).map(f64::ceil);
+    let last = (start.sup(&end) + reach - half).map(f64::floor);
+    if (0..2).any(|axis| last[axis] < 0.0 || first[axis] >= f64::from(size_px[axis])) {
         return None;
     }
 
-    let length_sigma = start.distance(end) / sigma;
+    let length_sigma = segment.length_px() / sigma;
     let enough = |longest: &f64| length_sigma <= *longest;
     let rule = RULES[LONGEST_SIGMA.iter().position(enough).unwrap_or(SPOTS - 1)];
     let mut record = Record {
@@ -186,15 +181,15 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
         dither,
     };
     for (k, (place, weight)) in rule.iter().enumerate() {
-        let spot = start.midpoint(end) + (end - start) * (0.5 * place) - first - 0.5;
+        let spot = segment.middle_px() + (end - start) * (0.5 * place) - first - half;
         (record.x_px[k], record.y_px[k]) = (narrow(spot.x), narrow(spot.y));
         record.share[k] = narrow(weight * (1.0 + segment.ramp * place));
     }
     Some(record)
 }
 
-/// First threshold of a segment: its time, well mixed (Steele et al. 2014, splitmix64). Nothing but
-/// the segment itself sets it, so that films add up whatever else is on them.
+/// First dither of a segment: a hash of its time (Steele et al. 2014, splitmix64). It depends on
+/// the segment alone, so that films add up.
 fn dither(start_s: f64) -> u32 {
     let mut z = start_s.to_bits();
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -202,14 +197,8 @@ fn dither(start_s: f64) -> u32 {
     ((z ^ (z >> 31)) >> 32) as u32
 }
 
-/// A place in a box, a share, or a width.
-#[expect(clippy::cast_possible_truncation, reason = "an f32 tells 4e-8 of a pixel at the spot")]
-fn narrow(value: f64) -> f32 {
-    value as f32
-}
-
 /// A whole number of pixels as an integer.
-#[expect(clippy::cast_possible_truncation, reason = "no farther than a box from the picture")]
+#[expect(clippy::cast_possible_truncation, reason = "a box reaches the picture")]
 fn pixel(whole: f64) -> i32 {
     whole as i32
 }

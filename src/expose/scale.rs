@@ -1,29 +1,29 @@
-//! The scale of a film: so fine as it can be while no pixel can overflow.
+//! Scale of a film: the finest at which no pixel can overflow.
 //!
-//! Every tile of 16 × 16 pixels sums the peaks of the records whose box touches it; no pixel of the
-//! tile can get more. One count is the smallest power of two, in lx s, at which the brightest tile
-//! stays below 2^31 counts. A quarter of a `u32` is for the floor's glow, and a quarter for the
-//! rounding of up to 2^30 records.
+//! The sum of the peaks of the records that touch a tile of 16 × 16 pixels bounds each of its pixels.
+//! One count is the smallest power of two, in lx s, at which the brightest tile stays below 2^31
+//! counts. A quarter of a `u32` is reserved for the glow of the floor, and a quarter for the rounding
+//! of up to 2^30 records.
 
 use super::Tint;
 use super::sheet::ALL;
 
-/// Edge of a tile.
+/// Side of a tile.
 const TILE_PX: u32 = 16;
 
-/// Sum of peaks on a tile stays below this power of two, in counts.
+/// Bits of the sum of peaks on a tile, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Peak of a record stays below this power of two, in counts: its curves have so many bits.
+/// Bits of the peak of a record, in counts: those of its curves.
 const PEAK_BITS: i32 = 30;
 
-/// The floor's glow stays below this power of two, in counts.
+/// Bits of the glow of the floor, in counts.
 const GLOW_BITS: i32 = 30;
 
-/// Finest scale: enough for every light that leaves a trace, and far from underflow.
+/// Finest scale: enough for any light, and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
 
-/// Smallest `scale_log2` at which no pixel can overflow; the floor leaves up to `glow_lx_s`.
+/// Smallest `scale_log2` at which no pixel can overflow, with a glow of up to `glow_lx_s`.
 pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
     let [width, height] = size_px;
     let columns = width.div_ceil(TILE_PX) as usize;

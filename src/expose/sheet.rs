@@ -1,29 +1,28 @@
-//! A sheet: the light of one colour on some rows of the picture, on its way to the film.
+//! Sheet: the light of one color on some rows of the picture, before it is counted into the film.
 //!
-//! All records of a colour leave their light in one plane; what is lit of it is then counted into the
-//! film's three. So a lamp's colour costs nothing for every segment, and what is dark costs nothing
-//! at all.
+//! All records of a color are added up in one plane, whose lit tiles are then counted into the three
+//! planes of the film: the color is multiplied once per pixel, not once per segment.
 
 use std::ops::Range;
 
-/// Width and height of the least that is counted.
+/// Width and height of the tiles that are counted.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// A channel of a sheet that has all of its light.
+/// Share of a channel that has all light of the sheet.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 
-/// Light of one colour, in counts of its brightest channel.
+/// Light of one color, in counts of its brightest channel.
 #[derive(Debug)]
 pub(super) struct Sheet {
     /// Rows of the picture.
     pub(super) rows: Range<u32>,
-    /// From row to row, in pixels: at least the picture's width.
+    /// Distance between rows, in pixels: at least the width of the picture.
     pub(super) stride: usize,
-    /// Row by row; what lies beyond the width means nothing.
+    /// Counts row by row; those beyond the width have no meaning.
     pub(super) counts: Vec<u32>,
     width: usize,
-    /// Which tiles have light, row by row.
+    /// Whether each tile has light, row by row.
     lit: Vec<bool>,
 }
 
@@ -35,7 +34,7 @@ impl Sheet {
         Self { rows, stride, counts, width, lit: vec![false; tiles] }
     }
 
-    /// Notes that columns and rows of the picture have light.
+    /// Marks columns and rows of the picture as lit.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
         let tiles = |range: Range<u32>, first: u32, size: usize| {
@@ -49,8 +48,8 @@ impl Sheet {
         }
     }
 
-    /// Counts its light, of which each channel has a share of [`ALL`], into these rows of the film's
-    /// planes, and is dark again.
+    /// Counts its light, with the share of each channel relative to [`ALL`], into these rows of the
+    /// planes of the film, and clears it.
     #[inline(always)]
     pub(super) fn count(&mut self, shares: [u32; 3], planes: &mut [&mut [u32]]) {
         let tiles_across = self.width.div_ceil(TILE_PX[0]);
@@ -67,8 +66,8 @@ impl Sheet {
     }
 }
 
-/// Counts some columns and rows of light, which begin in the first row, into planes. Of both it
-/// takes how far it is from row to row, and the first pixel.
+/// Counts columns and rows of light, from the first row on, into planes. Light and planes are given
+/// with their distance between rows and their first pixel.
 #[inline(always)]
 pub(super) fn count(
     light: &[u32],
@@ -85,7 +84,7 @@ pub(super) fn count(
     }
 }
 
-/// Adds a share of some light, rounded.
+/// Adds a rounded share of light.
 #[inline(always)]
 fn add(counts: &mut [u32], light: &[u32], share: u32) {
     match share {

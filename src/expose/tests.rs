@@ -1,4 +1,4 @@
-//! Claims about the whole room, on the CPU; `twins` compares the backends.
+//! Tests of the whole module on the CPU; `twins` compares the backends.
 
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
@@ -60,13 +60,10 @@ pub(super) fn figure(n: u32) -> Lamp {
 
 /// The CPU's film, merged at `merge_tolerance_px`.
 fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
-    let options = ExposeOptions {
-        backend: BackendChoice::Cpu,
-        merge_tolerance_px,
-        scale_log2: scale,
-        ..Default::default()
-    };
-    expose(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("film").film
+    let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
+    let latent = project(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("latent");
+    let latent = scale.map_or(Ok(latent.clone()), |scale| latent.at_scale(scale));
+    latent.expect("a coarse scale").on_cpu().film
 }
 
 /// Second implementation: every interval in f64, with erf, at every pixel within 8 σ.
@@ -75,17 +72,17 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     let mut plane = vec![0.0; width * height];
     for interval in project::intervals(lamp, camera) {
         let ([a, b], sigma) = (interval.at_px, interval.sigma_px);
-        let length = a.distance(b);
-        let along = if length > 0.0 { (b - a) / length } else { glam::DVec2::X };
+        let length = (b - a).norm();
+        let along = if length > 0.0 { (b - a) / length } else { project::Px::x() };
         let reach = 8.0 * sigma + length;
-        let range = |centre: f64, n: usize| {
-            let near = move |i: &usize| (*i as f64 - centre).abs() <= reach;
+        let range = |center: f64, n: usize| {
+            let near = move |i: &usize| (*i as f64 - center).abs() <= reach;
             (0..n).filter(near)
         };
         for y in range(a.y, height) {
             for x in range(a.x, width) {
-                let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - a;
-                let (u, v) = (p.dot(along) / sigma, along.perp_dot(p) / sigma);
+                let p = project::Px::new(x as f64 + 0.5, y as f64 + 0.5) - a;
+                let (u, v) = (p.dot(&along) / sigma, along.perp(&p) / sigma);
                 let root_2 = std::f64::consts::SQRT_2;
                 let bell = |x: f64| libm::exp(-0.5 * x * x) / std::f64::consts::TAU.sqrt();
                 let smear = if length > 1e-6 {
@@ -161,44 +158,41 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
 }
 
 #[test]
-fn unmerged_film_is_within_2e_5_of_the_peak_and_merged_within_1e_3() {
-    let lamp = figure(1500);
-    for blur_m in [5e-6, 60e-6] {
-        // After the pause: beside a hover, no trail errs by much of the peak.
-        let camera = Camera { blur_m, shutter_open_s: 1.41, ..camera(960, 540) };
-        let reference = brute_force(&lamp, &camera);
-        let unmerged =
-            error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.0, None), &reference);
-        let merged =
-            error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.005, None), &reference);
-        println!("blur {blur_m}: unmerged {unmerged:.2e}, merged {merged:.2e}");
-        assert!(unmerged < 2e-5, "blur {blur_m}: unmerged errs by {unmerged:e}");
-        assert!(merged < 1e-3, "blur {blur_m}: merged errs by {merged:e}");
-    }
-}
-
-#[test]
-fn fades_are_within_2e_5_of_the_peak_merged_and_unmerged() {
-    let camera = camera(320, 200);
-    // A decay sampled coarsely, and a fade from full to nothing over a long way.
+fn films_are_within_2e_5_of_the_peak_unmerged_and_1e_3_merged() {
+    let streak = |from, to| lamp([(0.0, from), (4.0, to)]);
     let mut decay = figure(200);
     for sample in &mut decay.samples {
         sample.level = libm::exp(-sample.time_s / 0.05);
     }
-    let mut fade = lamp([(0.0, [-1.0, 3.0, 0.1]), (4.0, [0.9, 3.0, -0.2])]);
+    let mut fade = streak([-1.0, 3.0, 0.1], [0.9, 3.0, -0.2]);
     fade.samples[1].level = 0.0;
-    for (name, lamp) in [("decay", decay), ("fade", fade)] {
+    let small = camera(320, 200);
+    // After the pause of the figure: beside a hover, no trail errs by much of the peak.
+    let large = |blur_m| Camera { blur_m, shutter_open_s: 1.41, ..camera(960, 540) };
+    let cases = [
+        ("sharp figure", figure(1500), large(5e-6), 1e-3),
+        ("soft figure", figure(1500), large(60e-6), 1e-3),
+        ("decay, coarsely sampled", decay, small.clone(), 1e-3),
+        ("fade over a long line", fade, small.clone(), 1e-3),
+        ("across", streak([-9.0, 3.0, -2.0], [9.0, 3.0, 2.5]), small.clone(), 2e-5),
+        ("upward", streak([0.1, 3.0, -8.0], [0.2, 3.0, 8.0]), small, 2e-5),
+    ];
+    for (name, lamp, camera, merged_bound) in cases {
         let reference = brute_force(&lamp, &camera);
-        let unmerged =
-            error_of_peak(&film(std::slice::from_ref(&lamp), &camera, 0.0, None), &reference);
-        let merged = error_of_peak(&film(&[lamp], &camera, 0.005, None), &reference);
+        let error = |tolerance_px| {
+            error_of_peak(
+                &film(std::slice::from_ref(&lamp), &camera, tolerance_px, None),
+                &reference,
+            )
+        };
+        let (unmerged, merged) = (error(0.0), error(0.005));
         println!("{name}: unmerged {unmerged:.2e}, merged {merged:.2e}");
-        assert!(unmerged < 2e-5 && merged < 1e-3, "{name} errs by {unmerged:e} and {merged:e}");
+        assert!(unmerged < 2e-5 && merged < merged_bound, "{name}: {unmerged:e} and {merged:e}");
     }
 }
 
 #[test]
-fn the_exposure_of_a_trail_does_not_know_the_shutter_time_and_obeys_the_laws() {
+fn the_exposure_of_a_trail_is_independent_of_the_shutter_time_and_follows_the_laws() {
     let trail = |v: f64, d: f64| {
         lamp((0..=400).map(|i| (f64::from(i) / 100.0, [(f64::from(i) / 100.0 - 2.0) * v, d, 0.0])))
     };
@@ -226,24 +220,11 @@ fn the_exposure_of_a_trail_does_not_know_the_shutter_time_and_obeys_the_laws() {
     assert_eq!(iso.saturation_lx_s() * 2.0, usual.saturation_lx_s(), "one stop of ISO");
 }
 
-#[test]
-fn lines_longer_than_a_segment_and_cut_by_the_border_are_within_2e_5_of_the_peak() {
-    let camera = camera(320, 200);
-    for (from, to) in [([-9.0, 3.0, -2.0], [9.0, 3.0, 2.5]), ([0.1, 3.0, -8.0], [0.2, 3.0, 8.0])] {
-        let streak = lamp([(0.0, from), (1.0, to)]);
-        let error = error_of_peak(
-            &film(std::slice::from_ref(&streak), &camera, 0.005, None),
-            &brute_force(&streak, &camera),
-        );
-        assert!(error < 2e-5, "streak from {from:?} errs by {error:e}");
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
 
     #[test]
-    fn light_is_conserved_on_any_way_inside_the_picture(
+    fn light_is_conserved_on_any_path_inside_the_picture(
         places in proptest::collection::vec((-1.2..1.2_f64, 2.8..5.0_f64, -0.6..0.6_f64), 2..40),
         blur_m in 0.0..150e-6_f64,
         step_s in 1e-4..2.0_f64,
@@ -320,7 +301,7 @@ fn a_step_of_the_level_is_exact() {
 }
 
 #[test]
-fn no_pixel_overflows_and_few_bits_are_wasted() {
+fn no_pixel_overflows_and_few_bits_are_unused() {
     // A hover of 12,000 samples on one spot, unmerged, beside a trail.
     let camera = camera(320, 200);
     let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
@@ -334,12 +315,8 @@ fn no_pixel_overflows_and_few_bits_are_wasted() {
     assert!(peak > 1 << 26, "peak is {peak} counts");
 
     let trace = LightTrace { lamps: lamps.to_vec() };
-    let options = ExposeOptions {
-        backend: BackendChoice::Cpu,
-        scale_log2: Some(found.scale_log2 - 8),
-        ..Default::default()
-    };
-    let refused = expose(&trace, &camera, &options);
+    let latent = project(&trace, &camera, &ExposeOptions::default()).expect("latent");
+    let refused = latent.at_scale(found.scale_log2 - 8);
     assert!(matches!(refused, Err(Error::Infeasible { .. })), "a scale that overflows is refused");
 }
 
@@ -381,8 +358,7 @@ fn broken_samples_are_refused_by_lamp_and_time() {
         let mut lamp = figure(10);
         spoil(&mut lamp);
         let trace = LightTrace { lamps: vec![lamp] };
-        let options = ExposeOptions { backend: BackendChoice::Cpu, ..Default::default() };
-        expose(&trace, &camera(64, 48), &options).expect_err("broken").to_string()
+        project(&trace, &camera(64, 48), &ExposeOptions::default()).expect_err("broken").to_string()
     };
     let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
     assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");
@@ -394,6 +370,6 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     assert!(text.contains("`headlight`: rgb[1]"), "{text}");
 
     let options = ExposeOptions::default();
-    let wide = expose(&LightTrace::default(), &camera(16_385, 10), &options);
+    let wide = project(&LightTrace::default(), &camera(16_385, 10), &options);
     assert!(matches!(wide, Err(Error::Input { .. })), "a picture too wide is refused");
 }

@@ -1,9 +1,10 @@
-//! The two backends leave the same bits; and the shader is what the Rust side takes it for.
+//! The two backends leave the same bits, and constants and structs of the shader are those here.
 
 use wgpu::naga;
 
 use super::curves::LOW_BITS;
-use super::gpu::{Gpu, Part, SHADER, TILE_PX};
+use super::gpu::{Gpu, SHADER};
+use super::parts::{Part, TILE_PX};
 use super::record::DITHER;
 use super::tests::{camera, figure, lamp};
 use super::*;
@@ -21,7 +22,7 @@ fn device() -> Option<Gpu> {
     }
 }
 
-/// A trace on its way to the film, at the finest scale.
+/// The latent image of lamps.
 fn latent(lamps: Vec<crate::light::Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
     let options = ExposeOptions {
         merge_tolerance_px: tolerance_px,
@@ -83,12 +84,12 @@ fn both_backends_leave_the_same_bits() {
 fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
     let Some(mut gpu) = device() else { return };
     let tile_bytes = 4 * u64::from(TILE_PX) * u64::from(TILE_PX);
-    gpu.max_film_bytes = 7 * tile_bytes;
+    gpu.max_sheet_bytes = 7 * tile_bytes;
     for (name, latent) in scenes() {
         let on_gpu = gpu.splat(&latent).expect("splat");
         assert!(on_gpu == cpu::splat(2, &latent), "{name}: sheets differ");
     }
-    gpu.max_film_bytes = tile_bytes - 1;
+    gpu.max_sheet_bytes = tile_bytes - 1;
     let refused = gpu.splat(&scenes()[5].1).expect_err("not even a tile fits");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
 }
@@ -153,9 +154,7 @@ fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
 #[test]
 fn the_chosen_backend_is_used_and_leaves_the_same_film() {
     let trace = LightTrace { lamps: vec![figure(800)] };
-    let exposed = |backend| {
-        expose(&trace, &camera(320, 200), &ExposeOptions { backend, ..Default::default() })
-    };
+    let exposed = |backend| expose(&trace, &camera(320, 200), &ExposeOptions::default(), backend);
     let on_cpu = exposed(BackendChoice::Cpu).expect("film");
     assert_eq!((on_cpu.backend, &*on_cpu.adapter), (Backend::Cpu, "CPU"), "cpu");
     let auto = exposed(BackendChoice::Auto).expect("film");
@@ -165,7 +164,7 @@ fn the_chosen_backend_is_used_and_leaves_the_same_film() {
             assert_eq!(on_gpu.film.sha256(), on_cpu.film.sha256(), "wgpu");
             assert_eq!(auto.backend, Backend::Wgpu, "auto takes the device");
         }
-        Err(e) => assert!(e.hint().contains("--backend cpu"), "{e}"),
+        Err(e) => assert!(e.hint().contains("processor"), "{e}"),
     }
 }
 

@@ -197,7 +197,7 @@ impl FlightSample {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] naming the channel whose level lies outside.
+/// [`Error::Input`] with the channel of a level outside.
 pub(crate) fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     let mut lights = BTreeMap::new();
     for (channel, levels) in table.columns_after("light.") {
@@ -281,7 +281,7 @@ mod tests {
             (sample.motors, sample.design_m) = ([0.0; 4], Vector3::zeros());
         }
         let back = read_back(&flight);
-        assert_eq!(back.warnings.len(), 2, "what is missing is said: {:?}", back.warnings);
+        assert_eq!(back.warnings.len(), 2, "a warning each: {:?}", back.warnings);
         assert_eq!(Flight { warnings: vec![], ..back }, flight, "gaps, extra columns, unlogged");
     }
 

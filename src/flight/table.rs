@@ -1,8 +1,8 @@
 //! Tables of numbers as CSV: the file form of plans and flights.
 //!
 //! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers lie
-//! on a grid of 1e-6 (micrometres, microseconds, microradians), which is what [`on_grid`] rounds
-//! to, so that a product reads back from its file bit by bit as it was in memory.
+//! on a grid of 1e-6 (micrometers, microseconds, microradians), to which [`on_grid`] rounds,
+//! so that a product reads back from its file bit by bit as it was in memory.
 
 use std::io::{Read, Write};
 use std::path::Path;

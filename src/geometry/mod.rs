@@ -7,6 +7,12 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+mod chord;
+mod polyline;
+
+pub(crate) use chord::Chords;
+pub use polyline::{arc_lengths, bounds, distance, polyline_length_m, segment_distance, simplify};
+
 /// Attitude of a body as yaw, pitch and roll.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Attitude {
@@ -71,12 +77,6 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let world_from_viewer = nalgebra::UnitQuaternion::from_quaternion(quaternion);
     let camera_from_viewer = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
-}
-
-/// Length of a polyline.
-#[must_use]
-pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
-    points_m.windows(2).map(|leg| libm::hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1])).sum()
 }
 
 #[cfg(test)]

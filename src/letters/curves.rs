@@ -1,9 +1,38 @@
-//! Curves: Bézier paths become polylines.
+//! Curves: glyphs of a typeface become Bézier paths, and these polylines.
 
-use kurbo::{BezPath, PathEl};
+use ab_glyph::{Font, GlyphId, OutlineCurve};
+use kurbo::{BezPath, PathEl, Point};
 
-/// Points of each subpath in order, a closed one's first point repeated at its end; none farther
-/// from the curve than `tolerance`. `None` past `max_points`, or where a point is no number.
+/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without one.
+#[must_use]
+pub fn glyph_outline(face: &impl Font, glyph: GlyphId) -> Option<BezPath> {
+    let point = |p: ab_glyph::Point| Point::new(f64::from(p.x), f64::from(p.y));
+    let mut path = BezPath::new();
+    let mut pen_at = None;
+    for curve in face.outline(glyph)?.curves {
+        let (OutlineCurve::Line(from, to)
+        | OutlineCurve::Quad(from, _, to)
+        | OutlineCurve::Cubic(from, _, _, to)) = curve;
+        if pen_at != Some(from) {
+            if pen_at.is_some() {
+                path.close_path();
+            }
+            path.move_to(point(from));
+        }
+        match curve {
+            OutlineCurve::Line(..) => path.line_to(point(to)),
+            OutlineCurve::Quad(_, c, _) => path.quad_to(point(c), point(to)),
+            OutlineCurve::Cubic(_, c, d, _) => path.curve_to(point(c), point(d), point(to)),
+        }
+        pen_at = Some(to);
+    }
+    pen_at?;
+    path.close_path();
+    Some(path)
+}
+
+/// Polylines along each subpath, no farther from the curve than `tolerance`; a closed one repeats
+/// its first point. `None` for more than `max_points`, or a point that is not finite.
 pub(super) fn polylines(
     path: &BezPath,
     tolerance: f64,
@@ -27,7 +56,7 @@ pub(super) fn polylines(
                 if line[line.len() - 1] != line[0] {
                     line.push(line[0]);
                 }
-                // What follows a closed subpath without a move begins where that began.
+                // Without a move the next subpath begins where the closed one began.
                 let again = vec![line[0]];
                 lines.push(again);
             }
@@ -57,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_a_close_begins_where_the_closed_began() {
+    fn a_path_goes_on_from_the_start_of_its_closed_part() {
         let path = BezPath::from_svg("M0,0 L1,0 L1,1 Z L0,5").unwrap();
         let lines = polylines(&path, 0.1, 100).unwrap();
         assert_eq!(

@@ -1,4 +1,4 @@
-//! Font: a name from the scene becomes something that draws characters.
+//! Font: characters drawn with a font of the program or a file.
 
 use std::fmt;
 use std::path::Path;
@@ -23,7 +23,7 @@ const MAX_STROKES_BYTES: u64 = 4 << 20;
 /// Largest typeface that is read.
 const MAX_TYPEFACE_BYTES: u64 = 64 << 20;
 
-/// A font, ready to draw. Clones share it, and what was traced of a typeface.
+/// A font, ready to draw. Clones share it and the characters traced so far.
 #[derive(Clone)]
 pub struct Font {
     name: String,
@@ -38,7 +38,7 @@ enum Face {
 
 impl Font {
     /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, or a file: `*.strokes`, or a typeface
-    /// `*.ttf`, `*.otf`, `*.ttc`, of which `trace` says what is followed.
+    /// `*.ttf`, `*.otf`, `*.ttc`, drawn as `trace` says.
     ///
     /// # Errors
     ///
@@ -58,13 +58,13 @@ impl Font {
         Ok(Self { name: name.to_owned(), trace, face: Arc::new(face) })
     }
 
-    /// The name that it was opened by.
+    /// The name by which it was opened.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The characters that it can draw, in the order of their codes.
+    /// Its characters, in the order of their codes.
     #[must_use]
     pub fn characters(&self) -> String {
         match &*self.face {
@@ -75,15 +75,15 @@ impl Font {
 
     /// Draws a character into a cell; `None` where the font lacks it.
     ///
-    /// The letters of a box font (the team's) fill the cell. Those of any other are as high as it
-    /// and keep their proportions: they stand in its middle, wherever its sides are.
+    /// The letters of a box font (the team's) fill the cell. Those of any other font have its height,
+    /// keep their proportions and are centered in it.
     #[must_use]
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.shape(character)?.glyph(character, cell, self.fit()))
     }
 
     /// Width of the cell that [`super::write()`] gives a character, by its cap height; `None` where
-    /// the font lacks it, or where it is a box font, whose cells are as wide as one wants.
+    /// the font lacks it, and for a box font, whose cells may have any width.
     #[must_use]
     pub fn aspect(&self, character: char) -> Option<f64> {
         match self.fit() {
@@ -106,7 +106,7 @@ impl Font {
         }
     }
 
-    /// What is added between two characters, in cap heights.
+    /// Kerning of two characters, in cap heights.
     pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
         match &*self.face {
             Face::Strokes(_) => 0.0,
@@ -127,14 +127,14 @@ impl fmt::Debug for Font {
     }
 }
 
-/// Where a font comes from.
+/// Source of a font.
 pub(super) enum Kind {
     Ours(&'static str),
     Strokes,
     Outlines,
 }
 
-/// What a name names, without opening a file; refused where no font can have it.
+/// The kind of font that a name refers to; opens no file.
 pub(super) fn check_name(name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
         return Ok(Kind::Ours(text));
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn every_font_under_fonts_is_readable() {
-        let have = |name: &str| Font::open(name, Trace::CentreLine).unwrap().characters();
+        let have = |name: &str| Font::open(name, Trace::CenterLine).unwrap().characters();
         assert_eq!(have("ae483"), "ABCDEFGHIJKLMNOPQRSTUVWXYZ", "the team's letters");
         let fixed = have("ae483-fixed");
         assert!(('A'..='Z').chain('0'..='9').all(|c| fixed.contains(c)), "{fixed}");
@@ -193,10 +193,10 @@ mod tests {
     }
 
     #[test]
-    fn every_letter_but_the_teams_own_is_reached_in_the_dark_and_never_jumps() {
+    fn letters_of_repaired_fonts_are_reached_in_the_dark_and_never_jump() {
         let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
         for name in ["ae483-fixed", "simplex"] {
-            let font = Font::open(name, Trace::CentreLine).unwrap();
+            let font = Font::open(name, Trace::CenterLine).unwrap();
             for character in font.characters().chars() {
                 let moves = font.glyph(character, cell).unwrap().moves;
                 assert!(moves.first().is_none_or(|first| !first.lit), "{name} {character}");
@@ -207,50 +207,16 @@ mod tests {
     }
 
     #[test]
-    fn the_fixed_letters_never_draw_a_stroke_twice() {
-        let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
-        let doubled = |name: &str| {
-            let font = Font::open(name, Trace::CentreLine).unwrap();
-            let mut found = String::new();
-            for character in font.characters().chars() {
-                let moves = font.glyph(character, cell).unwrap().moves;
-                let lit: Vec<_> = moves.iter().filter(|m| m.lit).collect();
-                let n_points = 200;
-                let on = |m: &super::super::Move, [x, y]: [f64; 2]| {
-                    let (dx, dy) = (m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
-                    let (x, y) = (x - m.from_m[0], y - m.from_m[1]);
-                    let share = (x * dx + y * dy) / (dx * dx + dy * dy);
-                    (1e-9..1.0 - 1e-9).contains(&share) && (x * dy - y * dx).abs() < 1e-9
-                };
-                let twice = lit.iter().enumerate().any(|(index, m)| {
-                    let inside = (1..n_points).map(|k| f64::from(k) / f64::from(n_points));
-                    let points = inside.map(|t| {
-                        [0, 1].map(|axis| m.from_m[axis] + t * (m.to_m[axis] - m.from_m[axis]))
-                    });
-                    let n = points.filter(|p| lit[index + 1..].iter().any(|m| on(m, *p))).count();
-                    n > 3
-                });
-                if twice {
-                    found.push(character);
-                }
-            }
-            found
-        };
-        assert_eq!(doubled("ae483-fixed"), "");
-        assert_eq!(doubled("ae483"), "ABHIJLTW", "what was repaired");
-    }
-
-    #[test]
-    fn a_font_of_ones_own_is_read_from_a_file() {
+    fn a_font_is_read_from_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("mine.strokes");
         std::fs::write(&path, "L + 0,1 0,0 1,0\n").unwrap();
         assert_eq!(
-            Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap().characters(),
+            Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap().characters(),
             "L"
         );
         std::fs::write(&path, b"L + 0,1 0,0 1,0\n\xff").unwrap();
-        let error = Font::open(path.to_str().unwrap(), Trace::CentreLine).unwrap_err().to_string();
+        let error = Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap_err().to_string();
         assert!(error.contains("byte 17"), "{error}");
         assert!(
             Font::open("nowhere.strokes", Trace::Outline).is_err() && check_name("comic").is_err()

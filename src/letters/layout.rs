@@ -3,15 +3,14 @@
 use super::font::Font;
 use super::options::{Align, LetterOptions};
 use super::shape::Fit;
-use super::{Cell, Glyph, Order, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 
-/// Longest text. At 14 s a letter this is an hour of flight; a Crazyflie's battery ends at 16.
+/// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
 
-/// Lays out a text: lines from top to bottom (`\n` begins a new one), in each its characters from
-/// left to right. A space leaves room and draws nothing. A letter that the font lacks in lower case
-/// is drawn in upper case.
+/// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
+/// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
 ///
 /// The default is as the reference team did it: boxes with equal gaps, the first one beginning at
 /// x = −n·width/2 for n letters.
@@ -23,7 +22,7 @@ const MAX_LETTERS: usize = 256;
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let font = Font::open(&options.font, options.trace)?;
-    let hint = "name the word to write, for example: noctograph preview NOOR";
+    let hint = "name the word to write";
     if word.trim().is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
@@ -40,7 +39,7 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     let strokes = lay_out(&word, &font, options);
     let Some([width_m, height_m]) = options.canvas_m else { return Ok(strokes) };
     let [left, bottom, right, top] = strokes.bounds_m();
-    // A canvas without room for rounding errors would shrink what fits.
+    // The slack for rounding keeps a text that fits exactly at its size.
     let scale = (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12);
     Ok(if scale < 1.0 { lay_out(&word, &font, &options.scaled(scale)) } else { strokes })
 }
@@ -84,7 +83,13 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes { word, font: Some(font.clone()), glyphs, order: Order::Free, times_s: Vec::new() }
+    Strokes {
+        word,
+        font: Some(font.clone()),
+        glyphs,
+        order: StrokeOrder::Free,
+        times_s: Vec::new(),
+    }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
@@ -95,11 +100,11 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
     let end = |cell: &(char, f64, f64)| cell.1 + cell.2;
     let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.1), cells.last().map_or(0.0, end));
     let left_m = match options.align {
-        // A product, not a sum: rounded as the team's.
+        // A product, not a sum: rounded as in the reference flight.
         Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.width_m * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|(_, _, width_m)| width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
-        Align::Centre => -0.5 * (begin_m + end_m),
+        Align::Center => -0.5 * (begin_m + end_m),
         Align::Right => -end_m,
     };
     let drawn = cells.into_iter().filter(|(character, ..)| *character != ' ');
@@ -148,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_stand_where_the_team_put_them() {
+    fn boxes_are_placed_as_in_the_reference_flight() {
         let strokes = write("noor", &LetterOptions::default()).unwrap();
         assert_eq!(strokes.word, "NOOR", "lower case becomes upper case");
         let left: Vec<f64> = strokes.glyphs.iter().map(|glyph| glyph.cell.left_m).collect();
@@ -163,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn i_jumps_as_the_team_let_it_jump() {
+    fn the_teams_i_jumps() {
         let strokes = write("I", &LetterOptions::default()).unwrap();
         let moves = &strokes.glyphs[0].moves;
         assert_eq!(moves[0].from_m, moves[0].to_m, "the empty first move");
@@ -187,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn hershey_letters_stand_an_advance_apart() {
+    fn hershey_letters_are_an_advance_apart() {
         // Roman Simplex: N is 22 units wide with 4 before its stem, O 22 with 3, cap height 21.
         let options = LetterOptions { align: Align::Left, ..simplex() };
         let strokes = write("NO", &options).unwrap();
@@ -210,29 +215,19 @@ mod tests {
                 assert_eq!(lines, [0..4, 4..6], "two lines");
                 let up = strokes.glyphs[0].cell.baseline_m - strokes.glyphs[4].cell.baseline_m;
                 assert!((up - 0.75).abs() < 1e-12, "a capital and a gap: {up}");
-                lines.map_sides(&strokes)
+                [0, 1].map(|line: usize| {
+                    let glyphs = &strokes.glyphs[lines[line].clone()];
+                    let last = glyphs[glyphs.len() - 1].cell;
+                    [glyphs[0].cell.left_m, last.left_m + last.width_m]
+                })
             };
             let [[l, _], [m, _]] = sides(Align::Left);
             assert!(l.abs() + m.abs() < 1e-12, "{font}: both begin at 0");
             let [[_, r], [_, s]] = sides(Align::Right);
             assert!(r.abs() + s.abs() < 1e-12, "{font}: both end at 0");
-            for [left, right] in sides(Align::Centre) {
+            for [left, right] in sides(Align::Center) {
                 assert!((left + right).abs() < 1e-12, "{font}: in the middle");
             }
-        }
-    }
-
-    trait Sides {
-        fn map_sides(&self, strokes: &Strokes) -> [[f64; 2]; 2];
-    }
-
-    impl Sides for Vec<std::ops::Range<usize>> {
-        fn map_sides(&self, strokes: &Strokes) -> [[f64; 2]; 2] {
-            [0, 1].map(|line: usize| {
-                let glyphs = &strokes.glyphs[self[line].clone()];
-                let last = glyphs[glyphs.len() - 1].cell;
-                [glyphs[0].cell.left_m, last.left_m + last.width_m]
-            })
         }
     }
 
@@ -254,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_space_leaves_room_and_draws_nothing() {
+    fn a_space_leaves_a_gap() {
         let strokes = write("N O", &LetterOptions::default()).unwrap();
         assert_eq!((strokes.glyphs.len(), strokes.word.as_str()), (2, "N O"));
         let gap_m = strokes.glyphs[1].cell.left_m - strokes.glyphs[0].cell.left_m;

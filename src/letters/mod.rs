@@ -1,11 +1,11 @@
 //! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
 //!
-//! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves of the pen, lit or dark.
-//! The plane of the word has x to the viewer's right and y up, in metres; y = 0 is the floor.
+//! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves of
+//! the pen, lit or dark. The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
 //!
 //! Letters know no speed and no drone.
 
-mod centre_line;
+mod center_line;
 mod curves;
 mod drawing;
 mod font;
@@ -16,34 +16,37 @@ mod shape;
 mod smooth;
 mod stroke_font;
 mod typeface;
+mod vector;
 
+use crate::geometry::bounds;
+
+pub use curves::glyph_outline;
 pub use drawing::{DRAWING, draw};
 pub use font::Font;
 pub use layout::write;
 pub use options::{Align, LetterOptions, Trace};
 
-/// A word as strokes, glyphs line by line, in each from left to right; or a drawing, which is one
-/// glyph.
+/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strokes {
-    /// The word as it is drawn, after lower case was turned to upper case where the font has none;
-    /// spaces and line ends included; empty for a drawing.
+    /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
+    /// lower case; empty for a drawing.
     pub word: String,
-    /// The font it is drawn with; a drawing has none.
+    /// Its font; a drawing has none.
     pub font: Option<Font>,
     /// One per drawn character; spaces and line ends have none.
     pub glyphs: Vec<Glyph>,
-    /// Whether the moves may be flown in another order.
-    pub order: Order,
+    /// Whether the strokes may be reordered.
+    pub order: StrokeOrder,
     /// When the writer's pen began and ended each move of all glyphs, in seconds from its first;
-    /// empty where nobody wrote them.
+    /// empty unless they were handwritten.
     pub times_s: Vec<[f64; 2]>,
 }
 
-/// Whether strokes may change places.
+/// Whether strokes may be reordered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// They may, and may be drawn backward: only the picture counts.
+pub enum StrokeOrder {
+    /// They may be drawn in any order, and backward.
     #[default]
     Free,
     /// They are drawn in the writer's order and direction.
@@ -57,9 +60,9 @@ pub struct Glyph {
     pub character: char,
     /// Its box.
     pub cell: Cell,
-    /// What the pen does, in order. Where a move does not begin at the end of the one before, the
-    /// pen jumps. A dark move without length at the beginning asks for the pen to come there in
-    /// the dark.
+    /// Moves of the pen, in order. Where a move does not begin at the end of the one before, the
+    /// pen jumps. A dark move without length at the beginning means that the pen arrives in the
+    /// dark.
     pub moves: Vec<Move>,
 }
 
@@ -98,10 +101,7 @@ impl Strokes {
             let lit = glyph.moves.iter().filter(|step| step.lit);
             cell.into_iter().chain(lit.flat_map(|step| [step.from_m, step.to_m]))
         });
-        let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        corners.fold(none, |[left, bottom, right, top], [x, y]| {
-            [left.min(x), bottom.min(y), right.max(x), top.max(y)]
-        })
+        bounds(corners)
     }
 
     /// The glyphs of each line, from the topmost line on: ranges of [`Self::glyphs`].

@@ -1,113 +1,77 @@
-//! How a word is laid out.
-
-use serde::{Deserialize, Serialize};
+//! Options of letters and their layout.
 
 use super::font;
-use crate::error::{Result, within};
-use crate::settings::settings;
-
-/// How a word is laid out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LetterOptions {
-    /// The font: `ae483` is the reference team's own 26 letters, `ae483-fixed` those repaired,
-    /// `simplex` a whole single-line alphabet; or a file: strokes or a typeface.
-    pub font: String,
-    /// What is followed of a typeface's outlines.
-    pub trace: Trace,
-    /// A drawing instead of a word: a file `*.svg`, `*.json` or `*.inkml`; empty: none.
-    pub drawing: String,
-    /// Farthest that straight strokes may lie from a drawing's curves.
-    pub tolerance_m: f64,
-    /// Farthest that smoothing moves handwriting; 0: it stays as it is.
-    pub smoothing_m: f64,
-    /// Height of a capital.
-    pub cap_height_m: f64,
-    /// Width of a letter's box, where the letters have boxes (`ae483`, `ae483-fixed`); others keep
-    /// their proportions.
-    pub width_m: f64,
-    /// Gap between two such boxes.
-    pub gap_m: f64,
-    /// What is added between two letters of any other font.
-    pub spacing_m: f64,
-    /// Height of the baseline above the floor: that of the lowest line.
-    pub baseline_m: f64,
-    /// Gap between a line's baseline and the capitals of the line below it.
-    pub line_gap_m: f64,
-    /// Where each line stands.
-    pub align: Align,
-    /// Largest width and height; a text that is larger is made smaller, gaps and all. A drawing
-    /// fills it, and where there is none, four cap heights by one.
-    pub canvas_m: Option<[f64; 2]>,
-}
+use crate::error::Result;
+use crate::settings::{Described, settings};
 
 settings! {
-    /// Lines that are followed in the outlines of a typeface.
+    /// Letters and their layout.
+    ///
+    /// The default is the reference flight: boxes of 0.30 m by 0.50 m from 0.5 m above the floor,
+    /// 0.1 m apart.
+    pub struct LetterOptions {
+        /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
+        /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
+        font: String = "ae483".into();
+        /// Lines that are drawn of a typeface.
+        trace: Trace = Trace::CenterLine;
+        /// File of a drawing in place of a word: `*.svg`, `*.json` or `*.inkml`; empty: none.
+        drawing: String = String::new();
+        /// Largest distance of straight strokes from a drawing's curves.
+        tolerance_m: f64 = 0.001, in 1e-4..=1.0;
+        /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
+        smoothing_m: f64 = 0.005, in 0.0..=1.0;
+        /// Height of a capital.
+        cap_height_m: f64 = 0.5, in 0.01..=100.0;
+        /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`); letters of other
+        /// fonts keep their proportions.
+        width_m: f64 = 0.3, in 0.01..=100.0;
+        /// Gap between two such boxes.
+        gap_m: f64 = 0.1, in 0.0..=100.0;
+        /// Space that is added between two letters of other fonts.
+        spacing_m: f64 = 0.0, in -1.0..=100.0;
+        /// Height of the lowest line's baseline above the floor.
+        baseline_m: f64 = 0.5, in 0.0..=1000.0;
+        /// Gap between a baseline and the capitals of the line below it.
+        line_gap_m: f64 = 0.25, in 0.0..=100.0;
+        /// Horizontal alignment of each line.
+        align: Align = Align::Ae483;
+        /// Largest width and height: a larger text is scaled down, gaps and all. A drawing fills
+        /// it; without one, a drawing fills four cap heights by one.
+        canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
+    }
+
+    /// Lines that are drawn of a typeface.
     pub enum Trace {
-        /// The center lines of their strokes, as a pen would write them.
-        "centre-line" => CentreLine,
+        /// The center lines of its strokes, as a pen would write them.
+        "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
     }
-}
 
-/// Where a line stands beside x = 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Align {
-    /// As the reference team put it: the first letter begins at half the letters' widths to the
-    /// left, gaps not counted, so that the line hangs right of the middle by half its gaps.
-    #[default]
-    Ae483,
-    /// It begins at x = 0.
-    Left,
-    /// Its middle is at x = 0.
-    Centre,
-    /// It ends at x = 0.
-    Right,
-}
-
-impl Default for LetterOptions {
-    /// The reference flight: boxes of 0.30 m by 0.50 m from 0.5 m above the floor, 0.1 m apart.
-    fn default() -> Self {
-        Self {
-            font: "ae483".into(),
-            trace: Trace::CentreLine,
-            drawing: String::new(),
-            tolerance_m: 0.001,
-            smoothing_m: 0.005,
-            cap_height_m: 0.5,
-            width_m: 0.3,
-            gap_m: 0.1,
-            spacing_m: 0.0,
-            baseline_m: 0.5,
-            line_gap_m: 0.25,
-            align: Align::Ae483,
-            canvas_m: None,
-        }
+    /// Horizontal alignment of a line.
+    pub enum Align {
+        /// As in the reference flight: the line begins at half the letters' widths to the left, gaps
+        /// not counted, so that it is off center to the right by half its gaps.
+        "ae483" => Ae483,
+        /// It begins at x = 0.
+        "left" => Left,
+        /// Its middle is at x = 0.
+        "center" => Center,
+        /// It ends at x = 0.
+        "right" => Right,
     }
 }
 
 impl LetterOptions {
-    /// Checks the ranges. Opens no file.
+    /// Checks the ranges and the font's name. Opens no file.
     ///
     /// # Errors
     ///
     /// [`crate::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         font::check_name(&self.font)?;
-        within("letters.cap_height_m", self.cap_height_m, 0.01, 100.0)?;
-        within("letters.tolerance_m", self.tolerance_m, 1e-4, 1.0)?;
-        within("letters.smoothing_m", self.smoothing_m, 0.0, 1.0)?;
-        within("letters.width_m", self.width_m, 0.01, 100.0)?;
-        within("letters.gap_m", self.gap_m, 0.0, 100.0)?;
-        within("letters.spacing_m", self.spacing_m, -1.0, 100.0)?;
-        within("letters.baseline_m", self.baseline_m, 0.0, 1000.0)?;
-        within("letters.line_gap_m", self.line_gap_m, 0.0, 100.0)?;
-        for side_m in self.canvas_m.into_iter().flatten() {
-            within("letters.canvas_m", side_m, 0.01, 1000.0)?;
-        }
-        Ok(())
+        Described::check(self, "letters", None)
     }
 
     /// The same in another size, on the same baseline.

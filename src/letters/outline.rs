@@ -1,12 +1,14 @@
 //! Outline: closed contours, filled by the nonzero rule as typefaces are.
 
+use crate::geometry::{bounds, distance};
+
 /// A closed contour without its first point repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
 
-/// Most points that an outline is sampled with: beyond it samples lie farther apart.
+/// Most samples of an outline; a longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// Answers whether a point is inked. Edges lie in bins by height, so that few are looked at.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
 #[derive(Debug)]
 pub(super) struct Ink {
     bottom: f64,
@@ -16,9 +18,7 @@ pub(super) struct Ink {
 
 impl Ink {
     pub(super) fn new(contours: &[Contour]) -> Self {
-        let heights = || contours.iter().flatten().map(|point| point[1]);
-        let (bottom, top) =
-            (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
+        let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let n_edges: usize = contours.iter().map(Vec::len).sum();
         let n_bins = (n_edges / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
@@ -57,17 +57,17 @@ fn edges(contours: &[Contour]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     })
 }
 
-/// The rim of the ink: runs of samples along the contours where there is ink on one side only, so
-/// that where contours overlap what lies inside is left out. Samples are at most `spacing` apart.
-/// Closed runs repeat their first point.
+/// The rim of the ink: runs of samples along the contours where there is ink on one side only;
+/// contours within the ink are left out. Samples are at most `spacing` apart. Closed runs repeat
+/// their first point.
 pub(super) fn rim(contours: &[Contour], ink: &Ink, spacing: f64) -> Vec<Vec<[f64; 2]>> {
-    let length: f64 = edges(contours).map(|[a, b]| libm::hypot(b[0] - a[0], b[1] - a[1])).sum();
+    let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
     let spacing = spacing.max(length / MAX_SAMPLES);
     let mut runs = Vec::new();
     for contour in contours {
         let mut samples: Vec<[f64; 2]> = Vec::new();
         for [a, b] in edges(std::slice::from_ref(contour)) {
-            let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
+            let length = distance(a, b);
             if length == 0.0 {
                 continue;
             }
@@ -111,24 +111,25 @@ pub(super) fn rim(contours: &[Contour], ink: &Ink, spacing: f64) -> Vec<Vec<[f64
     runs
 }
 
-/// Mean width of the strokes that an outline draws: twice its area by its length.
+/// Mean width of an outline's strokes: twice its area by its length.
 pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
     let cross = |[a, b]: [[f64; 2]; 2]| 0.5 * (a[0] * b[1] - a[1] * b[0]);
     let area: f64 = edges(contours).map(cross).sum();
-    let length: f64 = edges(contours).map(|[a, b]| libm::hypot(b[0] - a[0], b[1] - a[1])).sum();
+    let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
     2.0 * area.abs() / length.max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::polyline_length_m;
 
     fn square(left: f64, side: f64) -> Contour {
         vec![[left, 0.0], [left + side, 0.0], [left + side, side], [left, side]]
     }
 
     #[test]
-    fn a_hole_is_no_ink_and_an_overlap_is() {
+    fn an_overlap_is_ink_and_a_hole_is_not() {
         let mut hole = square(1.0, 1.0);
         hole.iter_mut().for_each(|point| point[1] += 1.0);
         hole.reverse();
@@ -139,14 +140,10 @@ mod tests {
     }
 
     #[test]
-    fn the_rim_of_overlapping_contours_leaves_out_what_lies_inside() {
+    fn the_rim_leaves_out_contours_within_the_ink() {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
         let rim = rim(&contours, &Ink::new(&contours), 0.1);
-        let length: f64 = rim
-            .iter()
-            .flat_map(|run| run.windows(2))
-            .map(|e| libm::hypot(e[1][0] - e[0][0], e[1][1] - e[0][1]))
-            .sum();
+        let length: f64 = rim.iter().map(|run| polyline_length_m(run)).sum();
         // Two squares of 12, less a side of 3 of each; the shared bottom and top are counted twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");
         assert_eq!(mean_stroke_width(&[square(0.0, 2.0)]), 1.0);

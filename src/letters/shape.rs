@@ -1,12 +1,13 @@
-//! Shape: what a character is drawn with before it has a place or a size.
+//! Shape: the strokes of a character before it has a place or a size.
 
 use super::{Cell, Glyph, Move};
+use crate::geometry::bounds;
 
-/// Narrowest cell of a character that keeps its proportions, in cap heights: a stroke alone, such as
-/// I, gets room on both sides, so that whatever looks for a letter there has something to look at.
+/// Narrowest cell of a character that keeps its proportions, in cap heights: a single stroke, such
+/// as I, gets room on both sides, so that a reader has an area to look at.
 const NARROWEST: f64 = 0.3;
 
-/// How a font's characters stand in their cells.
+/// How characters are placed in their cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fit {
     /// They fill it: x in cell widths, y in cap heights.
@@ -26,7 +27,7 @@ pub(super) struct Run {
 /// A character as its font has it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Shape {
-    /// From where the pen comes to where it goes on.
+    /// Distance from the pen's place before it to the pen's place after it.
     pub(super) advance: f64,
     /// None for a space.
     pub(super) runs: Vec<Run>,
@@ -35,15 +36,11 @@ pub(super) struct Shape {
 impl Shape {
     /// The box of its points: left, bottom, right, top; the advance where there are none.
     pub(super) fn ink(&self) -> [f64; 4] {
-        let points = self.runs.iter().flat_map(|run| &run.points);
-        let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        let ink = points.fold(none, |[left, bottom, right, top], [x, y]| {
-            [left.min(*x), bottom.min(*y), right.max(*x), top.max(*y)]
-        });
+        let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied());
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
     }
 
-    /// Where a proportional character's cell begins and how wide it is, in cap heights.
+    /// Left edge and width of a proportional character's cell, in cap heights.
     pub(super) fn cell(&self) -> (f64, f64) {
         let [left, _, right, _] = self.ink();
         let width = (right - left).max(NARROWEST);
@@ -73,7 +70,7 @@ impl Shape {
     }
 }
 
-/// The moves of lit runs: the pen comes to the first and goes from each to the next in the dark.
+/// The moves of lit runs: the pen goes to the first, and from each to the next, in the dark.
 pub(super) fn pen_moves(runs: &[Run], place: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<Move> {
     let mut moves: Vec<Move> = Vec::new();
     for run in runs {

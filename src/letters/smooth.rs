@@ -1,18 +1,20 @@
-//! Smoothing: a line through points that wobble, by penalised least squares.
+//! Smoothing: a wobbling line made smooth by penalized least squares.
 //!
-//! Points are laid evenly along the line; among all lines through both ends, the one is taken that
-//! minimises Σ |z − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the
-//! largest λ of a ladder that moves no point farther than the error that is allowed. Bending is
-//! penalised, so straight lines stay straight.
+//! Points are spaced evenly along the line. Of all lines through both ends, the one minimizes
+//! Σ |z − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the largest λ
+//! of a ladder that moves no point farther than the error allows. Bending is penalized, so straight
+//! lines stay straight.
+
+use crate::geometry::{arc_lengths, distance, simplify};
 
 /// Ladder of λ, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
-/// Most points that a line is laid out with.
+/// Most points of a line.
 const MAX_POINTS: f64 = 4000.0;
 
-/// A line smoothed: its ends stay, and no point moves by more than `error`. `spacing` is the
-/// distance of the points that come out; a line whose ends meet stays closed.
+/// A line smoothed: its ends stay, and no point moves by more than `error`. Points of the result
+/// are `spacing` apart; a line whose ends meet stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
     if even.len() < 5 {
@@ -21,8 +23,8 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     let closed = line.len() > 2 && line[0] == line[line.len() - 1];
     for stiffness in STIFFNESS {
         let smoothed = if closed { bend_loop(&even, stiffness) } else { bend(&even, stiffness) };
-        let off = |(a, b): (&[f64; 2], &[f64; 2])| libm::hypot(a[0] - b[0], a[1] - b[1]);
-        if smoothed.iter().zip(&even).map(off).fold(0.0, f64::max) <= error {
+        let moved = smoothed.iter().zip(&even).map(|(a, b)| distance(*a, *b));
+        if moved.fold(0.0, f64::max) <= error {
             return smoothed;
         }
     }
@@ -31,11 +33,7 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
 
 /// Points evenly along a line, both ends included.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
-    let mut along = vec![0.0];
-    for leg in line.windows(2) {
-        let length = libm::hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
-        along.push(along[along.len() - 1] + length);
-    }
+    let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
     let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS);
     let mut points = Vec::new();
@@ -46,55 +44,24 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
             leg += 1;
         }
         let share = (at - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
-        let mix = |axis: usize| {
-            line[leg][axis] + share.min(1.0) * (line[leg + 1][axis] - line[leg][axis])
-        };
-        points.push([mix(0), mix(1)]);
+        let (from, to) = (line[leg], line[leg + 1]);
+        points.push([0, 1].map(|axis| from[axis] + share.min(1.0) * (to[axis] - from[axis])));
         k += 1.0;
     }
     points.push(last);
     points
 }
 
-/// Which points of a line stay, when those are dropped that lie nearer than `error` to the line
-/// through the others (Ramer, Douglas and Peucker).
-pub(super) fn thin(line: &[[f64; 2]], error: f64) -> Vec<usize> {
-    if line.len() < 3 {
-        return (0..line.len()).collect();
-    }
-    let mut keep = vec![false; line.len()];
-    (keep[0], keep[line.len() - 1]) = (true, true);
-    let mut spans = vec![(0, line.len() - 1)];
-    while let Some((first, last)) = spans.pop() {
-        let inner = (first + 1..last).map(|i| (i, distance(line[i], [line[first], line[last]])));
-        let Some((index, off)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-        if off > error {
-            keep[index] = true;
-            spans.extend([(first, index), (index, last)]);
-        }
-    }
-    (0..line.len()).filter(|index| keep[*index]).collect()
+/// A line without the points nearer than `error` to the line through the others.
+pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
+    simplify(line, error).into_iter().map(|index| line[index]).collect()
 }
 
-/// The line with those points only.
-pub(super) fn thinned(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
-    thin(line, error).into_iter().map(|index| line[index]).collect()
-}
-
-/// Distance of a point from a segment.
-pub(super) fn distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
-    let (dx, dy) = (bx - ax, by - ay);
-    let square = dx * dx + dy * dy;
-    let share = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
-    let share = share.clamp(0.0, 1.0);
-    libm::hypot(x - ax - share * dx, y - ay - share * dy)
-}
-
-/// The smooth line with its ends pinned.
+/// The smooth line with its ends fixed.
 fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len();
     // (I + λ D'D) z = p, D'D with rows 1 −4 6 −4 1: a band of two beside the diagonal, factored as
-    // L D L'. The ends weigh so much that they stay.
+    // L D L'. A large weight fixes the ends.
     let mut diagonal = vec![1.0; n];
     let (mut first, mut second) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..n - 2 {
@@ -146,7 +113,7 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     rhs
 }
 
-/// The same for a closed line, which is bent once around and a half beyond.
+/// The same for a closed line, solved over twice its length, of which the middle half is kept.
 fn bend_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;
@@ -162,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_solves_its_equations() {
+    fn the_smooth_line_solves_its_equations() {
         let points: Vec<[f64; 2]> =
             (0..30).map(|k| [f64::from(k), libm::sin(f64::from(k * k))]).collect();
         let stiffness = 7.0;
@@ -190,19 +157,5 @@ mod tests {
         for [x, y] in smoothed {
             assert!((libm::hypot(x, y) - 1.001).abs() < 0.01, "{x} {y}");
         }
-    }
-
-    #[test]
-    fn thinning_keeps_within_the_error_and_straight_lines_at_their_ends() {
-        let line: Vec<_> = (0..=100).map(|k| [f64::from(k), 0.0]).collect();
-        assert_eq!(thinned(&line, 1e-6), [[0.0, 0.0], [100.0, 0.0]]);
-        let arc: Vec<_> =
-            (0..=100).map(|k| libm::sincos(f64::from(k) * 0.01)).map(|(s, c)| [s, c]).collect();
-        let thin = thinned(&arc, 1e-3);
-        assert!(thin.len() < 20);
-        let off =
-            |p: &[f64; 2]| thin.windows(2).map(|l| distance(*p, [l[0], l[1]])).fold(1.0, f64::min);
-        assert!(arc.iter().all(|p| off(p) <= 1e-3));
-        assert_eq!(evenly(&line, 30.0).len(), 5, "pieces of at most 30");
     }
 }

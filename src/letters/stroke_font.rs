@@ -2,13 +2,12 @@
 //!
 //! A line is a letter: the character (or `U+0023`), then its runs, each `+` (lit) or `-` (dark) and
 //! its points `x,y`, y up from the baseline. `#` begins a comment line. There are two kinds:
-//! - a box font fills its letter's box: 0,0 is its lower left corner, 1,1 its upper right one, and
-//!   every move of the pen is written down, jumps included;
+//! - the letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
+//!   one, and every move of the pen is listed, jumps included;
 //! - a font with a line `cap 21`, the height of a capital in its own units, keeps its proportions:
-//!   an advance follows the character, x = 0 is where the pen comes to, and between lit runs it
-//!   goes in the dark. `Á = A ´` composes a character: the mark stands in the middle over the
-//!   base, lifted as the base is higher than a small letter where it is a mark above it, and moved
-//!   by `dx,dy` where that follows.
+//!   an advance follows the character, x = 0 is the pen's place before it, and between lit runs the
+//!   pen moves in the dark. `Á = A ´` composes a character: the mark is centered over the base, a
+//!   mark above it is raised by the base's height over a small letter, and `dx,dy` moves it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,11 +15,10 @@ use std::sync::Arc;
 use super::shape::{Fit, Run, Shape};
 use crate::error::{Error, Result};
 
-/// Farthest that a point may lie from the origin, in boxes or cap heights: a letter's size must stay
-/// a length in metres.
+/// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Height of a small letter by that of a capital, over which marks are drawn.
+/// Height of a small letter by that of a capital: marks are drawn for it.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
 /// A single-line font.
@@ -62,12 +60,12 @@ impl StrokeFont {
         self.letters.keys().copied()
     }
 
-    /// What a character is drawn with; `None` where the font lacks it.
+    /// A character's strokes; `None` where the font lacks it.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
         self.letters.get(&character).cloned()
     }
 
-    /// `None` where the line is not of the form above.
+    /// `None` for a line of another form.
     fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
         let mut words = line.split_ascii_whitespace().peekable();
         let character = parse_name(words.next()?)?;
@@ -158,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_stands_in_the_middle_over_its_base() {
+    fn a_mark_is_centered_over_its_base() {
         let text = "cap 21\nI 8 + 4,21 4,0\nı 8 + 4,14 4,0\n´ 10 + 4,16 7,20\n\
                     Í = I ´\ní = ı ´\nì = ı ´ -1,2\n";
         let font = StrokeFont::parse(text, "").unwrap();

@@ -1,35 +1,36 @@
 //! Typefaces: a TrueType or OpenType face's outlines become strokes.
 //!
-//! Centre lines end as far from the outline as they lie from it beside, so a face's capitals are
-//! measured between the middle lines of a level stroke at the top and one at the bottom: these
-//! stand a cap height apart, with the lower one on the baseline.
+//! Center lines end half a stroke's width before the outline. So a face's capitals are measured
+//! between the center lines of a horizontal stroke at the top and one at the bottom: these are a cap
+//! height apart, the lower one on the baseline.
 //!
 //! Not read: ligatures, scripts that need shaping, kerning outside the table `kern`, variations.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use ab_glyph::{Font as _, FontVec, OutlineCurve};
-use kurbo::{Affine, BezPath, Point};
+use ab_glyph::{Font as _, FontVec};
+use kurbo::{Affine, BezPath};
 
 use super::Trace;
-use super::centre_line::{CentreLines, FLATNESS, centre_lines};
-use super::curves::polylines;
+use super::center_line::{FLATNESS, center_lines};
+use super::curves::{glyph_outline, polylines};
 use super::outline::{Contour, Ink, rim};
 use super::shape::{Run, Shape};
-use super::smooth::thinned;
+use super::smooth::simplified;
 use crate::error::{Error, Result};
+use crate::geometry::distance;
 
-/// Most points of a character's outline; beyond it is no letter, and the face lacks it.
+/// Most points of a character's outline; a larger one counts as missing.
 const MAX_POINTS: usize = 20_000;
 
-/// Farthest that an outline's point may lie from the origin, in cap heights.
+/// Largest coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Share of the cap height by which the polyline of an outline may be off its curves.
+/// Largest distance of an outline's polyline from its curves, in cap heights.
 const CURVES: f64 = 2e-4;
 
-/// A face, and what was traced of it.
+/// A face, and the characters traced so far.
 pub(super) struct Typeface {
     face: FontVec,
     trace: Trace,
@@ -45,7 +46,7 @@ impl Typeface {
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let refuse = |found: String| {
             let wanted = "a TrueType or OpenType face with Latin letters";
-            let hint = "name another font; noctograph specimen shows what is in one";
+            let hint = "name another font file";
             Error::input(file, found, wanted, hint)
         };
         let face = FontVec::try_from_vec_and_index(bytes, 0)
@@ -58,28 +59,28 @@ impl Typeface {
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
         }
-        if trace == Trace::CentreLine {
+        if trace == Trace::CenterLine {
             let stems = ['H', 'I', 'l', 'x', 'o'].into_iter().filter_map(|c| typeface.contours(c));
-            let widths = stems.map(|contours| centre_lines(&contours).half_width);
+            let widths = stems.map(|contours| center_lines(&contours).half_width);
             let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
             typeface.half_width = width.ok_or_else(|| refuse("no strokes".into()))?;
         }
         Ok(typeface)
     }
 
-    /// The characters of the Basic Multilingual Plane that it draws.
+    /// Its characters in the Basic Multilingual Plane.
     pub(super) fn characters(&self) -> impl Iterator<Item = char> {
         let all = ('!'..='\u{ffff}').filter(|c| !c.is_whitespace());
         all.filter(|c| self.face.glyph_id(*c).0 != 0)
     }
 
-    /// What a character is drawn with; `None` where the face lacks it.
+    /// A character's strokes; `None` where the face lacks it.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let mut traced = self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         traced.entry(character).or_insert_with(|| self.draw(character).map(Arc::new)).clone()
     }
 
-    /// What its table `kern` adds between two characters, in cap heights between middle lines.
+    /// Kerning of two characters in the table `kern`, in cap heights between center lines.
     pub(super) fn kern(&self, [left, right]: [char; 2]) -> f64 {
         let ids = [left, right].map(|character| self.face.glyph_id(character));
         self.advance(self.face.kern_unscaled(ids[0], ids[1]))
@@ -99,13 +100,10 @@ impl Typeface {
         }
         let contours = self.contours(character)?;
         let lines = match self.trace {
-            Trace::CentreLine => {
-                let CentreLines { lines, .. } = centre_lines(&contours);
-                lines
-            }
+            Trace::CenterLine => center_lines(&contours).lines,
             Trace::Outline => {
                 let rim = rim(&contours, &Ink::new(&contours), 0.01);
-                rim.iter().map(|run| thinned(run, FLATNESS)).collect()
+                rim.iter().map(|run| simplified(run, FLATNESS)).collect()
             }
         };
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
@@ -117,12 +115,12 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
-    /// Font units in cap heights between middle lines.
+    /// Font units in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// A character's outline in cap heights; `None` where there is none that can be drawn.
+    /// A character's outline in cap heights; `None` where it has none.
     fn contours(&self, character: char) -> Option<Vec<Contour>> {
         let mut path = outline(&self.face, character)?;
         path.apply_affine(Affine::scale(1.0 / self.cap));
@@ -143,35 +141,18 @@ impl Typeface {
 /// A character's curves in font units.
 fn outline(face: &FontVec, character: char) -> Option<BezPath> {
     let id = face.glyph_id(character);
-    let outline = face.outline(id).filter(|_| id.0 != 0)?;
-    let point = |p: ab_glyph::Point| Point::new(f64::from(p.x), f64::from(p.y));
-    let mut path = BezPath::new();
-    let mut pen_at = None;
-    for curve in outline.curves.iter().take(MAX_POINTS) {
-        let (OutlineCurve::Line(from, to)
-        | OutlineCurve::Quad(from, _, to)
-        | OutlineCurve::Cubic(from, _, _, to)) = *curve;
-        if pen_at != Some(from) {
-            path.move_to(point(from));
-        }
-        match *curve {
-            OutlineCurve::Line(..) => path.line_to(point(to)),
-            OutlineCurve::Quad(_, c, _) => path.quad_to(point(c), point(to)),
-            OutlineCurve::Cubic(_, c, d, _) => path.curve_to(point(c), point(d), point(to)),
-        }
-        pen_at = Some(to);
-    }
-    path.is_finite().then_some(path)
+    let path = glyph_outline(face, id).filter(|_| id.0 != 0)?;
+    (path.elements().len() <= MAX_POINTS && path.is_finite()).then_some(path)
 }
 
-/// Farthest that a path's points lie from the origin along an axis.
+/// Largest coordinate of a path.
 fn size(path: &BezPath) -> f64 {
     let bounds = path.control_box();
     [bounds.x0, bounds.x1, bounds.y0, bounds.y1].into_iter().map(f64::abs).fold(0.0, f64::max)
 }
 
-/// Lines as one would write them: from the upper left on, each next the nearest, from its upper left
-/// end.
+/// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper
+/// left end.
 fn in_reading_order(mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
     for line in &mut lines {
         let late = |[x, y]: [f64; 2]| x - 2.0 * y;
@@ -183,7 +164,7 @@ fn in_reading_order(mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
     let mut ordered: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut pen = [0.0, 1.0];
     while !lines.is_empty() {
-        let far = |line: &Vec<[f64; 2]>| libm::hypot(line[0][0] - pen[0], line[0][1] - pen[1]);
+        let far = |line: &Vec<[f64; 2]>| distance(pen, line[0]);
         let next = (0..lines.len()).min_by(|a, b| far(&lines[*a]).total_cmp(&far(&lines[*b])));
         let line = lines.remove(next.expect("not empty"));
         pen = line[line.len() - 1];
@@ -211,8 +192,8 @@ mod tests {
     }
 
     #[test]
-    fn centre_lines_are_the_strokes_that_one_would_write() {
-        let face = roboto(Trace::CentreLine);
+    fn center_lines_are_the_strokes_of_handwriting() {
+        let face = roboto(Trace::CenterLine);
         let open = [("CGIJLMNSUVWZ", 1), ("BDPTXQ", 2), ("AEFHRY", 3), ("1257", 1)];
         let mut wrong = String::new();
         for (characters, most) in open {
@@ -228,8 +209,8 @@ mod tests {
     }
 
     #[test]
-    fn capitals_stand_on_the_baseline_and_are_a_cap_height_high() {
-        let face = roboto(Trace::CentreLine);
+    fn capitals_are_a_cap_height_high_on_the_baseline() {
+        let face = roboto(Trace::CenterLine);
         for character in ('A'..='Z').chain('0'..='9') {
             let [_, bottom, _, top] = face.shape(character).unwrap().ink();
             let tail = if character == 'Q' { 0.2 } else { 0.03 };
@@ -245,8 +226,8 @@ mod tests {
     }
 
     #[test]
-    fn centre_lines_stay_in_the_ink() {
-        let face = roboto(Trace::CentreLine);
+    fn center_lines_stay_in_the_ink() {
+        let face = roboto(Trace::CenterLine);
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
             let ink = Ink::new(&face.contours(character).unwrap());
             let shape = face.shape(character).unwrap();
@@ -265,8 +246,8 @@ mod tests {
     }
 
     #[test]
-    fn flat_tips_are_not_drawn_out_and_stems_stay_upright() {
-        let face = roboto(Trace::CentreLine);
+    fn flat_tips_are_not_extended_and_stems_stay_upright() {
+        let face = roboto(Trace::CenterLine);
         for character in "MN".chars() {
             let shape = face.shape(character).unwrap();
             let points = &shape.runs[0].points;
@@ -309,7 +290,7 @@ mod tests {
             if round % 5 == 0 {
                 bytes.truncate(roll(bytes.len()));
             }
-            match Typeface::read(bytes, Trace::CentreLine, "broken.ttf") {
+            match Typeface::read(bytes, Trace::CenterLine, "broken.ttf") {
                 Err(_) => refused += 1,
                 Ok(face) => "Hamburg&Ä".chars().for_each(|c| drop(face.shape(c))),
             }

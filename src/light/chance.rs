@@ -1,7 +1,9 @@
 //! Random numbers of the lamps: named streams of one seed, each number by its index.
 
-/// One stream. Its numbers depend on the seed, the drone, the name and their index alone, so that
-/// a lamp more or a drone more changes nobody else's light.
+use crate::random::{GOLDEN, poisson, split_mix};
+
+/// A stream. Its numbers depend on the seed, the drone, the name and their index alone, so that an
+/// additional lamp or drone does not change the light of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
     key: u64,
@@ -9,43 +11,21 @@ pub(super) struct Chance {
 
 impl Chance {
     pub(super) fn new(seed: u64, drone: u64, name: &str) -> Self {
-        let name = name.bytes().fold(0, |hash, byte| mix(hash ^ u64::from(byte)));
-        Self { key: mix(mix(mix(seed) ^ drone) ^ name) }
+        let name = name.bytes().fold(0, |hash, byte| split_mix(hash ^ u64::from(byte)));
+        Self { key: split_mix(split_mix(split_mix(seed) ^ drone) ^ name) }
     }
 
     /// Uniform in `[0, 1)`.
     pub(super) fn uniform(&self, index: u64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
-        let bits = (mix(self.key.wrapping_add(index.wrapping_mul(STEP))) >> 11) as f64;
+        let bits = (split_mix(self.key.wrapping_add(index.wrapping_mul(GOLDEN))) >> 11) as f64;
         bits / 9_007_199_254_740_992.0
     }
 
-    /// Poisson-distributed, by inversion; for means up to some hundred.
+    /// Poisson number.
     pub(super) fn poisson(&self, index: u64, mean: f64) -> u32 {
-        let uniform = self.uniform(index);
-        let mut share = libm::exp(-mean);
-        let (mut n, mut sum) = (0, share);
-        while sum <= uniform && n < MAX_COUNT {
-            n += 1;
-            share *= mean / f64::from(n);
-            sum += share;
-        }
-        n
+        poisson(mean, self.uniform(index))
     }
-}
-
-/// Largest count: where rounding keeps the sum of the shares below 1, counting stops here.
-const MAX_COUNT: u32 = 2000;
-
-/// The odd number nearest to 2⁶⁴ over the golden ratio.
-const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
-
-/// Splitmix64 (Steele, Lea, Flood 2014): one step and its mixing.
-fn mix(state: u64) -> u64 {
-    let z = state.wrapping_add(STEP);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
-//! A light trace as a plain table: where a lamp is and what it sends out, at each instant.
+//! Light traces as tables, for trails from other programs.
 //!
-//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd towards every
-//! side); more columns are allowed. This is how other programs hand over a trail without a drone;
-//! what a beam's direction would add is not in the table.
+//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every direction);
+//! more columns are allowed. A table has no beams.
 
 use std::io::Read;
 use std::ops::Range;
@@ -17,7 +16,7 @@ use crate::flight::table::{Table, on_grid, write_table};
 /// Columns of the file.
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
-/// Last digit of an intensity: two rows whose colors differ by no more have one color.
+/// Resolution of an intensity: rows whose colors differ by no more have one color.
 const DIGIT_CD: f64 = 1e-5;
 
 /// Whether a file's first line is the header of a light trace.
@@ -36,7 +35,7 @@ impl LightTrace {
     /// # Errors
     ///
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
-    /// cell is no number, time falls, or a lamp sends out less than nothing.
+    /// cell is not a number, time falls, or an intensity is negative.
     pub fn read_csv(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
         Self::parse_csv(file, &path.display().to_string())
@@ -56,7 +55,7 @@ impl LightTrace {
         let [t, x, y, z, r, g, b] = columns;
         let refused = |row: usize, column: &str, found: f64, wanted: &str| {
             let place = format!("{file}:{}: column {column}", row + 2);
-            Err(Error::input(place, found, wanted, "mend the file, or write it again"))
+            Err(Error::input(place, found, wanted, "correct the file, or write it again"))
         };
         if let Some(row) = t.windows(2).position(|pair| pair[1] < pair[0]) {
             return refused(row + 1, "t", t[row + 1], "a time not before the last");
@@ -77,20 +76,20 @@ impl LightTrace {
         Ok(Self { lamps })
     }
 
-    /// Writes the trace as a plain table: its lamps one after another in the order of their times.
-    /// A lamp that does not shine evenly to all sides is written with its intensity on the axis.
+    /// Writes the trace as a table: its lamps one after another in order of time. A lamp with a beam
+    /// is written with its intensity on the axis.
     ///
     /// # Errors
     ///
-    /// What the writer says, and [`std::io::ErrorKind::InvalidInput`] where two lamps shine at one
-    /// time: one table has one lamp.
+    /// Those of the writer, and [`std::io::ErrorKind::InvalidInput`] where two lamps are lit at one
+    /// time: a table has one lamp.
     pub fn write_csv(&self, mut out: impl std::io::Write) -> std::io::Result<()> {
         let times = |lamp: &Lamp| Some((lamp.samples.first()?.time_s, lamp.samples.last()?.time_s));
         let mut lamps: Vec<(f64, f64, &Lamp)> =
             self.lamps.iter().filter_map(|lamp| times(lamp).map(|(a, b)| (a, b, lamp))).collect();
         lamps.sort_by(|a, b| a.0.total_cmp(&b.0));
         if lamps.windows(2).any(|pair| pair[1].0 < pair[0].1) {
-            let what = "lamps that shine at one time do not fit one table";
+            let what = "lamps that are lit at one time do not fit into one table";
             return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
         }
         let rows = lamps.iter().flat_map(|(_, _, lamp)| {
@@ -135,8 +134,8 @@ fn lit_runs(instants: &[Instant]) -> Vec<&[Instant]> {
     runs
 }
 
-/// The lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
-/// each channel where the color changes all the time.
+/// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for each
+/// channel of a color that changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
     let mut stretches = Vec::new();
     let (mut start, mut brightest) = (0, &run[0]);
@@ -166,14 +165,14 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     stretches.into_iter().map(one).collect()
 }
 
-/// Whether two rows have one color, as far as the digits of the file tell.
+/// Whether two rows have one color, within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
     let (of_a, of_b) = (a.strength_cd(), b.strength_cd());
     let off = |(x, y): (&f64, &f64)| (x * of_b - y * of_a).abs();
     a.rgb_cd.iter().zip(&b.rgb_cd).all(|pair| off(pair) <= DIGIT_CD * (of_a + of_b))
 }
 
-/// A lamp that shines evenly to all sides, so bright as it is at its brightest.
+/// A lamp without a beam, with its largest intensity at level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
     let all_cd: Vec<f64> = run.iter().enumerate().map(|(i, instant)| cd(i, instant)).collect();
     let intensity_cd = all_cd.iter().copied().fold(0.0, f64::max);
@@ -222,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_color_that_changes_all_the_time_is_three_lamps() {
+    fn a_continuously_changing_color_is_three_lamps() {
         let mut text = "t,x,y,z,r,g,b\n".to_owned();
         for i in 0..40 {
             text += &format!("{i},0,0,1,{},{},0.5\n", 0.9 - f64::from(i) * 0.02, i);
@@ -243,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_named_by_line_and_column() {
+    fn a_broken_cell_is_named_by_line_and_column() {
         let cases = [
             ("t,x,y,z,r,g,b\n0,0,0,1,1,1,1\n1,0,NaN,1,1,1,1\n", ":3: column y"),
             ("t,x,y,z,r,g,b\n0,0,0,1,1,1,1\n1,0,0,1,1,-1,1\n", ":3: column g"),

@@ -1,20 +1,20 @@
-//! Light: the lamps on the drone, and how a command becomes light.
+//! Light: the lamps on the drone, from command to light.
 //!
-//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. Light knows
-//! no pixels and no camera.
+//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. There are no
+//! pixels and no camera here.
 //!
-//! 1. Each row of the emitter table ([`Fixture`]) is driven: by a channel of the plan, by power, by
-//!    a sequence of the firmware, or by the LED ring's effect. Commands take the radio's delay and
-//!    wait for the firmware's timer of 50 ms.
-//! 2. What a row's dies do is a level over time. Each color that they show together is a lamp.
-//! 3. The levels meet the flight: a lamp leaves samples while it is lit, as many as keep it within
-//!    10 µm of its way.
+//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, power, a
+//!    sequence of the firmware, or the effect of the LED ring. Commands take the delay of the radio
+//!    and wait for the timer of the firmware, 50 ms.
+//! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
+//! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep them
+//!    within 10 µm of their path.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
-//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the lamp's axis. Not modelled:
-//! light that the body reflects, rare stalls of the radio (up to 0.7 s in the team's
-//! log), the firmware's clock that ran 1.2 % slow until 2026, effects of the ring that follow
-//! sensors, falling battery.
+//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
+//! modelled: light reflected by the body, rare stalls of the radio (up to 0.7 s in the team's log),
+//! the clock of the firmware that ran 1.2 % slow until 2026, effects of the ring that depend on
+//! sensors, a falling battery voltage.
 
 use nalgebra::Vector3;
 
@@ -24,7 +24,7 @@ use programs::Programs;
 use radio::Change;
 
 pub use fixture::{Die, Drive, Fixture};
-pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingEffect};
+pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
 
 mod chance;
 mod color;
@@ -39,49 +39,75 @@ pub mod tables;
 mod tests;
 mod way;
 
-/// Lamps moving through the world. The traces of several drones are one trace: see
-/// [`LightTrace::append`].
+/// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightTrace {
-    /// One for each color of each row that ever shines.
+    /// One for each color of each row that is ever lit.
     pub lamps: Vec<Lamp>,
 }
 
 impl LightTrace {
+    /// Time of the last sample; 0 of an empty trace.
+    #[must_use]
+    pub fn end_s(&self) -> f64 {
+        let ends = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
+        ends.map(|last| last.time_s).fold(0.0, f64::max)
+    }
+
+    /// Puts the number of a drone before the name of each lamp.
+    pub fn number(&mut self, drone: usize) {
+        for lamp in &mut self.lamps {
+            lamp.emitter.name = format!("{drone}: {}", lamp.emitter.name);
+        }
+    }
+
     /// Adds the lamps of another drone, flown at the same time.
     pub fn append(&mut self, mut other: Self) {
         self.lamps.append(&mut other.lamps);
     }
 }
 
-/// One emitter and its way.
+/// One emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// What it is.
+    /// Its constant properties.
     pub emitter: Emitter,
-    /// Its way, in order of time. Position, axis and level run linearly from sample to sample;
-    /// two samples at one time make a step.
+    /// Its path, in order of time. Position, axis and level are linear between samples; two samples
+    /// at one time make a step.
     pub samples: Vec<LightSample>,
 }
 
 /// One instant of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
-    /// Since the first setpoint.
+    /// Time since the first setpoint.
     pub time_s: f64,
-    /// The lamp itself, in the world.
+    /// Position of the lamp, in the world.
     pub position_m: Vector3<f64>,
-    /// Where its beam points, unit vector in the world.
+    /// Axis of its beam, a unit vector in the world.
     pub axis: Vector3<f64>,
     /// Share of the emitter's intensity, 0 to 1.
     pub level: f64,
 }
 
+impl LightSample {
+    /// The sample at a time on the straight path to the next one.
+    #[must_use]
+    pub fn toward(&self, next: &Self, time_s: f64) -> Self {
+        let share = (time_s - self.time_s) / (next.time_s - self.time_s);
+        Self {
+            time_s,
+            position_m: self.position_m + (next.position_m - self.position_m) * share,
+            axis: self.axis + (next.axis - self.axis) * share,
+            level: self.level + (next.level - self.level) * share,
+        }
+    }
+}
+
 /// A source of light of one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name in tables and messages: that of its row in the table. A row that changes its color is
-    /// several lamps of one name.
+    /// Name of its row in the table. A row that changes its color is several lamps of one name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
@@ -89,24 +115,22 @@ pub struct Emitter {
     pub rgb: [f64; 3],
     /// Exponent m of the beam's shape cosᵐ.
     pub beam_exponent: f64,
-    /// Share of the intensity on the axis that goes in all directions, 0 to 1.
+    /// Share of the intensity on the axis that is emitted in all directions, 0 to 1.
     pub spill: f64,
     /// Cosine of the angle off axis beyond which the body hides the lamp.
     pub visible_cos: f64,
-    /// Diameter of the shining disc.
+    /// Diameter of the luminous disc.
     pub diameter_m: f64,
 }
 
 impl Emitter {
-    /// Luminous intensity at level 1 towards a direction, given the cosine of its angle off the
-    /// axis.
+    /// Luminous intensity at level 1 at an angle off the axis, given its cosine.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
         self.intensity_cd * self.share(cos_off_axis)
     }
 
-    /// Share of the intensity on the axis that goes in a direction, given the cosine of its angle
-    /// off the axis.
+    /// Intensity at an angle off the axis relative to that on the axis, given the cosine.
     #[must_use]
     pub fn share(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
@@ -123,13 +147,13 @@ impl Emitter {
 
 /// Lights the lamps of a flight.
 ///
-/// `seed` and `drone` (its number, 0 for the only one) key all chance: the radio's jitter and the
-/// link LEDs' flicker.
+/// `seed` and `drone` (its index from 0) determine all random numbers: the jitter of the radio and
+/// the flicker of the link LEDs.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, a flight that has no position, or a light column for
-/// none of the lamps that follow one, and for more pulses than memory should hold.
+/// [`Error::Input`] for an option out of range, for a flight without positions or without any of the
+/// light columns that the lamps follow, and for too many pulses.
 pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
     if flight.unlogged.contains(&Quantity::Position) {
@@ -154,7 +178,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     Ok(trace)
 }
 
-/// Refuses a flight without any of the channels that the lamps listen to.
+/// Refuses a flight without any of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let command = |fixture: &Fixture| match &fixture.drive {
         Drive::Command(channel) => Some(channel.clone()),
@@ -178,11 +202,11 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     ))
 }
 
-/// Most colors of a row that become a lamp each; a row with more (a fade) becomes a lamp a die.
+/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per die.
 const MAX_COLORS: usize = 8;
 
-/// The sources of light of a row, each with its levels: one for each color that it ever shows, or
-/// one for each die where these are fewer lamps.
+/// The sources of light of a row with their levels: one for each color that it ever shows, or one for
+/// each die.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
     let mut colors: Vec<Vec<f64>> = Vec::new();
@@ -204,7 +228,7 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
     colors.iter().map(shine).collect()
 }
 
-/// A lamp for each die that ever shines.
+/// One source for each die.
 fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let alone = |die: usize| {
         let color: Vec<f64> = (0..dies.len()).map(|i| if i == die { 1.0 } else { 0.0 }).collect();
@@ -213,7 +237,7 @@ fn by_die(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)
     (0..dies.len()).map(alone).collect()
 }
 
-/// The levels of all dies whenever one changes.
+/// The levels of all dies at every change of one.
 fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     let mut next = vec![0; dies.len()];
     let mut levels = vec![0.0; dies.len()];
@@ -233,7 +257,7 @@ fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     }
 }
 
-/// Levels as shares of the highest.
+/// Levels relative to the highest.
 fn color_of(levels: &[f64]) -> Vec<f64> {
     let most = most(levels);
     levels.iter().map(|level| if most > 0.0 { level / most } else { 0.0 }).collect()

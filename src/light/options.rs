@@ -1,109 +1,124 @@
-//! Options: which lamps the drone carries, and how they follow commands.
-
-use serde::{Deserialize, Serialize};
+//! Options: the lamps of the drone, and how they follow commands.
 
 use super::Fixture;
 use super::tables::{color_led, crazyflie, led_ring};
 use crate::error::{Result, within};
+use crate::settings::{Described, settings};
 
-/// Which lamps the drone carries, and how they follow commands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LightOptions {
-    /// From sending a command to its arrival in the firmware. One parameter write takes about
-    /// 20 ms one way (crazyswarm issue 245); too little hides streaks at the ends of strokes.
-    pub radio_delay_s: f64,
-    /// What a command may take longer, evenly spread. An assumption; repeated packets make it.
-    pub radio_jitter_s: f64,
-    /// From one parameter write to the next (crazyswarm issue 728): the ring's red, green and blue
-    /// are three parameters and arrive this far apart.
-    pub radio_write_s: f64,
-    /// Period of the firmware's lamp timer (`ledring12.c`); changes wait for its next tick. With 0
-    /// the headlights follow at once, and the ring's effects keep their 50 ms.
-    pub tick_s: f64,
-    /// When the timer first ticks.
-    pub tick_phase_s: f64,
-    /// How long a lamp takes from dark to full level, evenly. LEDs take less than 1 µs.
-    pub rise_s: f64,
-    /// How long it takes from full level to dark, evenly. A white LED's phosphor takes about 1 µs:
-    /// a stroke that goes on too long has other causes.
-    pub decay_s: f64,
-    /// Whether pulse-width modulation is drawn.
-    pub pwm: Pwm,
-    /// The firmware's parameter `led.bitmask` (`led.c`): with bit 7 set, bits 0 to 6 are the
-    /// board's LEDs, lit or not; 128 turns all of them off. 0 leaves them to the firmware.
-    pub led_bitmask: u8,
-    /// The LED ring's effect (`ring.effect`).
-    pub ring_effect: RingEffect,
-    /// Red, green, blue that the ring shows, 0 to 255, linear in light: `ring.solidRed` and so on
-    /// for `solid`, `ring.fadeColor` for `fade`, all twelve LEDs for `memory`. The plan's channels
-    /// `ring.red`, `ring.green`, `ring.blue` (1 is 255) go before it.
-    pub ring_color: [u8; 3],
-    /// How long the ring fades from one color to the next (`ring.fadeTime`).
-    pub ring_fade_s: f64,
-    /// White, red, green, blue of the color LED deck, 0 to 255 (`colorLedBot.wrgb8888`).
-    pub color_led_wrgb: [u8; 4],
-    /// What the color LED deck makes of them (`colorLedBot.brightCorr`).
-    pub color_led_levels: ColorLedLevels,
-    /// The deck below the body.
-    pub deck: Deck,
-    /// The lamps; those of the board and of the deck where it is `None`.
-    #[serde(default)]
-    pub fixtures: Option<Vec<Fixture>>,
-}
+settings! {
+    /// The lamps, and how they follow commands.
+    ///
+    /// By default those of the reference flight: a Crazyflie 2.x with the LED-ring deck, its ring as
+    /// the firmware starts it, since the team's script never turned it off.
+    pub struct LightOptions {
+        /// Delay from sending a light command to its arrival in the firmware.
+        ///
+        /// One parameter write takes about 20 ms one way (crazyswarm issue 245); too little hides
+        /// streaks at the ends of strokes.
+        radio_delay_s: f64 = 0.02, in 0.0..=10.0;
+        /// Jitter of that delay, added with even distribution.
+        ///
+        /// An assumption; repeated packets cause it.
+        radio_jitter_s: f64 = 0.01, in 0.0..=10.0;
+        /// Time between two parameter writes; red, green and blue of the ring are three.
+        ///
+        /// Crazyswarm issue 728.
+        radio_write_s: f64 = 0.015, in 0.0..=10.0;
+        /// Period of the lamp timer of the firmware, 0 or at least 0.001. Changes wait for its next
+        /// tick. With 0 the headlights follow at once, and the effects of the ring keep 50 ms.
+        ///
+        /// `ledring12.c`.
+        tick_s: f64 = 0.05, in 0.0..=10.0;
+        /// Time of the first tick.
+        tick_phase_s: f64 = 0.0, in 0.0..=10.0;
+        /// Time of a lamp from dark to full level, linear. LEDs take less than 1 µs.
+        rise_s: f64 = 0.0, in 0.0..=10.0;
+        /// Time of a lamp from full level to dark, linear.
+        ///
+        /// The phosphor of a white LED takes about 1 µs: a stroke that goes on too long has other
+        /// causes.
+        decay_s: f64 = 0.0, in 0.0..=10.0;
+        /// Rendering of pulse-width modulation.
+        pwm: Pwm = Pwm::Off;
+        /// Parameter led.bitmask of the firmware: with bit 7 set, bits 0 to 6 turn the LEDs of the
+        /// board on, so that 128 turns all of them off. 0 leaves them to the firmware.
+        ///
+        /// `led.c`.
+        led_bitmask: u8 = 0;
+        /// White, red, green, blue of the color LED deck, 0 to 255.
+        ///
+        /// `colorLedBot.wrgb8888`.
+        color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
+        /// Brightness correction of the color LED deck.
+        ///
+        /// `colorLedBot.brightCorr`.
+        color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
+        /// Deck below the body, whose lamps are the fixtures if these are left out.
+        deck: Deck = Deck::LedRing;
+        /// The lamps. Intensity off axis: `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
+        fixtures: Option<Vec<Fixture>> = Some(Deck::LedRing.fixtures());
+        /// Effect of the LED ring (ring.effect of the firmware).
+        ring: RingEffect = RingEffect::default();
+    }
 
-/// How a lamp that is dimmed by pulse width is drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Pwm {
-    /// As its mean: right where pulses blur into each other.
-    #[default]
-    Off,
-    /// Pulse by pulse: right where the lamp moves by more than two widths of its spot from pulse to
-    /// pulse (400 Hz at more than 1 m/s in a sharp picture). Makes many samples.
-    On,
-}
+    /// Rendering of lamps that are dimmed by pulse width.
+    pub enum Pwm {
+        /// As their mean: right where pulses blur into each other.
+        "off" => Off,
+        /// Pulse by pulse: right where the lamp moves by more than two widths of its spot from pulse
+        /// to pulse (400 Hz at more than 1 m/s in a sharp picture). Makes many samples.
+        "on" => On,
+    }
 
-/// What the LED ring shows. The firmware knows more; these are what people use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RingEffect {
-    /// 0: nothing.
-    Off,
-    /// 6, the firmware's default: a white and a blue light run against each other, a turn in 0.6 s.
-    #[default]
-    DoubleSpin,
-    /// 7: one color, faded in within 1 s when the ring is switched on.
-    Solid,
-    /// 13, LED memory: one color, rounded to 16 bits (RGB565).
-    Memory,
-    /// 14: one color; another one is faded to within `ring_fade_s`.
-    Fade,
-}
+    /// Effect of the LED ring. The firmware has more; these are the ones in use.
+    pub enum RingEffect tagged {
+        /// 6, the default of the firmware: a white and a blue light that run against each other, a
+        /// turn in 0.6 s.
+        "double-spin" => DoubleSpin,
+        /// 0: none.
+        "off" => Off,
+        /// 7: one color, faded in within 1 s when the ring is switched on.
+        "solid" => Solid(RingColor),
+        /// 13, LED memory: one color for all LEDs, rounded to 16 bits (RGB565).
+        "memory" => Memory(RingColor),
+        /// 14: one color that fades to the next.
+        "fade" => Fade(RingFade),
+    }
 
-/// What the color LED deck makes of its four numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ColorLedLevels {
-    /// Evened out and squared, the firmware's default: each die is scaled to the weakest one's
-    /// 50 lm, then `3 + 252 (v/255)²`.
-    #[default]
-    Corrected,
-    /// As they are.
-    Plain,
-}
+    /// Color of the ring.
+    pub struct RingColor {
+        /// Red, green, blue, 0 to 255, linear in light, unless the plan has the channels ring.red,
+        /// ring.green, ring.blue (1 is 255).
+        color: [u8; 3] = [20; 3];
+    }
 
-/// A deck with lamps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Deck {
-    /// None.
-    None,
-    /// The LED-ring deck: [`super::tables::led_ring`].
-    #[default]
-    LedRing,
-    /// The color LED deck: [`super::tables::color_led`].
-    ColorLed,
+    /// Color of the ring, and its fading.
+    pub struct RingFade {
+        /// Red, green, blue, 0 to 255, linear in light, unless the plan has the channels ring.red,
+        /// ring.green, ring.blue (1 is 255).
+        color: [u8; 3] = [20; 3];
+        /// Time from one color to the next (ring.fadeTime).
+        fade_s: f64 = 0.5, in 0.0..=1000.0;
+    }
+
+    /// Brightness correction of the color LED deck.
+    pub enum ColorLedLevels {
+        /// Equalized and squared, the default of the firmware: each die is scaled to the 50 lm of
+        /// the weakest one, then `3 + 252 (v/255)²`.
+        "corrected" => Corrected,
+        /// None.
+        "plain" => Plain,
+    }
+
+    /// A deck with lamps.
+    pub enum Deck {
+        /// The LED-ring deck.
+        "led-ring" => LedRing,
+        /// The color LED deck.
+        "color-led" => ColorLed,
+        /// None.
+        "none" => None,
+    }
 }
 
 impl Deck {
@@ -116,31 +131,6 @@ impl Deck {
             Self::ColorLed => color_led(),
         };
         of_deck.into_iter().chain(crazyflie()).collect()
-    }
-}
-
-impl Default for LightOptions {
-    /// The reference flight's drone: a Crazyflie 2.x with the LED-ring deck, its ring as the
-    /// firmware starts it, since the team's script never turned it off.
-    fn default() -> Self {
-        Self {
-            radio_delay_s: 0.02,
-            radio_jitter_s: 0.01,
-            radio_write_s: 0.015,
-            tick_s: 0.05,
-            tick_phase_s: 0.0,
-            rise_s: 0.0,
-            decay_s: 0.0,
-            pwm: Pwm::Off,
-            led_bitmask: 0,
-            ring_effect: RingEffect::DoubleSpin,
-            ring_color: [20; 3],
-            ring_fade_s: 0.5,
-            color_led_wrgb: [255, 0, 0, 0],
-            color_led_levels: ColorLedLevels::Corrected,
-            deck: Deck::LedRing,
-            fixtures: Some(Deck::LedRing.fixtures()),
-        }
     }
 }
 
@@ -157,16 +147,10 @@ impl LightOptions {
     ///
     /// [`crate::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        within("light.radio_delay_s", self.radio_delay_s, 0.0, 10.0)?;
-        within("light.radio_jitter_s", self.radio_jitter_s, 0.0, 10.0)?;
-        within("light.radio_write_s", self.radio_write_s, 0.0, 10.0)?;
+        Described::check(self, "light", None)?;
         if self.tick_s != 0.0 {
             within("light.tick_s", self.tick_s, 0.001, 10.0)?;
         }
-        within("light.tick_phase_s", self.tick_phase_s, 0.0, 10.0)?;
-        within("light.rise_s", self.rise_s, 0.0, 10.0)?;
-        within("light.decay_s", self.decay_s, 0.0, 10.0)?;
-        within("light.ring_fade_s", self.ring_fade_s, 0.0, 1000.0)?;
-        self.fixtures().iter().try_for_each(|fixture| fixture.check("light.fixtures"))
+        self.fixtures().iter().try_for_each(|fixture| fixture.check_drive("light.fixtures"))
     }
 }

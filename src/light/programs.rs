@@ -1,4 +1,4 @@
-//! Programs: what each die of a lamp does during a flight.
+//! Programs: levels of each die of a lamp during a flight.
 
 use std::cell::OnceCell;
 
@@ -9,7 +9,7 @@ use super::{ColorLedLevels, Drive, Fixture, LightOptions, Pwm};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 
-/// What drives the lamps of one drone during one flight.
+/// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
 pub(super) struct Programs<'a> {
     pub(super) flight: &'a Flight,
@@ -18,24 +18,24 @@ pub(super) struct Programs<'a> {
     pub(super) drone: u64,
     begin_s: f64,
     end_s: f64,
-    /// What the ring shows, once somebody asks.
+    /// Frames of the ring, computed once.
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
-/// Length of the stretches over which flickering is averaged.
+/// Time over which flicker is averaged.
 const FLICKER_S: f64 = 0.1;
 
-/// Period of the task that sends colors to the color LED deck (`color_led_deck.c`).
+/// Period of the task of the color LED deck (`color_led_deck.c`).
 const COLOR_LED_TICK_S: f64 = 0.01;
 
-/// The plan's channel that switches the color LED deck; without it the deck is on.
+/// Channel of the plan that switches the color LED deck; without it the deck is on.
 pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
 
-/// Light of the color LED deck's dies in lm, white, red, green, blue, as the firmware evens them
-/// out (`color_led_deck.h`).
+/// Luminous flux in lm of the dies of the color LED deck, white, red, green, blue
+/// (`color_led_deck.h`).
 const COLOR_LED_LM: [u32; 4] = [250, 139, 210, 50];
 
-/// Most pulses of a lamp that are drawn: some 100 MB.
+/// Most pulses of a lamp: some 100 MB.
 const MAX_PULSES: f64 = 1e6;
 
 impl<'a> Programs<'a> {
@@ -50,7 +50,7 @@ impl<'a> Programs<'a> {
         Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
     }
 
-    /// Levels of each die from their time on; dark before.
+    /// Changes of the level of each die, which is dark before the first.
     pub(super) fn changes(&self, fixture: &Fixture) -> Result<Vec<Vec<Change>>> {
         let alike = |changes: Vec<Change>| vec![changes; fixture.dies.len()];
         let dies = match (&fixture.drive, self.bitmask(fixture)) {
@@ -78,7 +78,7 @@ impl<'a> Programs<'a> {
         vec![Change { time_s: self.begin_s, level }]
     }
 
-    /// What `led.bitmask` makes of a lamp, where it rules.
+    /// Level of a lamp by `led.bitmask`, where that determines it.
     fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
         let mask = self.options.led_bitmask;
         let bit = fixture.bitmask_bit.filter(|_| mask & 0x80 != 0)?;
@@ -154,7 +154,7 @@ impl<'a> Programs<'a> {
         levels.into_iter().map(die).collect()
     }
 
-    /// A lamp's levels as pulses of full level; 0 and 1 stay what they are.
+    /// Levels between 0 and 1 as pulses of full level.
     fn pulses(&self, changes: &[Change], fixture: &Fixture) -> Result<Vec<Change>> {
         let timer = Timer { period_s: 1.0 / fixture.pwm_hz, phase_s: 0.0 };
         let ends = changes.iter().skip(1).map(|next| next.time_s).chain([self.end_s]);
@@ -192,7 +192,7 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Levels of the color LED deck's dies, 0 to 1 (facts from `color_led_deck.c`; whole numbers).
+/// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.
 fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
     let weakest_lm = COLOR_LED_LM.into_iter().min().unwrap_or(1);
     std::array::from_fn(|die| {

@@ -1,4 +1,4 @@
-//! Radio: when the commands of a plan arrive in the firmware, and when its timer next looks.
+//! Radio: arrival of the commands of a plan in the firmware, and its timer.
 
 use super::LightOptions;
 use super::chance::Chance;
@@ -11,10 +11,10 @@ pub(super) struct Change {
     pub(super) level: f64,
 }
 
-/// Arrivals of a channel's commands, each where it differs from the one before, the first from
-/// `at_first`; none where the flight has no such channel.
+/// Arrivals of the commands of a channel that differ from the one before, the first from `at_first`;
+/// none where the flight has no such channel.
 ///
-/// Each takes the radio's delay and a part of its jitter; none overtakes the one before.
+/// Each takes the delay of the radio and a share of its jitter; none overtakes the one before.
 pub(super) fn arrivals(
     flight: &Flight,
     channel: &str,
@@ -41,7 +41,7 @@ pub(super) fn arrivals(
 /// A timer of the firmware.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timer {
-    /// 0: it looks all the time.
+    /// 0 for a timer that reacts at once.
     pub(super) period_s: f64,
     pub(super) phase_s: f64,
 }
@@ -58,13 +58,13 @@ impl Timer {
         ((time_s - self.phase_s) / self.period_s - 1e-9).ceil()
     }
 
-    /// When a tick is.
+    /// Time of a tick.
     pub(super) fn tick_s(self, number: f64) -> f64 {
         self.phase_s + number * self.period_s
     }
 
-    /// What a lamp that follows `arrivals` on this timer does. Of several commands within a tick
-    /// the last one counts.
+    /// Changes of a lamp that follows `arrivals` on this timer. Of several commands within a tick the
+    /// last one counts.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {

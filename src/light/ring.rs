@@ -1,16 +1,15 @@
-//! The LED ring's effects: what its twelve LEDs show from tick to tick.
+//! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
 //!
-//! Facts from Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to
-//! 255; a WS2812B makes light in proportion. Firmware computes in single precision and cuts off
-//! decimals; so does this.
+//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255; the
+//! light of a WS2812B is proportional. As in the firmware, single precision and truncation.
 
 use super::chance::Chance;
 use super::fixture::RING_LEDS;
 use super::radio::{Change, Timer, arrivals};
-use super::{LightOptions, RingEffect};
+use super::{LightOptions, RingColor, RingEffect, RingFade};
 use crate::flight::Flight;
 
-/// Period of the ring's timer where the scene has none.
+/// Period of the timer of the ring where the scene has none.
 const TICK_S: f64 = 0.05;
 
 /// Red, green, blue of every LED.
@@ -18,13 +17,13 @@ pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
-/// The plan's channels of the ring: switched on, red, green, blue.
+/// Channels of the plan for the ring: on, red, green, blue.
 pub(super) const CHANNELS: [&str; 4] = ["ring", "ring.red", "ring.green", "ring.blue"];
 
-/// What the ring shows during a flight: each frame from its time on, where it changes.
+/// Changes of the frame of the ring during a flight.
 ///
-/// A ring without the channel `ring` is on all the time; one that is on when the flight begins has
-/// been on for long.
+/// A ring without the channel `ring` is always on; one that is on at the start of the flight has been
+/// on for long.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -67,7 +66,7 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
             changes.into_iter().map(|c| (index, Change { time_s: c.time_s + write_s, ..c })),
         );
         // A fade's color is one parameter, a solid color three: they arrive one after another.
-        if index > 0 && options.ring_effect == RingEffect::Solid {
+        if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
             write_s += options.radio_write_s;
         }
     }
@@ -75,7 +74,7 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
-/// The firmware's state of the ring.
+/// State of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
@@ -85,7 +84,7 @@ struct Ring {
     color: [u8; 3],
     /// Calls since the effect was switched on.
     calls: usize,
-    /// Of a solid color, 0 to 1.
+    /// Brightness of a solid color, 0 to 1.
     brightness: f32,
     fade: Fade,
 }
@@ -103,14 +102,20 @@ impl Ring {
     fn at_start(flight: &Flight, options: &LightOptions) -> Self {
         let first = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
         let on = first(0).is_none_or(|level| level > 0.0);
-        let mut color = options.ring_color;
+        let (mut color, fade_s) = match &options.ring {
+            RingEffect::Off | RingEffect::DoubleSpin => ([0; 3], 0.0),
+            RingEffect::Solid(RingColor { color }) | RingEffect::Memory(RingColor { color }) => {
+                (*color, 0.0)
+            }
+            RingEffect::Fade(RingFade { color, fade_s }) => (*color, *fade_s),
+        };
         for (value, channel) in color.iter_mut().zip(1..) {
             *value = first(channel).map_or(*value, byte);
         }
         #[expect(clippy::cast_possible_truncation, reason = "the firmware's precision")]
-        let duration_s = options.ring_fade_s as f32;
+        let duration_s = fade_s as f32;
         let fade = Fade { from: color.map(f32::from), to: color, duration_s, left_s: 0.0 };
-        let effect = options.ring_effect;
+        let effect = options.ring.clone();
         Self { effect, on, was_on: on, color, calls: 0, brightness: 1.0, fade }
     }
 
@@ -131,16 +136,16 @@ impl Ring {
             return DARK;
         }
         self.calls += 1;
-        match self.effect {
+        match &self.effect {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
-            RingEffect::Solid => {
+            RingEffect::Solid(_) => {
                 // 20 steps: a full second from dark to the color.
                 self.brightness = if self.brightness < 1.0 { self.brightness + 0.05 } else { 1.0 };
                 [self.color.map(|value| cut(f32::from(value) * self.brightness)); RING_LEDS]
             }
-            RingEffect::Memory => [rgb565(self.color); RING_LEDS],
-            RingEffect::Fade => [self.fade.tick(self.color); RING_LEDS],
+            RingEffect::Memory(_) => [rgb565(self.color); RING_LEDS],
+            RingEffect::Fade(_) => [self.fade.tick(self.color); RING_LEDS],
         }
     }
 }
@@ -188,8 +193,8 @@ fn double_spin(call: usize) -> Frame {
     frame
 }
 
-/// What is left of a color in the LED memory: packed into 5, 6 and 5 bits by cflib
-/// (`led_driver_memory.py`), expanded by the firmware.
+/// A color after the LED memory: packed into 5, 6 and 5 bits by cflib (`led_driver_memory.py`),
+/// expanded by the firmware.
 fn rgb565([red, green, blue]: [u8; 3]) -> [u8; 3] {
     let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
     let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);
@@ -218,15 +223,14 @@ fn cut(value: f32) -> u8 {
 mod tests {
     use super::*;
 
-    fn ring(effect: RingEffect, color: [u8; 3]) -> Ring {
-        let options =
-            LightOptions { ring_effect: effect, ring_color: color, ..LightOptions::default() };
+    fn ring(ring: RingEffect) -> Ring {
+        let options = LightOptions { ring, ..LightOptions::default() };
         Ring::at_start(&Flight::default(), &options)
     }
 
     #[test]
     fn a_solid_color_is_faded_in_within_20_calls_when_the_ring_is_switched_on() {
-        let mut ring = ring(RingEffect::Solid, [200, 20, 0]);
+        let mut ring = ring(RingEffect::Solid(RingColor { color: [200, 20, 0] }));
         assert_eq!(ring.tick()[0], [200, 20, 0], "long switched on");
         ring.on = false;
         assert_eq!(ring.tick(), DARK);
@@ -240,8 +244,7 @@ mod tests {
 
     #[test]
     fn a_fade_is_linear_over_its_time() {
-        let mut ring = ring(RingEffect::Fade, [0, 0, 0]);
-        ring.fade.duration_s = 0.5;
+        let mut ring = ring(RingEffect::Fade(RingFade { color: [0; 3], fade_s: 0.5 }));
         ring.tick();
         ring.color = [200, 100, 0];
         let reds: Vec<u8> = (0..12).map(|_| ring.tick()[0][0]).collect();

@@ -1,4 +1,4 @@
-//! Claims about flights that are lit as a whole.
+//! Tests of whole flights with their lamps.
 
 use super::*;
 use crate::flight::FlightSample;
@@ -26,7 +26,7 @@ fn flight(channels: &[&str]) -> Flight {
 }
 
 #[test]
-fn no_light_crosses_a_hole_of_the_log() {
+fn no_light_crosses_a_gap_of_the_log() {
     let mut flight = flight(&["headlights"]);
     let lit_s = |flight: &Flight| -> f64 {
         let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
@@ -40,9 +40,13 @@ fn no_light_crosses_a_hole_of_the_log() {
     let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
     *levels = kept.map(|(_, level)| *level).collect();
     flight.samples.retain(|s| !hole(s));
-    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "bridged where no gap is told");
+    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "interpolated without a gap");
     flight.gaps = vec![[1.1, 1.3]];
     assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
+}
+
+fn solid(color: [u8; 3]) -> LightOptions {
+    LightOptions { ring: RingEffect::Solid(RingColor { color }), ..LightOptions::default() }
 }
 
 fn lit(options: &LightOptions, channels: &[&str]) -> LightTrace {
@@ -119,7 +123,7 @@ fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
 
 #[test]
 fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let options = solid([20; 3]);
     let trace = lit(&options, &["headlights"]);
     let ring_cd = down_cd(&trace, "ring", 2.0);
     // 12 LEDs of 1.28 cd at 20/255.
@@ -130,7 +134,7 @@ fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
 
 #[test]
 fn a_switched_ring_fades_in_over_a_second_of_ticks() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
+    let options = solid([20; 3]);
     let trace = lit(&options, &["ring"]);
     // Commanded at 0.5 s, received after 20 to 30 ms, seen by the timer at 0.55 s.
     assert_eq!(down_cd(&trace, "ring", 0.549), 0.0);
@@ -148,9 +152,7 @@ fn a_fading_ring_keeps_its_light_however_many_colors_it_shows() {
     let red = (0..=400).map(|i| if i < 100 { 0.0 } else { 1.0 }).collect();
     flight.lights.insert("ring.red".to_owned(), red);
     let options = LightOptions {
-        ring_effect: RingEffect::Fade,
-        ring_color: [0, 255, 0],
-        ring_fade_s: 1.0,
+        ring: RingEffect::Fade(RingFade { color: [0, 255, 0], fade_s: 1.0 }),
         radio_jitter_s: 0.0,
         ..LightOptions::default()
     };
@@ -189,9 +191,8 @@ fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
 
 #[test]
 fn pulses_leave_the_light_of_their_mean() {
-    let options = LightOptions { ring_effect: RingEffect::Solid, ..LightOptions::default() };
-    let pulsed = LightOptions { pwm: Pwm::On, ring_color: [20, 60, 200], ..options.clone() };
-    let mean = LightOptions { ring_color: [20, 60, 200], ..options };
+    let mean = solid([20, 60, 200]);
+    let pulsed = LightOptions { pwm: Pwm::On, ..mean.clone() };
     let light_cd_s = |options| {
         let trace = lit(options, &["headlights"]);
         let ring = trace.lamps.iter().filter(|lamp| lamp.emitter.name == "ring 3");
@@ -254,7 +255,7 @@ fn lamps_turn_with_the_body() {
 }
 
 #[test]
-fn samples_that_are_left_out_lie_on_the_lamps_way() {
+fn omitted_samples_lie_on_the_path_of_the_lamp() {
     let mut flight = flight(&["headlights"]);
     for (i, sample) in (0..).zip(&mut flight.samples) {
         let t = f64::from(i) * 0.01;
@@ -276,7 +277,7 @@ fn samples_that_are_left_out_lie_on_the_lamps_way() {
 }
 
 #[test]
-fn drones_are_lit_alike_but_by_their_own_chance_and_add_up() {
+fn drones_differ_in_random_numbers_alone_and_add_up() {
     let lit = |drone| light(&flight(&["headlights"]), &LightOptions::default(), 0, drone).unwrap();
     let (mut both, second) = (lit(0), lit(1));
     let flicker = |trace: &LightTrace| named(trace, "link M4").samples.clone();
@@ -288,15 +289,15 @@ fn drones_are_lit_alike_but_by_their_own_chance_and_add_up() {
 }
 
 #[test]
-fn a_flight_without_light_columns_is_refused_where_lamps_listen() {
+fn a_flight_without_light_columns_is_refused_if_lamps_follow_one() {
     let error = light(&flight(&[]), &LightOptions::default(), 0, 0).unwrap_err().to_string();
     assert!(error.contains("light.headlights"), "{error}");
     let dark = LightOptions { deck: Deck::None, fixtures: None, ..LightOptions::default() };
-    assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the board's lamps listen to nobody");
+    assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the lamps of the board follow no channel");
 }
 
 #[test]
-fn rows_that_cannot_be_are_refused_with_their_name() {
+fn impossible_rows_are_refused_by_name() {
     let refused = |change: fn(&mut Fixture)| {
         let mut fixtures = Deck::LedRing.fixtures();
         change(&mut fixtures[2]);
@@ -305,7 +306,9 @@ fn rows_that_cannot_be_are_refused_with_their_name() {
     };
     assert!(refused(|row| row.drive = Drive::Ring(12)).contains("ring 0"));
     assert!(refused(|row| row.dies.truncate(2)).contains("3 dies"));
-    assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures `ring 0`: spill"));
-    assert!(refused(|row| row.dies[0].chromaticity = [0.7, 0.0]).contains("chromaticity y"));
+    assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures[2].spill"));
+    assert!(
+        refused(|row| row.dies[0].chromaticity = [0.7, 0.0]).contains("`ring 0`: chromaticity")
+    );
     assert!(refused(|row| row.visible_cos = 1.5).contains("visible_cos"));
 }

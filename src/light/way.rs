@@ -1,12 +1,13 @@
-//! The lamp's way while it is lit: its levels over time meet the flight.
+//! Path of a lamp while it is lit, from its levels and the flight.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::radio::Change;
 use super::{Fixture, LightOptions, LightSample};
 use crate::flight::{Flight, FlightSample};
+use crate::geometry::Chords;
 
-/// Where the body is at a sample of the flight.
+/// Pose of the body at a sample of the flight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
     time_s: f64,
@@ -14,19 +15,19 @@ pub(super) struct Pose {
     world_from_body: Matrix3<f64>,
 }
 
-/// How far a lamp may lie from its way between two of its samples: a hundredth of a pixel where a
-/// pixel shows a millimetre. Less makes more samples and no better picture.
+/// Largest distance of a lamp from its path between two samples: 1 % of a pixel that shows a
+/// millimeter. Less makes more samples and no better picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row that shows several colors in turn, such as a spinner's LED: its dashes are
-/// short, and a drone carries many of them.
+/// The same for a row of several colors in turn, such as an LED of a spinner, whose dashes are short
+/// and many.
 pub(super) const COARSE_M: f64 = 60e-6;
 
-/// Arm by which a turning body moves a lamp: sum of its distances along the body's axes.
+/// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
 const ARM_M: f64 = 0.07;
 
-/// The poses of a flight that its lamps need, made once for all of them: those between run straight
-/// and evenly, to the tolerance. A hole in a real log parts one stretch of poses from the next.
+/// Poses of a flight between which the motion is straight and even within the tolerance, for all of
+/// its lamps. A gap in a real log separates one stretch of poses from the next.
 pub(super) fn stretches(flight: &Flight, tolerance_m: f64) -> Vec<Vec<Pose>> {
     let mut rest = &flight.samples[..];
     let mut stretches = Vec::new();
@@ -62,75 +63,58 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     kept
 }
 
-/// Place and turn of a pose as lengths.
-type Lengths = [f64; 12];
-
-/// Poses that are one straight stretch so far. For each pose that is skipped, the stretch must pass
-/// close by: that bounds its speed from both sides.
+/// Poses that one straight segment replaces so far.
 struct Run {
     first: Pose,
     last: Pose,
-    start: Lengths,
-    /// Of `last`.
-    end: Lengths,
-    slowest: Lengths,
-    fastest: Lengths,
+    chords: Chords<12>,
 }
 
 impl Run {
     fn new(first: Pose, last: Pose) -> Self {
-        let (start, end) = (first.lengths(), last.lengths());
-        let (slowest, fastest) = ([f64::NEG_INFINITY; 12], [f64::INFINITY; 12]);
-        Self { first, last, start, end, slowest, fastest }
+        Self { first, last, chords: Chords::ALL }
     }
 
-    /// Moves the run's end to the next pose if it stays straight with it.
+    /// Extends the run to the next pose if it stays straight.
     fn takes(&mut self, next: &Pose, tolerance_m: f64) -> bool {
-        // Half the tolerance an axis, and as much for the turn, keep their sum within it.
+        // Half of the tolerance is for the position and half for the rotation.
         let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
-        let whole_s = next.time_s - self.first.time_s;
-        if skipped_s == 0.0 {
-            // Nothing is skipped: the run has only its first pose.
-            (self.last, self.end) = (*next, next.lengths());
-            return true;
+        if skipped_s > 0.0 {
+            let skipped = self.last.lengths_from(&self.first);
+            let [low, high] = [-slack, slack].map(|slack| skipped.map(|length| length + slack));
+            self.chords.keep_between(low, high, skipped_s);
+            let offset = next.lengths_from(&self.first);
+            if !self.chords.contain(offset, next.time_s - self.first.time_s) {
+                return false;
+            }
         }
-        let end = next.lengths();
-        let mut straight = true;
-        for (i, (to, from)) in end.iter().zip(&self.start).enumerate() {
-            let way = self.end[i] - from;
-            self.slowest[i] = self.slowest[i].max((way - slack) / skipped_s);
-            self.fastest[i] = self.fastest[i].min((way + slack) / skipped_s);
-            let speed = (to - from) / whole_s;
-            straight &= self.slowest[i] <= speed && speed <= self.fastest[i];
-        }
-        if straight {
-            (self.last, self.end) = (*next, end);
-        }
-        straight
+        self.last = *next;
+        true
     }
 }
 
 impl Pose {
-    fn lengths(&self) -> Lengths {
+    /// How far it is moved and turned from another pose, as lengths.
+    fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
-            None => self.position_m[i],
-            Some(turn) => self.world_from_body[turn] * ARM_M,
+            None => self.position_m[i] - other.position_m[i],
+            Some(turn) => self.world_from_body[turn] * ARM_M - other.world_from_body[turn] * ARM_M,
         })
     }
 }
 
-/// A level at a time; levels run evenly from knot to knot, two knots at one time are a step.
+/// A level at a time; levels are linear between knots, and two knots at one time are a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Knot {
     time_s: f64,
     level: f64,
 }
 
-/// The samples of a lamp over a flight; none where it is never lit.
+/// Samples of a lamp over a flight; none where it is never lit.
 ///
-/// While dark, a lamp leaves no samples: each lit run begins and ends at level 0. It is dark between
-/// two stretches, where nobody knows where it was.
+/// A dark lamp has no samples, and each lit run begins and ends at level 0. It is dark between two
+/// stretches, where its path is unknown.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,
@@ -154,7 +138,7 @@ pub(super) fn shine(
     samples
 }
 
-/// The samples of a lamp over one stretch; knots in the hole before it take effect at its start.
+/// Samples of a lamp over one stretch; knots in the gap before it take effect at its start.
 fn shine_along(
     poses: &[Pose],
     fixture: &Fixture,
@@ -187,8 +171,8 @@ fn shine_along(
     }
 }
 
-/// The levels as knots: a change is a step, or a ramp where the lamp takes time to rise or decay.
-/// A ramp that the next change cuts short goes on from where it is.
+/// Levels as knots: a change is a step, or a ramp of a lamp with a rise or decay time. After a ramp
+/// that the next change cuts short, levels continue from its end.
 fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
     let mut knots: Vec<Knot> = Vec::with_capacity(2 * changes.len());
     let mut level = 0.0;

@@ -38,8 +38,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         Ok(value) => value,
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
-            warnings
-                .push(format!("the file ends too early, at {place}; what stands before is read"));
+            warnings.push(format!("the file ends too early, at {place}; the part before is read"));
             close(&mut text);
             serde_json::from_slice(&text).map_err(|source| broken(file, &source))?
         }

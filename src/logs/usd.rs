@@ -64,7 +64,7 @@ pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recordi
 
 /// One type of event and its records.
 struct Event {
-    types: Vec<u8>,
+    decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
@@ -117,9 +117,9 @@ fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop
         }
         event.block.time_s.push(stamp_s(&rest[2..n_head]));
         let mut values = &rest[n_head..];
-        for (kind, column) in event.types.iter().zip(&mut event.block.columns) {
-            let (value, after) = values.split_at(size(*kind).unwrap_or(0));
-            column.values.push(number(*kind, value));
+        for ((n_bytes, number), column) in event.decoders.iter().zip(&mut event.block.columns) {
+            let (value, after) = values.split_at(*n_bytes);
+            column.values.push(number(value));
             values = after;
         }
         at += n_head + event.n_bytes;
@@ -135,34 +135,33 @@ fn stamp_s(bytes: &[u8]) -> f64 {
     if bytes.len() == 4 { count / 1e3 } else { count / 1e6 }
 }
 
-/// Bytes of a type, by its letter in Python's `struct`.
-fn size(kind: u8) -> Option<usize> {
-    match kind {
-        b'b' | b'B' | b'c' | b'?' => Some(1),
-        b'h' | b'H' | b'e' => Some(2),
-        b'i' | b'I' | b'l' | b'L' | b'f' => Some(4),
-        b'q' | b'Q' | b'd' => Some(8),
-        _ => None,
-    }
-}
+/// The number of bytes of a type, and the number that they hold.
+type Decoder = (usize, fn(&[u8]) -> f64);
 
-/// A value of a type; `bytes` are as many as [`size`] says.
-fn number(kind: u8, bytes: &[u8]) -> f64 {
-    let mut wide = [0; 8];
-    wide[..bytes.len()].copy_from_slice(bytes);
-    let bits = u64::from_le_bytes(wide);
-    #[expect(clippy::cast_possible_truncation, reason = "the low bytes are the value")]
-    let (low8, low16, low32) = (bits as u8, bits as u16, bits as u32);
+/// The decoder of a type, by its letter in Python's `struct`.
+fn decoder(kind: &str) -> Option<Decoder> {
+    macro_rules! decoder {
+        ($type:ty, $number:expr) => {
+            Some((size_of::<$type>(), |bytes| {
+                let value = <$type>::from_le_bytes(bytes.try_into().expect("as many bytes"));
+                $number(value)
+            }))
+        };
+    }
     #[expect(clippy::cast_precision_loss, reason = "counters beyond 2^53 lose their last digits")]
     match kind {
-        b'b' => f64::from(low8.cast_signed()),
-        b'h' => f64::from(low16.cast_signed()),
-        b'i' | b'l' => f64::from(low32.cast_signed()),
-        b'q' => bits.cast_signed() as f64,
-        b'f' => f64::from(f32::from_bits(low32)),
-        b'd' => f64::from_bits(bits),
-        b'e' => half::f16::from_bits(low16).to_f64(),
-        _ => bits as f64,
+        "b" => decoder!(i8, f64::from),
+        "B" | "c" | "?" => decoder!(u8, f64::from),
+        "h" => decoder!(i16, f64::from),
+        "H" => decoder!(u16, f64::from),
+        "i" | "l" => decoder!(i32, f64::from),
+        "I" | "L" => decoder!(u32, f64::from),
+        "q" => decoder!(i64, |value| value as f64),
+        "Q" => decoder!(u64, |value| value as f64),
+        "e" => decoder!(half::f16, f64::from),
+        "f" => decoder!(f32, f64::from),
+        "d" => decoder!(f64, |value| value),
+        _ => None,
     }
 }
 
@@ -187,7 +186,7 @@ impl Cursor<'_> {
                 return Err(self.error(start, format!("event {name} with {n_variables}"), wanted));
             }
             let mut event = Event {
-                types: Vec::new(),
+                decoders: Vec::new(),
                 n_bytes: 0,
                 block: Block { name: name.clone(), ..Block::default() },
             };
@@ -195,9 +194,8 @@ impl Cursor<'_> {
                 let start = self.at;
                 let text = self.text("a variable's name")?;
                 let split = text.strip_suffix(')').and_then(|text| text.rsplit_once('('));
-                let kind =
-                    split.and_then(|(_, kind)| kind.bytes().next().filter(|_| kind.len() == 1));
-                let (Some((variable, _)), Some(n_bytes)) = (split, kind.and_then(size)) else {
+                let decoder = split.and_then(|(_, kind)| decoder(kind));
+                let (Some((variable, _)), Some(decoder)) = (split, decoder) else {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
@@ -207,8 +205,8 @@ impl Cursor<'_> {
                 } else {
                     format!("{name}.{variable}")
                 };
-                event.types.extend(kind);
-                event.n_bytes += n_bytes;
+                event.n_bytes += decoder.0;
+                event.decoders.push(decoder);
                 event.block.columns.push(Column { name: full, values: Vec::new() });
             }
             if events.insert(id, event).is_some() {

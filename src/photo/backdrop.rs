@@ -1,18 +1,18 @@
-//! What is in the picture besides the lamps: the light of the room, and a background picture.
+//! Backdrop: the light of the room, and a background picture.
 
 use std::path::Path;
 
 use super::options::PhotoOptions;
-use super::{Photo, srgb};
+use super::{Photo, narrow, srgb};
 use crate::camera::Camera;
 use crate::error::Result;
 
-/// The light of room and background, by row, in shares of white.
+/// The light of room and background, by row, relative to white.
 #[derive(Debug)]
 pub(super) struct Backdrop {
-    /// Light of the room at the picture's middle.
+    /// Light of the room in the middle of the picture.
     room: [f32; 3],
-    /// Square of the lens's focal length in pixels.
+    /// Square of the focal length in pixels.
     focal_sq_px2: f32,
     center_px: [f32; 2],
     picture: Option<Picture>,
@@ -26,13 +26,11 @@ struct Picture {
     light: [f32; 256],
     /// Pixels of the picture per pixel of the photo.
     scale: f64,
-    /// The columns that each pixel takes, and the share of the second.
+    /// Columns to interpolate for each pixel, and the share of the second.
     columns: Vec<([usize; 2], f32)>,
 }
 
 impl Backdrop {
-    /// The backdrop in shares of `white_lx_s`.
-    ///
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, white_lx_s: f64) -> Result<Self> {
         let [red, green, blue] = options.ambient_rgb;
         let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
@@ -74,7 +72,7 @@ impl Backdrop {
 
 impl Picture {
     fn read(path: &Path, camera: &Camera, stops: f64) -> Result<Self> {
-        let photo = Photo::read_png(path)?;
+        let photo = Photo::read(path)?;
         let size = [photo.width_px, photo.height_px].map(f64::from);
         let wanted = [camera.width_px, camera.height_px].map(f64::from);
         let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
@@ -86,7 +84,7 @@ impl Picture {
         Ok(Self { photo, light, scale, columns })
     }
 
-    /// Linear interpolation between four pixels, in linear light.
+    /// Adds the light of a row, bilinear in linear light.
     fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
         let y = y as f64 + 0.5 - f64::from(center_y_px);
         let ([above, below], down) = between(y, self.scale, self.photo.height_px);
@@ -104,16 +102,11 @@ impl Picture {
     }
 }
 
-/// The two of `n` pixels around a place, given from the middle, and the share of the second.
+/// The two of `n` pixels around a position relative to the middle, and the share of the second.
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let place = place.clamp(0.0, f64::from(n - 1));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let first = place as usize;
     ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }

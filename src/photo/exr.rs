@@ -6,7 +6,7 @@ use exr::math::Vec2;
 use exr::meta::attribute::{Chromaticities, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16};
 
-use super::{Readout, metadata};
+use super::{Readout, metadata, narrow};
 use crate::camera::Camera;
 
 /// Primaries and white of linear sRGB (ITU-R BT.709, D65).
@@ -17,23 +17,23 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.329),
 };
 
-/// How precise an EXR file is.
+/// Precision of an EXR file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// 16 bits: three digits of light.
     Half,
-    /// 32 bits: what the sensor read, exactly.
+    /// 32 bits: the readout, exactly.
     Float,
 }
 
 impl Readout {
     /// Writes the readout as an uncompressed EXR file with the attributes chromaticities,
-    /// whiteLuminance, expTime, aperture, isoSpeed, focus (where the camera has one), software, and comments:
-    /// a line for each note, `keyword: text`. No time stamp.
+    /// whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one), software, and
+    /// comments, a line `keyword: text` for each note. No time stamp.
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Those of the writer.
     pub fn write_exr(
         &self,
         out: impl Write + Seek,
@@ -48,23 +48,21 @@ impl Readout {
             let rgb = &self.rgb[3 * (p.y() * width + p.x())..][..3];
             (rgb[0], rgb[1], rgb[2])
         };
-        let encoding = Encoding::UNCOMPRESSED;
+        macro_rules! write {
+            ($pixel:expr) => {{
+                let channels = SpecificChannels::rgb($pixel);
+                let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
+                let mut image = Image::from_layer(layer);
+                image.attributes.chromaticities = Some(CHROMATICITIES);
+                image.write().non_parallel().to_buffered(out)
+            }};
+        }
         let written = match precision {
-            Precision::Float => {
-                let channels = SpecificChannels::rgb(at);
-                let mut image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
-                image.attributes.chromaticities = Some(CHROMATICITIES);
-                image.write().non_parallel().to_buffered(out)
-            }
-            Precision::Half => {
-                let channels = SpecificChannels::rgb(|p| {
-                    let (r, g, b) = at(p);
-                    (f16::from_f32(r), f16::from_f32(g), f16::from_f32(b))
-                });
-                let mut image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
-                image.attributes.chromaticities = Some(CHROMATICITIES);
-                image.write().non_parallel().to_buffered(out)
-            }
+            Precision::Float => write!(at),
+            Precision::Half => write!(|p| {
+                let (r, g, b) = at(p);
+                (f16::from_f32(r), f16::from_f32(g), f16::from_f32(b))
+            }),
         };
         written.map_err(|error| match error {
             exr::error::Error::Io(source) => source,
@@ -74,7 +72,7 @@ impl Readout {
 
     fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        // The file's text is Latin-1.
+        // Text of the file is Latin-1.
         let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
         let notes = notes.collect::<String>().replace(|c: char| u32::from(c) > 255, "?");
         LayerAttributes {
@@ -88,11 +86,6 @@ impl Readout {
             ..LayerAttributes::default()
         }
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "attributes are f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }
 
 #[cfg(test)]

@@ -2,13 +2,13 @@
 //! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
 //! alternating images", with the constants of that paper).
 //!
-//! Colours are filtered as the eye does at a distance (`PIXELS_PER_DEGREE`), compared in Hunt-
-//! adjusted `L*a*b*` by the distance `HyAB`, and weighed more where edges and points differ. 0: the
-//! same; 1: as far as can be, black against white or green against blue.
+//! Colors are filtered by the contrast sensitivity of the eye at a distance (`PIXELS_PER_DEGREE`),
+//! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
+//! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
 
 use super::{Photo, srgb};
 
-/// Pixels in a degree of sight: a 4K screen, 0.7 m wide, from 0.7 m.
+/// Pixels per degree of visual angle: a 4K screen, 0.7 m wide, from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;
 
 /// White in XYZ: D65.
@@ -19,14 +19,14 @@ const WHITE: [f32; 3] = [0.950_428_5, 1.0, 1.088_900_4];
 const SENSITIVITY: [[f32; 4]; 3] =
     [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
 
-/// Exponents of colours and of features.
+/// Exponents of colors and of features.
 const COLOR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
 
-/// Where the larger color differences are compressed: this share of the largest becomes that.
+/// Compression of large color differences: the first share of the largest maps to the second.
 const COMPRESSED: [f32; 2] = [0.4, 0.95];
 
-/// Width of the edges and points that the eye finds, in degrees.
+/// Width of edges and points, in degrees.
 const FEATURE_DEG: f32 = 0.082;
 
 /// A difference of two pictures.
@@ -41,7 +41,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Mean over the pixels that a mask takes.
+    /// Mean over the pixels of a mask.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let taken = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
@@ -49,8 +49,8 @@ impl Difference {
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
-    /// As a picture, from black over purple and orange to white: the colours of matplotlib's map
-    /// "magma" (polynomial fit by Zucker, public domain).
+    /// As a picture from black over purple and orange to white: the color map "magma" of matplotlib
+    /// (polynomial fit by Zucker, public domain).
     #[must_use]
     pub fn picture(&self) -> Photo {
         const FIT: [[f32; 3]; 7] = [
@@ -73,7 +73,7 @@ impl Difference {
     }
 }
 
-/// How two pictures of one size differ.
+/// Difference of two pictures of one size.
 ///
 /// # Panics
 ///
@@ -82,10 +82,11 @@ impl Difference {
 pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
-    let [a, b] = [Seen::new(a), Seen::new(b)];
+    let [a, b] = [Perceived::new(a), Perceived::new(b)];
     let largest = largest_color_difference();
     let values = (0..a.lab[0].values.len()).map(|i| {
-        let [color_a, color_b] = [&a, &b].map(|seen| [0, 1, 2].map(|c| seen.lab[c].values[i]));
+        let [color_a, color_b] =
+            [&a, &b].map(|picture| [0, 1, 2].map(|c| picture.lab[c].values[i]));
         let color = compressed(libm::powf(hyab(color_a, color_b), COLOR_EXPONENT), largest);
         let edge = (a.edges.values[i] - b.edges.values[i]).abs();
         let point = (a.points.values[i] - b.points.values[i]).abs();
@@ -103,8 +104,8 @@ struct Plane {
     values: Vec<f32>,
 }
 
-/// What the eye makes of a picture.
-struct Seen {
+/// A picture as the eye perceives it.
+struct Perceived {
     /// Hunt-adjusted `L*`, `a*`, `b*`.
     lab: [Plane; 3],
     /// Strength of edges and points.
@@ -112,7 +113,7 @@ struct Seen {
     points: Plane,
 }
 
-impl Seen {
+impl Perceived {
     fn new(photo: &Photo) -> Self {
         let width = photo.width_px as usize;
         let light = srgb::linear_from_level();
@@ -123,9 +124,9 @@ impl Seen {
             .collect();
         let plane = |c: usize| Plane { width, values: opponent.iter().map(|p| p[c]).collect() };
         let planes = [plane(0), plane(1), plane(2)];
-        let grey =
+        let gray =
             Plane { width, values: planes[0].values.iter().map(|y| (y + 16.0) / 116.0).collect() };
-        let filtered = [0, 1, 2].map(|c| planes[c].as_the_eye_sees(SENSITIVITY[c]));
+        let filtered = [0, 1, 2].map(|c| planes[c].filtered(SENSITIVITY[c]));
         let lab: Vec<[f32; 3]> = (0..opponent.len())
             .map(|i| {
                 let xyz = xyz_from_opponent([0, 1, 2].map(|c| filtered[c].values[i]));
@@ -134,21 +135,21 @@ impl Seen {
             })
             .collect();
         let lab = |c: usize| Plane { width, values: lab.iter().map(|p| p[c]).collect() };
-        let [edges, points] = grey.features();
+        let [edges, points] = gray.features();
         Self { lab: [lab(0), lab(1), lab(2)], edges, points }
     }
 }
 
 impl Plane {
-    /// Filtered by the eye's contrast sensitivity: a sum of two gaussians, each separable.
-    fn as_the_eye_sees(&self, [a1, b1, a2, b2]: [f32; 4]) -> Self {
+    /// Filtered by the contrast sensitivity of the eye: a sum of two Gaussians, each separable.
+    fn filtered(&self, [a1, b1, a2, b2]: [f32; 4]) -> Self {
         let pi = std::f32::consts::PI;
         let reach = |b: f32| (3.0 * (b / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil();
-        // One radius for all channels, as in the paper's program.
+        // One radius for all channels, as in the program of the paper.
         let radius = SENSITIVITY.iter().map(|s| reach(s[1].max(s[3]))).fold(0.0, f32::max);
         let of = |a: f32, b: f32| {
             let bell = kernel(radius, |x| libm::expf(-pi * pi * x * x / b));
-            // Along both axes the factor a √(π/b) counts once.
+            // The factor a √(π/b) counts once for both axes.
             let area: f32 = bell.iter().sum();
             (a * (pi / b).sqrt() * area * area, bell)
         };
@@ -164,7 +165,7 @@ impl Plane {
         out
     }
 
-    /// Strength of edges and of points: first and second derivative of a gaussian.
+    /// Strength of edges and of points: first and second derivative of a Gaussian.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
         let radius = (3.0 * sigma).ceil();
@@ -185,7 +186,7 @@ impl Plane {
         self.along_x(kernel).along_y(kernel)
     }
 
-    /// Folded with a kernel along the rows; beyond the border the last pixel goes on.
+    /// Convolved with a kernel along the rows; the border pixel is repeated.
     fn along_x(&self, kernel: &[f32]) -> Self {
         let radius = kernel.len() / 2;
         let mut padded = Vec::new();
@@ -195,9 +196,9 @@ impl Plane {
             padded.extend(std::iter::repeat_n(row[0], radius));
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[self.width - 1], radius));
-            let folded = padded.windows(kernel.len());
+            let windows = padded.windows(kernel.len());
             values.extend(
-                folded.map(|near| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()),
+                windows.map(|near| near.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()),
             );
         }
         Self { width: self.width, values }
@@ -220,7 +221,7 @@ impl Plane {
     }
 }
 
-/// Values at whole pixels from `-radius` to `radius`, given in degrees.
+/// Values at integer pixels from `-radius` to `radius`, as a function of degrees.
 fn kernel(radius: f32, value: impl Fn(f32) -> f32) -> Vec<f32> {
     #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
     let radius = radius as i32;
@@ -269,7 +270,7 @@ fn xyz_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     [(y + cx / 500.0) * WHITE[0], y * WHITE[1], (y - cz / 200.0) * WHITE[2]]
 }
 
-/// `L*a*b*` with colourfulness falling in the dark (Hunt).
+/// `L*a*b*` with colorfulness that falls in the dark (Hunt).
 fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
     let root = |value: f32| {
         let delta = 6.0_f32 / 29.0;
@@ -289,7 +290,7 @@ fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + libm::hypotf(a[1] - b[1], a[2] - b[2])
 }
 
-/// Green against blue, raised as all are.
+/// Difference of green and blue, with the exponent of colors.
 fn largest_color_difference() -> f32 {
     let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
     libm::powf(hyab(green, blue), COLOR_EXPONENT)
@@ -315,7 +316,7 @@ mod tests {
         Photo { width_px: width, height_px: height, rgb8, scene_toml: None }
     }
 
-    /// A trail, a dot, a ramp of colours and a field of checks.
+    /// A trail, a dot, a ramp of colors and a checkerboard.
     fn drawing(shift: u32) -> Photo {
         picture(96, 64, |x, y| {
             let (x, y) = (x + shift, y);
@@ -338,17 +339,16 @@ mod tests {
     }
 
     #[test]
-    fn the_figures_are_those_of_nvidias_program() {
+    fn mean_errors_are_those_of_flip_evaluator() {
         // flip-evaluator 1.7 (Python), evaluate(a, b, "LDR", inputsRGB=True), 67 pixels a degree.
-        let cases = OUTSIDE;
         for (name, a, b, wanted) in [
-            ("shifted", drawing(0), drawing(3), cases[0]),
-            ("dark", drawing(0), picture(96, 64, |_, _| [0, 0, 0]), cases[1]),
+            ("shifted", drawing(0), drawing(3), 0.186_907),
+            ("dark", drawing(0), picture(96, 64, |_, _| [0, 0, 0]), 0.532_208),
             (
                 "green and blue",
                 picture(96, 64, |_, _| [0, 255, 0]),
                 picture(96, 64, |_, _| [0, 0, 255]),
-                cases[2],
+                1.0,
             ),
         ] {
             let found = difference(&a, &b).mean(|_| true);
@@ -356,10 +356,8 @@ mod tests {
         }
     }
 
-    const OUTSIDE: [f64; 3] = [0.186_907, 0.532_208, 1.0];
-
     #[test]
-    fn it_is_symmetric_and_nothing_where_nothing_differs() {
+    fn it_is_symmetric_and_zero_for_equal_pictures() {
         let (a, b) = (drawing(0), drawing(5));
         assert!(difference(&a, &a).values.iter().all(|value| *value == 0.0));
         let [there, back] = [difference(&a, &b), difference(&b, &a)];
@@ -369,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pixel_is_seen_where_it_is() {
+    fn one_pixel_differs_at_its_place() {
         let mut changed = drawing(0);
         let at = (20 * 96 + 10) * 3;
         changed.rgb8[at..at + 3].copy_from_slice(&[90, 90, 90]);

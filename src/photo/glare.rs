@@ -2,12 +2,14 @@
 //!
 //! The scatter `1 / (1 + (r/r0)²)^1.1` (Harvey) becomes a sum of octaves: bell-shaped blurs of
 //! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
-//! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. What the
-//! scatter leaves within 4 px stays where it is. Light is kept to the count.
+//! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
+//! scattered within 4 px stays in its pixel. Every count is conserved.
 //!
-//! Not modelled: ghosts, and light that enters or leaves at the picture's edge (it is mirrored).
+//! Not modelled: ghosts, and light that crosses the border of the picture (it is mirrored).
 
-use super::bands;
+use rayon::prelude::*;
+
+use super::TASK_ROWS;
 use super::spread::{Plane, QUADRUPLE};
 use crate::camera::Camera;
 use crate::expose::Film;
@@ -27,13 +29,13 @@ pub(super) struct Glare {
     /// Scattered share of each pixel's counts, in units of 1 / [`WHOLE`].
     share: u32,
     /// Scattered light of each channel at the finest cells.
-    halo: [Plane; 3],
-    /// Which cells each row of pixels gets light from.
+    halo: Vec<Plane>,
+    /// Cells that give light to each row of pixels.
     rows: Vec<Vec<(usize, usize)>>,
 }
 
 impl Glare {
-    /// Scatters a film's light; `None` where the lens scatters nothing that a pixel could show.
+    /// Scatters the light of a film; `None` where the scatter is too weak for any pixel.
     pub(super) fn new(
         film: &Film,
         camera: &Camera,
@@ -46,23 +48,14 @@ impl Glare {
         if share == 0 {
             return None;
         }
-        let halo = |cells: Plane| halo(cells, &octaves);
-        let [red, green, blue] = cells(film, share);
-        let halo = if size_px[0] * size_px[1] < bands::THREAD_PIXELS {
-            [halo(red), halo(green), halo(blue)]
-        } else {
-            std::thread::scope(|scope| {
-                let halo = &halo;
-                let done = [red, green, blue].map(|cells| scope.spawn(move || halo(cells)));
-                done.map(|thread| thread.join().expect("integers do not fail"))
-            })
-        };
+        let cells = cells(film, share).into_par_iter();
+        let halo: Vec<Plane> = cells.map(|cells| halo(cells, &octaves)).collect();
         let rows = QUADRUPLE.sources(halo[0].height, size_px[1]);
         Some(Self { share, halo, rows })
     }
 
-    /// Counts of a row of the film, `pixels`, once the lens has scattered; counts that would leave
-    /// `u32` stay at its end. `scratch` is kept between rows.
+    /// Counts of a row of the film, `pixels`, after the scatter; they saturate. `scratch` is kept
+    /// between rows.
     pub(super) fn row(
         &self,
         channel: usize,
@@ -89,7 +82,7 @@ impl Glare {
     }
 }
 
-/// A row that is filled anew for every row of the picture.
+/// Buffer for a row of cells.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     cells: Vec<u64>,
@@ -105,27 +98,19 @@ fn scattered(count: u32, share: u32) -> u32 {
 pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let columns = width.div_ceil(CELL_PX);
-    let mut planes = film.counts.chunks_exact(width * height);
-    std::array::from_fn(|_| {
+    let light = |pixels: &[u32]| -> u64 {
+        pixels.iter().map(|&count| u64::from(scattered(count, share))).sum()
+    };
+    std::array::from_fn(|channel| {
         let mut out = Plane::dark(columns, height.div_ceil(CELL_PX));
-        let plane = planes.next().expect("a film has three planes");
-        let work = width * height / 2;
-        bands::rows(work, columns, &mut out.values, |rows, band| {
-            let first = rows.start * CELL_PX * width;
-            let last = (rows.end * CELL_PX * width).min(plane.len());
-            for (y, row) in plane[first..last].chunks_exact(width).enumerate() {
-                let sums = &mut band[y / CELL_PX * columns..][..columns];
-                let light = |pixels: &[u32]| -> u64 {
-                    pixels.iter().map(|&count| u64::from(scattered(count, share))).sum()
-                };
-                let (whole, rest) = row.as_chunks::<CELL_PX>();
-                for (sum, pixels) in sums.iter_mut().zip(whole) {
-                    if pixels[0] | pixels[1] | pixels[2] | pixels[3] != 0 {
+        let sums = out.values.par_chunks_exact_mut(columns);
+        let rows = sums.zip(film.plane(channel).par_chunks(CELL_PX * width));
+        rows.with_min_len(TASK_ROWS).for_each(|(sums, rows)| {
+            for row in rows.chunks_exact(width) {
+                for (sum, pixels) in sums.iter_mut().zip(row.chunks(CELL_PX)) {
+                    if pixels.iter().any(|count| *count != 0) {
                         *sum += light(pixels);
                     }
-                }
-                if !rest.is_empty() {
-                    sums[columns - 1] += light(rest);
                 }
             }
         });

@@ -1,7 +1,7 @@
-//! What a picture's file says about how it was taken: EXIF 2.32 and XMP.
+//! Metadata of a picture: EXIF 2.32 and XMP.
 //!
-//! Only what is known and leaves the bytes the same: no time, no maker of a camera that is none. The
-//! IPTC's digital source type says that the picture was computed from a model.
+//! There is no time, for the same bytes every time, and no maker, since there is no real camera. The
+//! digital source type of the IPTC marks a picture that was computed from a model.
 
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
@@ -9,10 +9,10 @@ use exif::{Field, In, Rational, Tag, Value};
 use crate::camera::Camera;
 use crate::digest::sha256;
 
-/// What a picture's file says about how it was taken.
+/// Metadata of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
-    /// How long the shutter was open.
+    /// Exposure time.
     pub exposure_s: f64,
     /// Aperture number.
     pub f_number: f64,
@@ -22,7 +22,7 @@ pub struct Metadata {
     pub focal_length_m: f64,
     /// Width of the sensor.
     pub sensor_width_m: f64,
-    /// 128 bits of the picture's SHA-256, in hexadecimal.
+    /// 128 bits of the SHA-256 of the picture, in hexadecimal.
     pub unique_id: String,
 }
 
@@ -30,7 +30,7 @@ pub struct Metadata {
 pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
 
 impl Metadata {
-    /// For a picture that a camera took; its bytes make its name.
+    /// Metadata of a picture by a camera, with an identifier from its bytes.
     #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
         Self {

@@ -1,23 +1,26 @@
-//! Random numbers of the sensor: a function of seed, row, channel, source and column, so a pixel's
-//! noise depends on no other pixel, no order and no thread.
+//! Random numbers of the sensor: functions of seed, row, channel, source and column, so that the
+//! noise of a pixel depends on no other pixel, on no order and on no thread.
 
 use std::sync::LazyLock;
+
+use super::narrow;
+use crate::random::split_mix;
 
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Below so many electrons the Poisson distribution is drawn exactly; from here on a normal one
-/// stands for it (as in `ISETCam`).
+/// Electrons below which the Poisson distribution is exact; above, a normal distribution takes its
+/// place (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
-/// What a random number is for.
+/// Use of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// All noise of a bright pixel; the photons of a dark one.
     Shot,
-    /// What is left of a dark pixel's noise: reading, PRNU.
+    /// The other noise of a dark pixel: reading, PRNU.
     Read,
-    /// Which photosites of a row are hot, and how hot.
+    /// Hot photosites of a row, and their electrons.
     Hot,
 }
 
@@ -54,19 +57,11 @@ impl Stream {
     }
 }
 
-/// A step of Vigna's `SplitMix64`.
-fn split_mix(seed: u64) -> u64 {
-    let z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
-/// Normal numbers by a piecewise linear inverse of their distribution, of variance 1 to the last
-/// digits of f32 and up to 3.8 σ.
+/// Normal numbers, by a piecewise linear inverse of their distribution: of variance 1 to the last
+/// digits of f32, and up to 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
-    /// Start of each cell, and how far it is to the next one's per unit of the lower bits.
+    /// Start of each cell, and its slope per unit of the lower bits.
     cells: [[f32; 2]; CELLS],
 }
 
@@ -87,17 +82,16 @@ impl Normal {
         let squares = nodes.windows(2).map(|n| (n[0] * n[0] + n[0] * n[1] + n[1] * n[1]) / 3.0);
         let scale = 1.0 / (squares.sum::<f64>() * share).sqrt();
         let lower = f64::from(1_u32 << LOWER_BITS);
-        #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
         let cells = std::array::from_fn(|i| {
             let (from, to) = (scale * nodes[i], scale * nodes[i + 1]);
-            [(from + (to - from) * 0.5 / lower) as f32, ((to - from) / lower) as f32]
+            [narrow(from + (to - from) * 0.5 / lower), narrow((to - from) / lower)]
         });
         Self { cells }
     }
 
-    /// The normal number of 32 uniform bits.
+    /// The normal number for 32 uniform bits.
     #[inline(always)]
-    pub(super) fn of(&self, bits: u32) -> f32 {
+    pub(super) fn number(&self, bits: u32) -> f32 {
         let [from, slope] = self.cells[(bits >> LOWER_BITS) as usize];
         let lower = (bits & ((1 << LOWER_BITS) - 1)).cast_signed();
         from + slope * lower as f32
@@ -106,8 +100,8 @@ impl Normal {
 
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
 
-/// Where the normal distribution reaches `p`, 0 < p < 1, within 1.2e-9 of itself (Acklam's rational
-/// approximation).
+/// Quantile of the normal distribution for 0 < p < 1, to 1.2e-9 of itself (rational approximation
+/// of Acklam).
 fn quantile(p: f64) -> f64 {
     const A: [f64; 6] = [
         -3.969_683_028_665_376e1,
@@ -153,40 +147,26 @@ fn quantile(p: f64) -> f64 {
     }
 }
 
-/// A Poisson number of any mean up to 500, by inverting its distribution.
-pub(super) fn poisson(mean: f64, bits: u32) -> u32 {
-    let uniform = (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
-    let mut share = libm::exp(-mean);
-    let (mut number, mut until) = (0, share);
-    while uniform > until && number < 1000 {
-        number += 1;
-        share *= mean / f64::from(number);
-        until += share;
-    }
-    number
-}
-
-/// Poisson numbers of means below [`POISSON_BELOW`], quickly: by tables of the means `(k / 32)²`. A
-/// mean between two of them takes one or the other by chance, so that it is exact, and the variance
-/// is so to a thousandth of itself.
+/// Fast Poisson numbers of means below [`POISSON_BELOW`], by tables of the means `(k / 32)²`. A mean
+/// between two of them takes either at random, so that the mean is exact, and the variance to 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
-    /// As many as eight bits tell apart; the last means are those of [`POISSON_BELOW`].
+    /// Tables of rising means; the last ones are those of [`POISSON_BELOW`].
     levels: Box<[[u32; NUMBERS]; LEVELS]>,
 }
 
 const LEVELS: usize = 256;
 const LAST_LEVEL: u32 = 255;
 
-/// Numbers above have a share below 2^-32, with a mean of 25.
+/// Larger numbers have a probability below 2^-32 at a mean of 25.
 const NUMBERS: usize = 64;
 const LAST_NUMBER: u32 = 63;
 
-/// Bits that choose a column of a table, and those that choose within it.
+/// Bits that select a column of a table, and those that select within it.
 const COLUMN_BITS: u32 = NUMBERS.ilog2();
 const WITHIN_BITS: u32 = 32 - COLUMN_BITS;
 
-/// Lowest bits of a uniform, which decide next to nothing within a column, choose the level.
+/// Lowest bits of the uniform number, negligible within a column, that select the level.
 const LEVEL_BITS: u32 = 12;
 
 /// Mean of level k is k² over this.
@@ -205,12 +185,11 @@ impl Poisson {
         Self { levels }
     }
 
-    /// The number of a mean and a uniform. Nothing here branches: what comes by chance, no processor
-    /// foresees.
+    /// The number for a mean and uniform bits, without branches, which random bits would mispredict.
     #[inline(always)]
-    pub(super) fn of(&self, mean: f32, bits: u32) -> f32 {
+    pub(super) fn number(&self, mean: f32, bits: u32) -> f32 {
         let square = mean * PER_SQUARE;
-        // Added to 1.5 · 2^23, a number leaves its whole part in the last bits.
+        // Added to 1.5 · 2^23, a number has its integer part in the last bits.
         let k = (square.sqrt() - 0.5 + 12_582_912.0).to_bits() & LAST_LEVEL;
         // From k² on, the next level is 2 k + 1 away.
         let low = (bits & ((1 << LEVEL_BITS) - 1)).cast_signed() as f32 + 0.5;
@@ -225,10 +204,10 @@ impl Poisson {
     }
 }
 
-/// Walker's table of a Poisson distribution (Walker 1977; Vose 1991): a number is its column's where
-/// the bits within lie below the cell's upper ones, else it is the cell's lower ones.
+/// Alias table of a Poisson distribution (Walker 1977; Vose 1991): the number is the column where
+/// the bits within are below the upper bits of the cell, else the lower bits of the cell.
 fn table(mean: f64) -> [u32; NUMBERS] {
-    // In columns: 1 is an equal share.
+    // Probability times the number of columns.
     let mut share = NUMBERS as f64 * libm::exp(-mean);
     let mut shares: [f64; NUMBERS] = std::array::from_fn(|number| {
         let this = share;
@@ -247,7 +226,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
             less.extend(more.pop());
         }
     }
-    // What is left has all of its column but for rounding.
+    // The rest fill their own column, but for rounding.
     for number in less.into_iter().chain(more) {
         cells[number] |= u32::try_from(number).expect("a column");
     }

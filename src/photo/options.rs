@@ -1,100 +1,75 @@
-//! How a film is developed: what the lens and the sensor do to the light, and the tone curve.
-
-use serde::{Deserialize, Serialize};
+//! How a film is developed: effects of lens and sensor, and the tone curve.
 
 use super::tone::Tone;
 use crate::camera::Camera;
-use crate::error::{Result, within};
+use crate::error::Result;
+use crate::settings::{Described, settings};
 
-/// Settings of the photograph. Every effect has a value that switches it off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PhotoOptions {
-    /// From the sensor's light to the picture's levels.
-    pub tone: Tone,
-    /// Share of the light that the lens scatters: veiling glare and halo. 0: none. ISO 9358 measures
-    /// 1 to 5 % on usual lenses; more drowns the dark in fog.
-    pub glare_frac: f64,
-    /// Core of the scatter `1 / (1 + (r/r0)²)^1.1`, r0 on the sensor. Less draws the halo tighter.
-    pub glare_radius_m: f64,
-    /// Blades of the iris: an even number makes as many spikes at bright points, an odd one twice as
-    /// many. 0: no starburst.
-    pub aperture_blades: u32,
-    /// Luminance of the room. 0: dark.
-    pub ambient_cd_m2: f64,
-    /// Colour of that light, linear sRGB; its luminance is scaled to 1.
-    pub ambient_rgb: [f64; 3],
-    /// PNG picture behind the light, relative to the current folder; it covers the photo and is cut
-    /// to its aspect. Empty: none.
-    pub background: String,
-    /// How much brighter than its file the background is; at 0 its white saturates the sensor.
-    pub background_stops: f64,
-    /// Share of a colour's light that the photosites of its neighbour in the spectrum see. 0: none.
-    /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan hearts and, over more,
-    /// white ones.
-    pub crosstalk_frac: f64,
-    /// Whether the sensor is noisy.
-    pub noise: Noise,
-    /// Electrons that fill a pixel. Fewer are noisier.
-    pub full_well_e: f64,
-    /// Sensitivity at which the full well is white; above, the converter clips earlier.
-    pub base_iso: f64,
-    /// Electrons of red, green and blue photosites in white light, in shares of the largest: quantum
-    /// efficiency times filter. White balance divides by it again.
-    pub response: [f64; 3],
-    /// Noise of reading a pixel, σ.
-    pub read_noise_e: f64,
-    /// Electrons that gather in a pixel without light.
-    pub dark_current_e_s: f64,
-    /// Photo response non-uniformity, σ of a pixel's gain.
-    pub prnu_frac: f64,
-    /// Share of photosites that are hot.
-    pub hot_pixel_frac: f64,
-    /// Mean dark current of a hot photosite; it is distributed exponentially.
-    pub hot_pixel_e_s: f64,
-}
+settings! {
+    /// Lens and sensor effects, and the tone curve. Every effect has a value that turns it off.
+    pub struct PhotoOptions {
+        /// Tone curve, from the light on the sensor to the levels of the picture.
+        tone: Tone = Tone::Camera;
+        /// Share of the light that the lens scatters into veiling glare and halo; 0 for none.
+        ///
+        /// ISO 9358 measures 1 to 5 % on usual lenses.
+        glare_frac: f64 = 0.045, in 0.0..=0.5;
+        /// Core radius r0 of the scatter `1 / (1 + (r/r0)²)^1.1` on the sensor.
+        glare_radius_m: f64 = 40e-6, in 1e-7..=0.1;
+        /// Blades of the iris: an even number makes as many spikes at bright points, an odd number
+        /// twice as many. 0 for no starburst.
+        aperture_blades: u32 = 7, in 0.0..=32.0;
+        /// Luminance of the room; 0 for a dark one.
+        ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
+        /// Color of the light of the room, linear sRGB; its luminance is scaled to 1.
+        ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75], in 1e-3..=1e3;
+        /// PNG picture behind the light, relative to the current folder; it covers the photo and is
+        /// cut to its aspect. Empty for none.
+        background: String = String::new();
+        /// Exposure of the background in stops; at 0 its white saturates the sensor.
+        background_stops: f64 = 0.0, in -20.0..=20.0;
+        /// Share of the light of a color that the neighboring color channel receives; 0 for none.
+        ///
+        /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan centers.
+        crosstalk_frac: f64 = 0.1, in 0.0..=0.3;
+        /// Sensitivity at which a full well is white; above it, the converter clips earlier.
+        base_iso: f64 = 100.0, in 1.0..=1e5;
+        /// Noise of the sensor.
+        noise: Noise = Noise::default();
+    }
 
-/// Whether the sensor is noisy.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Noise {
-    /// Photon shot noise, dark current, read noise, PRNU and hot pixels (EMVA 1288).
-    #[default]
-    Emva1288,
-    /// Every pixel reads its mean.
-    Off,
-}
+    /// Noise of the sensor.
+    pub enum Noise tagged {
+        /// Photon shot noise, dark current, read noise, PRNU and hot pixels (EMVA 1288).
+        "emva1288" => Emva1288(SensorNoise),
+        /// None: every pixel reads its mean.
+        "off" => Off,
+    }
 
-impl Default for PhotoOptions {
-    /// A lens of 4.5 % glare and 7 blades in a dark room, a full-frame sensor of 24 megapixels looked at
-    /// pixel by pixel (full well, read noise), PRNU as in JPEG XL's noise model.
-    fn default() -> Self {
-        Self {
-            tone: Tone::Camera,
-            glare_frac: 0.045,
-            glare_radius_m: 40e-6,
-            aperture_blades: 7,
-            ambient_cd_m2: 0.02,
-            ambient_rgb: [1.25, 0.95, 0.75],
-            background: String::new(),
-            background_stops: 0.0,
-            crosstalk_frac: 0.1,
-            noise: Noise::Emva1288,
-            full_well_e: 50_000.0,
-            base_iso: 100.0,
-            response: [0.55, 1.0, 0.7],
-            read_noise_e: 3.0,
-            dark_current_e_s: 0.1,
-            prnu_frac: 0.005,
-            hot_pixel_frac: 3e-5,
-            hot_pixel_e_s: 100.0,
-        }
+    /// Noise of a full-frame sensor of 24 megapixels, viewed pixel by pixel; PRNU as in the noise
+    /// model of JPEG XL.
+    pub struct SensorNoise {
+        /// Electrons that fill a pixel. Fewer are noisier.
+        full_well_e: f64 = 50_000.0, in 100.0..=1e9;
+        /// Electrons of red, green and blue photosites in white light, relative to the largest:
+        /// quantum efficiency times filter. White balance divides by it.
+        response: [f64; 3] = [0.55, 1.0, 0.7], in 0.01..=1.0;
+        /// Read noise of a pixel, σ.
+        read_noise_e: f64 = 3.0, in 0.0..=1e4;
+        /// Dark current of a pixel.
+        dark_current_e_s: f64 = 0.1, in 0.0..=1e4;
+        /// Photo response non-uniformity, σ of the gain of a pixel.
+        prnu_frac: f64 = 0.005, in 0.0..=0.2;
+        /// Share of photosites that are hot.
+        hot_pixel_frac: f64 = 3e-5, in 0.0..=0.01;
+        /// Mean dark current of a hot photosite; it is distributed exponentially.
+        hot_pixel_e_s: f64 = 100.0, in 0.0..=1e6;
     }
 }
 
 impl PhotoOptions {
-    /// Every effect off: the sensor clips at saturation, the sRGB curve encodes what is below. For
-    /// measuring.
+    /// Every effect off, for measuring: the sensor clips at saturation, the sRGB curve encodes the
+    /// rest.
     #[must_use]
     pub fn plain() -> Self {
         Self {
@@ -108,7 +83,8 @@ impl PhotoOptions {
         }
     }
 
-    /// Light of the room in the picture's middle, in stops over saturation; `None` in the dark.
+    /// Light of the room in the middle of the picture, in stops relative to saturation; `None` in a
+    /// dark room.
     #[must_use]
     pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
         let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();
@@ -121,24 +97,6 @@ impl PhotoOptions {
     ///
     /// [`Error::Input`](crate::error::Error::Input) with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        within("photo.glare_frac", self.glare_frac, 0.0, 0.5)?;
-        within("photo.glare_radius_m", self.glare_radius_m, 1e-7, 0.1)?;
-        within("photo.aperture_blades", f64::from(self.aperture_blades), 0.0, 32.0)?;
-        within("photo.ambient_cd_m2", self.ambient_cd_m2, 0.0, 1e6)?;
-        for value in self.ambient_rgb {
-            within("photo.ambient_rgb", value, 1e-3, 1e3)?;
-        }
-        within("photo.background_stops", self.background_stops, -20.0, 20.0)?;
-        within("photo.crosstalk_frac", self.crosstalk_frac, 0.0, 0.3)?;
-        within("photo.full_well_e", self.full_well_e, 100.0, 1e9)?;
-        within("photo.base_iso", self.base_iso, 1.0, 1e5)?;
-        for value in self.response {
-            within("photo.response", value, 0.01, 1.0)?;
-        }
-        within("photo.read_noise_e", self.read_noise_e, 0.0, 1e4)?;
-        within("photo.dark_current_e_s", self.dark_current_e_s, 0.0, 1e4)?;
-        within("photo.prnu_frac", self.prnu_frac, 0.0, 0.2)?;
-        within("photo.hot_pixel_frac", self.hot_pixel_frac, 0.0, 0.01)?;
-        within("photo.hot_pixel_e_s", self.hot_pixel_e_s, 0.0, 1e6)
+        Described::check(self, "photo", None)
     }
 }

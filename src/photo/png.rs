@@ -1,5 +1,4 @@
-//! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP, and the scene that made them in a
-//! text chunk.
+//! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
 
 use std::io::{BufReader, Cursor, Read, Write};
 use std::path::Path;
@@ -8,32 +7,24 @@ use super::{Metadata, Photo, Readout, Tone};
 use crate::camera::{Camera, MAX_PIXELS, check_size};
 use crate::error::{Error, Result};
 
-/// Keyword of the text chunk that holds the scene file.
+/// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
-/// Keyword of the text chunk that holds XMP (PNG, third edition).
+/// Keyword of the text chunk of XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
-/// Largest image file that is read: a photo of [`MAX_PIXELS`] without compression, and some.
+/// Largest image file: a photo of [`MAX_PIXELS`] without compression.
 const MAX_FILE_BYTES: u64 = 4 * MAX_PIXELS;
-
-/// Levels of a picture, red, green, blue by pixel.
-#[derive(Clone, Copy, Debug)]
-enum Levels<'a> {
-    Eight(&'a [u8]),
-    /// Two bytes a level, the higher first.
-    Sixteen(&'a [u8]),
-}
 
 impl Photo {
     /// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
     ///
-    /// `notes` go into text chunks, keyword and text; the scene file follows them. With a camera,
-    /// EXIF and XMP say how the picture was taken.
+    /// `notes`, pairs of keyword and text, and the scene become text chunks. With a camera, the file
+    /// has its EXIF and XMP.
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Those of the writer.
     pub fn write_png(
         &self,
         out: impl Write,
@@ -43,50 +34,27 @@ impl Photo {
         let metadata = camera.map(|camera| Metadata::new(camera, &self.rgb8));
         let size_px = [self.width_px, self.height_px];
         let scene = self.scene_toml.as_deref();
-        write(out, size_px, Levels::Eight(&self.rgb8), metadata.as_ref(), notes, scene)
-    }
-
-    /// Reads a photo from a PNG file, one of ours or any other.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is no PNG image or
-    /// too large.
-    pub fn read_png(path: &Path) -> Result<Self> {
-        Self::from_png(&read_bounded(path)?, path)
+        let levels = (png::BitDepth::Eight, &*self.rgb8);
+        write(out, size_px, levels, metadata.as_ref(), notes, scene)
     }
 
     /// Reads the bytes of a PNG file.
     pub(super) fn from_png(bytes: &[u8], path: &Path) -> Result<Self> {
         let broken = |source: &dyn std::fmt::Display| {
-            let hint = "name a PNG image, such as the photo.png that `noctograph preview` writes";
-            Error::input(path.display().to_string(), source, "a PNG image", hint)
+            Error::input(path.display().to_string(), source, "a PNG image", "choose another file")
         };
         let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(bytes)));
-        decoder.set_limits(png::Limits { bytes: usize::MAX });
-        decoder.set_transformations(png::Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(|e| broken(&e))?;
         let (width_px, height_px) = (header.width, header.height);
         checked_size(path, width_px, height_px)?;
-        let mut reader = decoder.read_info().map_err(|e| broken(&e))?;
-        let mut levels = vec![0; reader.output_buffer_size().ok_or_else(|| broken(&"no size"))?];
-        let frame = reader.next_frame(&mut levels).map_err(|e| broken(&e))?;
-        if frame.bit_depth == png::BitDepth::Sixteen {
-            let nearest = |pair: &[u8; 2]| (u32::from(u16::from_be_bytes(*pair)) + 128) / 257;
-            let nearest = |pair| u8::try_from(nearest(pair)).expect("at most 255");
-            levels = levels.as_chunks::<2>().0.iter().map(nearest).collect();
-        }
+        let picture = image::load_from_memory_with_format(bytes, image::ImageFormat::Png);
+        let rgb8 = picture.map_err(|e| broken(&e))?.into_rgb8().into_raw();
+        let reader = decoder.read_info().map_err(|e| broken(&e))?;
         let texts = &reader.info().utf8_text;
         let scene = texts.iter().find(|text| text.keyword == SCENE_KEYWORD);
         let scene_toml = scene.and_then(|text| text.get_text().ok());
-        let rgb8 = rgb8(&levels, frame.color_type.samples());
         Ok(Self { width_px, height_px, rgb8, scene_toml })
     }
-}
-
-/// Whether bytes begin as a PNG file.
-pub(super) fn is_png(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
 }
 
 /// Refuses an image that is too large, before it is decoded.
@@ -99,19 +67,13 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
     })
 }
 
-/// Red, green and blue of pixels with so many samples: gray, gray and alpha, RGB, or RGBA.
-pub(super) fn rgb8(levels: &[u8], samples: usize) -> Vec<u8> {
-    let pixels = levels.chunks_exact(samples);
-    pixels.flat_map(|p| if samples < 3 { [p[0]; 3] } else { [p[0], p[1], p[2]] }).collect()
-}
-
 impl Readout {
     /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at 8;
     /// the rest as [`Photo::write_png`].
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Those of the writer.
     pub fn write_png16(
         &self,
         out: impl Write,
@@ -124,22 +86,19 @@ impl Readout {
         let bytes: Vec<u8> = rgb16.iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata::new(camera, &bytes);
         let size_px = [self.width_px, self.height_px];
-        write(out, size_px, Levels::Sixteen(&bytes), Some(&metadata), notes, scene_toml)
+        let levels = (png::BitDepth::Sixteen, &*bytes);
+        write(out, size_px, levels, Some(&metadata), notes, scene_toml)
     }
 }
 
 fn write(
     out: impl Write,
     [width_px, height_px]: [u32; 2],
-    levels: Levels<'_>,
+    (depth, bytes): (png::BitDepth, &[u8]),
     metadata: Option<&Metadata>,
     notes: &[(&str, String)],
     scene_toml: Option<&str>,
 ) -> std::io::Result<()> {
-    let (depth, bytes) = match levels {
-        Levels::Eight(bytes) => (png::BitDepth::Eight, bytes),
-        Levels::Sixteen(bytes) => (png::BitDepth::Sixteen, bytes),
-    };
     let mut info = png::Info::with_size(width_px, height_px);
     (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
     info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
@@ -191,12 +150,12 @@ mod tests {
         let mut file = Vec::new();
         photo().write_png(&mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
         std::fs::write(&path, &file).unwrap();
-        assert_eq!(Photo::read_png(&path).unwrap(), photo());
+        assert_eq!(Photo::read(&path).unwrap(), photo());
         assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
     }
 
     #[test]
-    fn a_photo_says_how_it_was_taken_at_8_and_16_bits() {
+    fn exif_and_xmp_are_in_files_of_8_and_16_bits() {
         let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
         let mut eight = Vec::new();
         photo().write_png(&mut eight, Some(&camera), &[]).unwrap();
@@ -232,7 +191,7 @@ mod tests {
         photo().write_png(&mut file, None, &[]).unwrap();
         for broken in [&b"no image"[..], &[], &file[..20], &file[..file.len() / 2]] {
             std::fs::write(&path, broken).unwrap();
-            let error = Photo::read_png(&path).unwrap_err().to_string();
+            let error = Photo::read(&path).unwrap_err().to_string();
             assert!(error.contains("photo.png") && error.contains("a PNG image"), "{error}");
         }
     }

@@ -1,12 +1,12 @@
-//! Registration: where a render lies in a photograph of the same flight, by a similarity transform.
+//! Registration: the similarity transform from a render to a photograph of the same flight.
 //!
-//! 1. Of both pictures only the light counts that stands out of its surroundings: trails, not rooms
+//! 1. Both pictures are reduced to the light above that of its surroundings: trails without rooms
 //!    and floors.
-//! 2. On pictures of `COARSE_PX` every scale, turn and shift within bounds is tried.
-//! 3. The best few are followed through finer pictures by the enhanced correlation coefficient
-//!    (Evangelidis and Psarakis 2008), and the one that correlates most is taken.
+//! 2. Pictures of `COARSE_PX` are compared at every scale, rotation and shift within bounds.
+//! 3. The best few are refined on finer pictures by the enhanced correlation coefficient
+//!    (Evangelidis and Psarakis 2008), and the one with the highest correlation is the result.
 //!
-//! Not sought: perspective and distortion; they are in the residual.
+//! Not modelled: perspective and distortion, which stay in the residual.
 
 mod ink;
 
@@ -14,43 +14,44 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::Photo;
 use crate::error::{Error, Result};
+use crate::statistics::weighted_quantile;
 use ink::{Ink, Levels};
 
-/// Scales tried, as shares of that at which the pictures' longer sides agree, and their steps.
+/// Range of the scale, relative to equal longer sides, and its step.
 const SCALES: [f64; 2] = [0.4, 2.5];
 const SCALE_STEP: f64 = 1.1;
 
-/// Turns tried, and their steps.
+/// Range of the rotation, and its step.
 const TURN_RAD: f64 = 0.35;
 const TURN_STEP_RAD: f64 = 0.07;
 
-/// Candidates that are followed.
+/// Candidates that are refined.
 const FOLLOWED: usize = 6;
 
-/// Least correlation that is no chance.
+/// Least correlation of a match.
 const LEAST_CORRELATION: f64 = 0.2;
 
-/// Takes a place `q` of the render, in pixels from its top left corner, to `scale R(rotation) q +
-/// shift` in the photograph.
+/// Transform of a point `q` of the render, in pixels from its top left corner, to `scale R(rotation)
+/// q + shift` in the photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
     /// Pixels of the photograph per pixel of the render.
     pub scale: f64,
-    /// From x to y: clockwise, as pictures are seen.
+    /// From x to y: clockwise in the picture.
     pub rotation_rad: f64,
-    /// Where the render's corner falls.
+    /// Image of the corner of the render.
     pub shift_px: [f64; 2],
 }
 
 impl Similarity {
-    /// Where a place of the render falls.
+    /// Image of a point of the render.
     #[must_use]
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (a, b) = self.linear();
         [a * x - b * y + self.shift_px[0], b * x + a * y + self.shift_px[1]]
     }
 
-    /// The way back.
+    /// The inverse transform.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back =
@@ -63,27 +64,27 @@ impl Similarity {
         (self.scale * cos, self.scale * sin)
     }
 
-    fn of(p: Vector4<f64>) -> Self {
+    fn from_parameters(p: Vector4<f64>) -> Self {
         let scale = libm::hypot(p[0], p[1]);
         Self { scale, rotation_rad: libm::atan2(p[1], p[0]), shift_px: [p[2], p[3]] }
     }
 
-    /// The same between pictures that are so many times as small.
+    /// The same between pictures that are smaller by these factors.
     fn between(&self, render: f64, photo: f64) -> Self {
         let shift_px = self.shift_px.map(|value| value / photo);
         Self { scale: self.scale * render / photo, shift_px, ..*self }
     }
 }
 
-/// How a render lies in a photograph, and how well it fits.
+/// Transform from a render to a photograph, and its quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
-    /// Where the render lies.
+    /// The transform.
     pub transform: Similarity,
-    /// Correlation of the trails, 1 where they are alike.
+    /// Correlation of the trails, up to 1.
     pub correlation: f64,
-    /// Distance of the render's trails from the nearest of the photograph's, in its pixels: median,
-    /// and what 95 % stay below.
+    /// Distance from the trails of the render to the nearest of the photograph, in its pixels:
+    /// median and 95th percentile.
     pub residual_px: [f64; 2],
 }
 
@@ -108,7 +109,7 @@ pub fn register(render: &Photo, photo: &Photo) -> Result<Registration> {
             .map(|(score, s)| (score, s.between(1.0 / by_from, 1.0 / by_to)))
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // Halves the field from level to level.
+        // Half of the candidates remain at each level.
         scored.truncate((FOLLOWED >> level).max(1));
         best = scored.first().map_or((f64::NEG_INFINITY, None), |(c, s)| (*c, Some(*s)));
         followed = scored.into_iter().map(|(_, s)| s).collect();
@@ -134,8 +135,8 @@ fn nothing_alike(correlation: f64) -> Error {
     }
 }
 
-/// Every scale, turn and shift of the coarsest pictures: the best of each scale and turn, the best
-/// few of these.
+/// The best candidates of all scales, rotations and shifts of the coarsest pictures, one for each
+/// scale and rotation.
 fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
     let points = brightest(render);
     let square = |values: &[f32]| values.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
@@ -154,7 +155,7 @@ fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
                 shift_px: [0.0; 2],
             };
             let center = about.apply(middle);
-            // Places from the middle of the render, to be shifted over the photo.
+            // Points relative to the middle of the render, to be shifted over the photo.
             let placed: Vec<(isize, isize, f32)> = points
                 .iter()
                 .map(|(place, value)| {
@@ -181,7 +182,7 @@ fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
             }
             let [dx, dy] = best.1.map(|shift| shift as f64 + 0.5);
             let shift_px = [dx - center[0], dy - center[1]];
-            // A render that is drawn larger has as many points but more light.
+            // An enlarged render has the same number of points but more light.
             let score = f64::from(best.0) * about.scale / norms.max(f64::MIN_POSITIVE);
             found.push((score, Similarity { shift_px, ..about }));
         }
@@ -192,7 +193,7 @@ fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
     found.into_iter().map(|(_, s)| s).collect()
 }
 
-/// The brightest twelfth of a picture, places and values.
+/// The brightest twelfth of a picture: points and values.
 fn brightest(ink: &Ink) -> Vec<([f64; 2], f32)> {
     let mut points: Vec<([f64; 2], f32)> = (0..ink.values.len())
         .map(|i| {
@@ -205,7 +206,7 @@ fn brightest(ink: &Ink) -> Vec<([f64; 2], f32)> {
     points
 }
 
-/// Climbs to the transform that correlates most nearby; and that correlation.
+/// Refines a transform; also returns its correlation.
 fn climb(render: &Ink, photo: &Ink, start: Similarity) -> Option<(f64, Similarity)> {
     let (a, b) = start.linear();
     let mut p = Vector4::new(a, b, start.shift_px[0], start.shift_px[1]);
@@ -221,12 +222,12 @@ fn climb(render: &Ink, photo: &Ink, start: Similarity) -> Option<(f64, Similarit
             break;
         }
     }
-    best.map(|(correlation, p)| (correlation, Similarity::of(p)))
+    best.map(|(correlation, p)| (correlation, Similarity::from_parameters(p)))
 }
 
-/// Correlation at a transform, and the step to a better one.
+/// Correlation of a transform, and the step to a better one.
 fn step(render: &Ink, photo: &Ink, p: Vector4<f64>) -> Option<(f64, Vector4<f64>)> {
-    // Sums of the gradient G, the photo w and the render t over the pixels that both have.
+    // Sums of the gradient G, the photo w and the render t over the pixels in both.
     let (mut n, mut sum_w, mut sum_t, mut ww, mut tt, mut wt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let (mut gg, mut g) = (Matrix4::zeros(), Vector4::zeros());
     let (mut gw, mut gt) = (Vector4::zeros(), Vector4::zeros());
@@ -247,7 +248,7 @@ fn step(render: &Ink, photo: &Ink, p: Vector4<f64>) -> Option<(f64, Vector4<f64>
         gw += row * w;
         gt += row * t;
     }
-    // A fit that leaves the render's light outside the photo is none.
+    // At least half of the light of the render must lie in the photo.
     if n < 16.0 || tt < 0.5 * all_t {
         return None;
     }
@@ -263,74 +264,35 @@ fn step(render: &Ink, photo: &Ink, p: Vector4<f64>) -> Option<(f64, Vector4<f64>
     Some((correlation, hessian * (gt * lambda - gw)))
 }
 
-/// Distances from the render's trails to the nearest of the photo's, in the photo's pixels.
+/// Most points of a trail of which the residual is taken.
+const RESIDUAL_POINTS: usize = 2000;
+
+/// Distances from the trails of the render to the nearest of the photo, in pixels of the photo.
 fn residual_px(render: &Levels, photo: &Levels, transform: &Similarity) -> [f64; 2] {
-    let finest = render.levels.len() - 1;
-    let [from, to] = [render.at(finest), photo.at(photo.levels.len() - 1)];
+    let [from, to] = [render, photo].map(|levels| trails(levels.at(levels.levels.len() - 1)));
     let near = transform.between(render.finest, photo.finest);
-    let far = distances(to);
-    let mut off: Vec<f64> = trails(from)
-        .into_iter()
-        .enumerate()
-        .filter(|(_, lit)| *lit)
-        .filter_map(|(i, _)| {
-            let place = [(i % from.width) as f64 + 0.5, (i / from.width) as f64 + 0.5];
-            let [x, y] = near.apply(place).map(f64::floor);
-            let inside = x >= 0.0 && y >= 0.0 && x < to.width as f64 && y < to.height as f64;
-            inside.then(|| f64::from(far[whole(y) * to.width + whole(x)]) * photo.finest)
+    let mut off: Vec<(f64, f64)> = from
+        .iter()
+        .step_by(from.len().div_ceil(RESIDUAL_POINTS).max(1))
+        .map(|point| {
+            let [x, y] = near.apply(*point);
+            let square = |to: &[f64; 2]| (to[0] - x) * (to[0] - x) + (to[1] - y) * (to[1] - y);
+            let nearest = to.iter().map(square).fold(f64::INFINITY, f64::min);
+            (nearest.sqrt() * photo.finest, 1.0)
         })
+        .filter(|(off, _)| off.is_finite())
         .collect();
-    off.sort_by(f64::total_cmp);
-    let quantile = |share: f64| off.get(whole(share * off.len() as f64)).copied().unwrap_or(0.0);
-    [quantile(0.5), quantile(0.95)]
+    [0.5, 0.95].map(|share| weighted_quantile(&mut off, share).unwrap_or(0.0))
 }
 
-/// Pixels of a trail: a fifth and more as bright as a bright one.
-fn trails(ink: &Ink) -> Vec<bool> {
+/// Pixels of a trail: at least a fifth as bright as a bright one.
+fn trails(ink: &Ink) -> Vec<[f64; 2]> {
     let mut sorted = ink.values.clone();
     sorted.sort_by(f32::total_cmp);
-    let bright = sorted[(sorted.len() - 1) * 995 / 1000];
-    ink.values.iter().map(|value| *value > 0.2 * bright && *value > 0.0).collect()
-}
-
-/// Distance of every pixel from the nearest of a trail, in pixels: exact along one axis at a time
-/// (Saito and Toriwaki 1994).
-fn distances(ink: &Ink) -> Vec<f32> {
-    let (width, height) = (ink.width, ink.height);
-    let lit = trails(ink);
-    let far = (width + height) as f32;
-    let mut across = vec![far; lit.len()];
-    for y in 0..height {
-        let mut run = far;
-        for x in 0..width {
-            run = if lit[y * width + x] { 0.0 } else { run + 1.0 };
-            across[y * width + x] = run;
-        }
-        let mut run = far;
-        for x in (0..width).rev() {
-            run = if lit[y * width + x] { 0.0 } else { run + 1.0 };
-            across[y * width + x] = across[y * width + x].min(run);
-        }
-    }
-    let mut out = vec![far; lit.len()];
-    for x in 0..width {
-        for y in 0..height {
-            let mut best = across[y * width + x] * across[y * width + x];
-            for step in 1..height {
-                let away = (step * step) as f32;
-                if away >= best {
-                    break;
-                }
-                for row in [y.checked_sub(step), Some(y + step).filter(|row| *row < height)] {
-                    let Some(row) = row else { continue };
-                    let aside = across[row * width + x];
-                    best = best.min(aside * aside + away);
-                }
-            }
-            out[y * width + x] = best.sqrt();
-        }
-    }
-    out
+    let least = (0.2 * sorted[(sorted.len() - 1) * 995 / 1000]).max(f32::MIN_POSITIVE);
+    let lit = |i: &usize| ink.values[*i] >= least;
+    let point = |i: usize| [(i % ink.width) as f64 + 0.5, (i / ink.width) as f64 + 0.5];
+    (0..ink.values.len()).filter(lit).map(point).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels, not below 0")]
@@ -341,11 +303,6 @@ fn whole(px: f64) -> usize {
 #[expect(clippy::cast_possible_truncation, reason = "pixels")]
 fn rounded(px: f64) -> isize {
     px.round() as isize
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }
 
 #[cfg(test)]
@@ -411,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_not_found() {
+    fn a_photo_without_the_trails_is_infeasible() {
         let render = word([640, 400], HOME, 0.0);
         let dark =
             Photo { rgb8: vec![7; 300 * 200 * 3], width_px: 300, height_px: 200, ..render.clone() };

@@ -1,30 +1,33 @@
-//! Sensor: from light on its pixels to what it reads, after EMVA 1288.
+//! Sensor: from the light on its pixels to its readout, after EMVA 1288.
 //!
-//! Light leaks between the colours, becomes electrons in Poisson numbers with a mean of the light
-//! times the colour's response, dark current and hot photosites add theirs, the well or the
-//! converter clips each colour, and reading adds noise. Then the camera takes the mean dark current
-//! off, balances white, clips all colours at the same light, and undoes the leak by its matrix: what
-//! was not clipped has its own colour back, what was is nearer to its neighbour's and to white.
+//! 1. Light leaks between the color channels and becomes electrons: Poisson numbers with a mean of
+//!    the light times the response of the channel. Dark current and hot photosites add theirs.
+//! 2. The well or the converter clips each channel, and reading adds noise.
+//! 3. The camera subtracts the mean dark current, balances white, clips all channels at the same
+//!    light, and inverts the leak by its matrix: unclipped light has its own color again, clipped
+//!    light a color nearer to its neighbor's and to white.
 //!
-//! A filter leaks most into its neighbour in the spectrum: red and blue into green, green into both,
-//! and a tenth of that from red to blue. So an overexposed blue lamp has a cyan heart.
+//! A color filter leaks most into the neighboring channel: red and blue into green, green into both,
+//! and a tenth of that from red to blue. Hence the cyan center of an overexposed blue lamp.
 //!
-//! White is `78 / ISO` lx s (ISO 12232) from the base sensitivity on; below it the full well is.
-//! A picture shows noise and pattern in one: PRNU joins the variance. Not modelled: rounding of the
-//! converter, the mosaic of colours, banding, cosmic rays.
+//! White is `78 / ISO` lx s (ISO 12232) from the base sensitivity on, and the full well below it.
+//! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
+//! modelled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
 
-use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream, poisson};
-use super::options::{Noise, PhotoOptions};
+use super::narrow;
+use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
+use super::options::{Noise, PhotoOptions, SensorNoise};
 use crate::camera::Camera;
+use crate::random::poisson;
 
-/// A sensor at its settings for one picture.
+/// A sensor with its settings for one picture.
 #[derive(Debug)]
 pub(super) struct Sensor {
-    /// Luminous exposure that is white.
+    /// Luminous exposure at white.
     pub(super) white_lx_s: f64,
-    /// How the colours leak, and what undoes it; nothing where they do not.
+    /// Matrix of the leak between the channels, and its inverse.
     leak: Option<[[[f32; 3]; 3]; 2]>,
-    /// Gains of the colours.
+    /// Gains of the channels.
     white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
@@ -35,19 +38,19 @@ struct Noisy {
     seed: u64,
     normal: &'static Normal,
     poisson: &'static Poisson,
-    /// Electrons of each colour at white.
+    /// Electrons of each channel at white.
     at_white: [f32; 3],
-    /// Where each pixel clips.
+    /// Electrons at which a pixel clips.
     clip: f32,
     dark: f32,
     read_variance: f32,
     prnu_squared: f32,
-    /// Hot photosites of a row, mean; of an exposure, mean electrons.
+    /// Mean number of hot photosites in a row, and mean electrons of one.
     hot_in_row: f64,
     hot: f64,
 }
 
-/// Rows that are filled anew for every row of the picture.
+/// Buffers for a row.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     bits: Vec<u32>,
@@ -56,43 +59,29 @@ pub(super) struct Scratch {
 }
 
 impl Sensor {
-    #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, seed: u64) -> Self {
         let gain = (camera.iso / options.base_iso).max(1.0);
-        let white_lx_s = 78.0 / (options.base_iso * gain);
-        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        let largest = options.response.into_iter().fold(0.0, f64::max);
-        let clip = options.full_well_e / gain;
-        let dark = (options.dark_current_e_s * exposure_s).min(0.5 * clip);
-        let noisy = || Noisy {
-            seed,
-            normal: &NORMAL,
-            poisson: &POISSON,
-            at_white: options.response.map(|r| ((clip - dark) * r / largest) as f32),
-            clip: clip as f32,
-            dark: dark as f32,
-            read_variance: (options.read_noise_e * options.read_noise_e) as f32,
-            prnu_squared: (options.prnu_frac * options.prnu_frac) as f32,
-            hot_in_row: options.hot_pixel_frac * 3.0 * f64::from(camera.width_px),
-            hot: options.hot_pixel_e_s * exposure_s,
+        let noise = match &options.noise {
+            Noise::Emva1288(noise) => Some(Noisy::new(camera, noise, gain, seed)),
+            Noise::Off => None,
         };
         Self {
-            white_lx_s,
+            white_lx_s: 78.0 / (options.base_iso * gain),
             leak: (options.crosstalk_frac > 0.0).then(|| leak(options.crosstalk_frac)),
-            white_balance: camera.white_balance.map(|gain| gain as f32),
-            noise: (options.noise == Noise::Emva1288).then(noisy),
+            white_balance: camera.white_balance.map(narrow),
+            noise,
         }
     }
 
-    /// Reads row `y`: light in shares of white becomes what the camera makes of it, 1 where it
-    /// saturates (and a little off 0 to 1 where the matrix leads there). The widest registers of this
-    /// processor do it; no product is fused with a sum, so all leave the same bits.
+    /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
+    /// little outside of 0 to 1 after the matrix). It runs in the widest registers of this
+    /// processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         pulp::Arch::new().dispatch(Reading { sensor: self, y, rows, scratch });
     }
 }
 
-/// A row while it is read.
+/// A row that is read.
 struct Reading<'a> {
     sensor: &'a Sensor,
     y: usize,
@@ -124,8 +113,8 @@ impl pulp::NullaryFnOnce for Reading<'_> {
     }
 }
 
-/// What the red, green and blue photosites see of red, green and blue light, and its inverse.
-#[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
+/// Shares of red, green and blue light that the red, green and blue photosites receive, and the
+/// inverse.
 fn leak(crosstalk_frac: f64) -> [[[f32; 3]; 3]; 2] {
     let (near, far) = (crosstalk_frac, 0.1 * crosstalk_frac);
     let leak = nalgebra::Matrix3::new(
@@ -140,7 +129,7 @@ fn leak(crosstalk_frac: f64) -> [[[f32; 3]; 3]; 2] {
         1.0 - near - far,
     );
     let undo = leak.try_inverse().expect("less than a third leaks");
-    [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)] as f32)))
+    [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 
 /// Mixes the channels of each pixel.
@@ -155,6 +144,25 @@ fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
 }
 
 impl Noisy {
+    fn new(camera: &Camera, noise: &SensorNoise, gain: f64, seed: u64) -> Self {
+        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
+        let largest = noise.response.into_iter().fold(0.0, f64::max);
+        let clip = noise.full_well_e / gain;
+        let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
+        Self {
+            seed,
+            normal: &NORMAL,
+            poisson: &POISSON,
+            at_white: noise.response.map(|r| narrow((clip - dark) * r / largest)),
+            clip: narrow(clip),
+            dark: narrow(dark),
+            read_variance: narrow(noise.read_noise_e * noise.read_noise_e),
+            prnu_squared: narrow(noise.prnu_frac * noise.prnu_frac),
+            hot_in_row: noise.hot_pixel_frac * 3.0 * f64::from(camera.width_px),
+            hot: noise.hot_pixel_e_s * exposure_s,
+        }
+    }
+
     #[inline(always)]
     fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         let Scratch { bits, reading, hot } = scratch;
@@ -178,7 +186,8 @@ impl Noisy {
                 for (mean, (&bits, &reading)) in row.iter_mut().zip(bits.iter().zip(&*reading)) {
                     *mean = if *mean < POISSON_BELOW {
                         let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-                        self.poisson.of(*mean, bits) + spread.sqrt() * self.normal.of(reading)
+                        self.poisson.number(*mean, bits)
+                            + spread.sqrt() * self.normal.number(reading)
                     } else {
                         self.bright(*mean, bits)
                     };
@@ -195,24 +204,23 @@ impl Noisy {
         }
     }
 
-    /// Electrons read where there are many: all sources add up to one normal number.
+    /// Electrons of a bright pixel: all sources add up to one normal number.
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
-        mean + variance.sqrt() * self.normal.of(bits)
+        mean + variance.sqrt() * self.normal.number(bits)
     }
 
     /// The hot photosites of a row: channel, column, electrons.
     fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
         out.clear();
         let stream = Stream::new(self.seed, y, 0, Source::Hot);
-        let number = poisson(self.hot_in_row, stream.bits(0));
+        let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
+        let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
             let place = u64::from(stream.bits(1 + 2 * index)) * (3 * width as u64);
             let place = usize::try_from(place >> 32).expect("a photosite of a row");
-            let uniform = (f64::from(stream.bits(2 + 2 * index)) + 0.5) / 4_294_967_296.0;
-            #[expect(clippy::cast_possible_truncation, reason = "electrons are f32")]
-            let electrons = (-self.hot * libm::log(uniform)) as f32;
+            let electrons = narrow(-self.hot * libm::log(uniform(stream.bits(2 + 2 * index))));
             out.push((place % 3, place / 3, electrons));
         }
     }

@@ -1,8 +1,11 @@
-//! Spreading light over neighbours in integers, so that none is lost and none is made.
+//! Spreading of light over neighbors in integers, with every count conserved.
 //!
-//! A value V goes to its parts in shares `c_j / 2^s` that add to 1. Part j gets
-//! `⌊V c_0…j / 2^s⌋ - ⌊V c_0…j-1 / 2^s⌋`: rounded, and the parts add up to V exactly. What would
-//! leave the picture is mirrored at its edge, so even light stays even.
+//! A value V is divided in shares `c_j / 2^s` with sum 1. Part j gets `⌊V c_0…j / 2^s⌋ -
+//! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
+//! mirrored at its border, so that uniform light stays uniform.
+//!
+//! The blurs of `flip` (any kernel, in f32) and of `register` (wide means at a cost independent of
+//! the radius) conserve no counts.
 
 /// Light of cells, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,7 +15,7 @@ pub(super) struct Plane {
     pub(super) values: Vec<u64>,
 }
 
-/// How a cell's light spreads along an axis; values must stay below 2^58.
+/// Kernel that spreads the light of a cell along an axis; values must stay below 2^58.
 #[derive(Debug)]
 pub(super) struct Spread<const PARTS: usize> {
     /// Places per cell.
@@ -43,7 +46,7 @@ impl<const PARTS: usize> Spread<PARTS> {
         until(part) - if part == 0 { 0 } else { until(part - 1) }
     }
 
-    /// Where a part of a cell falls among `n` places.
+    /// Place of a part of a cell among `n` places.
     pub(super) fn place(&self, cell: usize, part: usize, n: usize) -> usize {
         let (place, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
         let mirrored = if place < 0 { -1 - place } else { place };
@@ -51,7 +54,7 @@ impl<const PARTS: usize> Spread<PARTS> {
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// The cells and parts that each of `n` places gets.
+    /// Cells and parts that each of `n` places receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
@@ -159,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn even_light_stays_even() {
+    fn uniform_light_stays_uniform() {
         let plane = Plane { width: 6, height: 4, values: vec![64; 24] };
         assert_eq!(plane.blurred(), plane);
         let mut fine = Plane::dark(12, 8);

@@ -1,12 +1,13 @@
 //! Starburst: spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. Of a point's light, the
-//! share `2 λ N / (π² r)` lands farther than r from it, as for a round iris; straight blades gather
-//! it in spikes, so each of n spikes has `2 λ N / (π² n r²)` a length. Along a trail spikes smear to
-//! nothing, so only dwelling lamps get them. The spikes' light is taken from the point.
+//! A straight blade diffracts light into a spike at right angles to it. The share `2 λ N / (π² r)` of
+//! the light of a point lands farther than r from it, as for a round iris; straight blades
+//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. Along a
+//! trail spikes smear to nothing, so only lamps at rest have them. Their light is taken from the
+//! point.
 //!
-//! Integers once a spike's light on a pixel is rounded down. Not modelled: that a spike of red light
-//! is longer in its fine structure than one of blue.
+//! The light of a spike on a pixel is rounded down to an integer. Not modelled: the fine structure of
+//! spikes by color.
 
 use super::glare::{CELL_PX, WHOLE};
 use super::spread::Plane;
@@ -16,36 +17,36 @@ use crate::expose::Film;
 /// Wavelength of red, green and blue LEDs.
 const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];
 
-/// Light of a point, in saturated pixels, from which its spikes can be seen.
+/// Light of a point with visible spikes, in saturated pixels.
 const BRIGHT_PX: f64 = 1000.0;
 
-/// Most points that get spikes, the brightest first.
+/// Most points with spikes, the brightest first.
 const MAX_POINTS: usize = 64;
 
-/// Cells around a point's own whose light counts as its: 3 × 3 cells of 4 px.
+/// Cells around that of a point whose light is its own: 3 × 3 cells of 4 px.
 const REACH_CELLS: usize = 1;
 
-/// Where spikes begin, outside of those cells.
+/// Start of the spikes, outside of those cells.
 const INNER_PX: f64 = 6.0;
 
-/// Where they end.
+/// End of the spikes.
 const OUTER_PX: f64 = 240.0;
 
 /// Width of a spike, σ.
 const WIDTH_PX: f64 = 0.9;
 
-/// Turn of the iris: spikes that run along rows or columns look like a mistake.
+/// Rotation of the iris, so that no spike runs along rows or columns like an artifact.
 const TURN_RAD: f64 = 0.2;
 
-/// Most of a point's light that goes into its spikes.
+/// Largest share of the light of a point in its spikes.
 const MAX_SHARE: f64 = 0.3;
 
-/// What a pixel gains or loses.
+/// Gain or loss of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Change {
     /// `y * width_px + x`.
     pub(super) index: usize,
-    /// Counts by channel; light is only moved, so the changes of a film add up to 0.
+    /// Counts by channel; those of a film add up to 0.
     pub(super) counts: [i64; 3],
 }
 
@@ -82,11 +83,11 @@ struct Point {
     /// First cell of its block of cells.
     corner: [usize; 2],
     center_px: [f64; 2],
-    /// Its own light, without that of a trail through it, in counts.
+    /// Light in counts, without that of a trail through it.
     light: [f64; 3],
 }
 
-/// Where lamps dwell: cells brighter than all around by far.
+/// Points where lamps dwell: cells much brighter than all around.
 fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<Point> {
     let (width, height) = (cells[0].width, cells[0].height);
     let counts = f64::from(WHOLE) / f64::from(share);
@@ -98,7 +99,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<P
     for y in margin..height.saturating_sub(margin) {
         for x in margin..width.saturating_sub(margin) {
             let own = cell(x, y);
-            // A ninth of the light that its block must hold.
+            // At least a ninth of the light of its block.
             if own as f64 * counts * 9.0 < bright {
                 continue;
             }
@@ -106,7 +107,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3], share: u32) -> Vec<P
                 (y - reach..=y + reach)
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
-            // The first of equals is the point.
+            // Of equal cells, the first is the point.
             let is_top = around(margin)
                 .all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x]) || cell(i, j) < own);
             if !is_top {
@@ -145,7 +146,7 @@ fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)
     y.flat_map(move |y| x.clone().map(move |x| (x, y)))
 }
 
-/// Middle of the light of a block.
+/// Centroid of the light of a block.
 fn center_px(film: &Film, corner: [usize; 2]) -> [f64; 2] {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let mut sums = [0.0; 3];
@@ -158,7 +159,7 @@ fn center_px(film: &Film, corner: [usize; 2]) -> [f64; 2] {
     [sums[1] / sums[0], sums[2] / sums[0]]
 }
 
-/// Draws a spike from a point along a unit vector; `light` lies beyond 1 px.
+/// Draws a spike from a point along a unit vector; `light` is its light beyond 1 px.
 fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut Vec<Change>) {
     let size = [film.width_px, film.height_px].map(|side| side as usize);
     // Steps along the axis that the spike is nearer to, and across it.
@@ -191,8 +192,8 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
     }
 }
 
-/// Takes the light of the changes from `first` on from the point's pixels, each in proportion to
-/// what it has.
+/// Takes the light of the changes from `first` on from the pixels of the point, in proportion to
+/// their own.
 fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let count = |c: usize, index: usize| i128::from(film.counts[c * pixels + index]);

@@ -29,7 +29,7 @@ fn random(x: usize, y: usize) -> u32 {
     Stream::new(5, y, 0, Source::Shot).bits(u32::try_from(x).unwrap())
 }
 
-/// A film of a thin trail, some dots and the dark.
+/// A film of a thin trail and some dots in the dark.
 fn drawing(size_px: [u32; 2]) -> Film {
     film(size_px, |channel, x, y| match (x + 2 * y) % 97 {
         0 => count(8.0) >> channel,
@@ -43,14 +43,20 @@ fn rgb8(film: &Film, camera: &Camera, options: &PhotoOptions) -> Vec<u8> {
 }
 
 fn electrons_only() -> PhotoOptions {
-    PhotoOptions {
-        noise: Noise::Emva1288,
+    noisy(|_| {})
+}
+
+/// Electrons with read noise and all that `change` adds.
+fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
+    let mut noise = SensorNoise {
         response: [1.0; 3],
         dark_current_e_s: 0.0,
         prnu_frac: 0.0,
         hot_pixel_frac: 0.0,
-        ..PhotoOptions::plain()
-    }
+        ..SensorNoise::default()
+    };
+    change(&mut noise);
+    PhotoOptions { noise: Noise::Emva1288(noise), ..PhotoOptions::plain() }
 }
 
 #[test]
@@ -151,7 +157,7 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
 }
 
 #[test]
-fn spikes_stand_where_a_lamp_dwells_and_not_along_a_trail() {
+fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     let size_px = [400, 300];
     let camera = camera(size_px, |c| c.f_number = 16.0);
     let spikes = |film: &Film, blades| {
@@ -190,7 +196,7 @@ fn spikes_stand_where_a_lamp_dwells_and_not_along_a_trail() {
 }
 
 #[test]
-fn overexposed_colour_turns_white_and_exposed_colour_stays() {
+fn an_overexposed_color_turns_white_and_others_stay() {
     let options = PhotoOptions { crosstalk_frac: 0.1, ..PhotoOptions::plain() };
     let film = film([2, 1], |channel, x, _| count([[0.0, 0.1, 0.5], [0.0, 5.0, 50.0]][x][channel]));
     let readout = read_out(&film, &camera([2, 1], |_| {}), &options, 0).unwrap();
@@ -202,16 +208,16 @@ fn overexposed_colour_turns_white_and_exposed_colour_stays() {
 
 /// Mean and variance of what the sensor reads of even light, in electrons.
 fn statistics(options: &PhotoOptions, electrons: f64) -> (f64, f64) {
-    let film = film([1000, 700], |_, _, _| count(electrons / options.full_well_e));
+    let film = film([1000, 700], |_, _, _| count(electrons / 50_000.0));
     let rgb = read_out(&film, &camera([1000, 700], |_| {}), options, 3).unwrap().rgb;
-    let values = || rgb.iter().map(|value| f64::from(*value) * options.full_well_e);
+    let values = || rgb.iter().map(|value| f64::from(*value) * 50_000.0);
     let mean = values().sum::<f64>() / rgb.len() as f64;
     (mean, values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / rgb.len() as f64)
 }
 
 #[test]
 fn photon_transfer_has_the_slope_of_electrons_and_the_offset_of_reading() {
-    let options = PhotoOptions { read_noise_e: 6.0, ..electrons_only() };
+    let options = noisy(|noise| noise.read_noise_e = 6.0);
     let points: Vec<(f64, f64)> =
         [2.0, 10.0, 24.0, 30.0, 200.0, 900.0].map(|e| statistics(&options, e)).into();
     for (mean, variance) in &points {
@@ -228,7 +234,7 @@ fn photon_transfer_has_the_slope_of_electrons_and_the_offset_of_reading() {
 
 #[test]
 fn nonuniform_gain_adds_its_square() {
-    let options = PhotoOptions { prnu_frac: 0.02, read_noise_e: 0.0, ..electrons_only() };
+    let options = noisy(|noise| (noise.prnu_frac, noise.read_noise_e) = (0.02, 0.0));
     let (mean, variance) = statistics(&options, 20_000.0);
     let wanted = mean + (0.02 * mean) * (0.02 * mean);
     assert!((variance / wanted - 1.0).abs() < 0.005, "{variance} for {wanted}");
@@ -238,7 +244,7 @@ fn nonuniform_gain_adds_its_square() {
 fn blocks_of_even_light_pass_the_z_test() {
     // Means of 2,000 blocks of 100 pixels; Šidák's bound for 1 % over all of them is 4.42 σ.
     for electrons in [4.0, 60.0, 4000.0] {
-        let options = PhotoOptions { read_noise_e: 2.0, ..electrons_only() };
+        let options = noisy(|noise| noise.read_noise_e = 2.0);
         let film = film([1000, 200], |_, _, _| count(electrons / 50_000.0));
         let mean = f64::from(film.counts[0]) / (0.78 * libm::exp2(20.0)) * 50_000.0;
         let rgb = read_out(&film, &camera([1000, 200], |_| {}), &options, 8).unwrap().rgb;
@@ -263,7 +269,7 @@ fn few_electrons_are_poisson() {
     let stream = Stream::new(1, 0, 0, Source::Shot);
     for x in 0..n {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
-        let number = POISSON.of(mean, stream.bits(x)) as usize;
+        let number = POISSON.number(mean, stream.bits(x)) as usize;
         histogram[number.min(39)] += 1;
     }
     let mut share = libm::exp(-f64::from(mean));
@@ -277,7 +283,7 @@ fn few_electrons_are_poisson() {
 }
 
 #[test]
-fn what_fills_the_well_clips() {
+fn a_full_well_clips() {
     let share = |electrons: f64| {
         let film = film([500, 400], |_, _, _| count(electrons / 50_000.0));
         let options = electrons_only();
@@ -294,12 +300,9 @@ fn what_fills_the_well_clips() {
 
 #[test]
 fn hot_photosites_have_their_density_and_mean() {
-    let options = PhotoOptions {
-        hot_pixel_frac: 1e-3,
-        hot_pixel_e_s: 200.0,
-        read_noise_e: 1.0,
-        ..electrons_only()
-    };
+    let options = noisy(|noise| {
+        (noise.hot_pixel_frac, noise.hot_pixel_e_s, noise.read_noise_e) = (1e-3, 200.0, 1.0);
+    });
     let film = film([1000, 1000], |_, _, _| 0);
     let rgb = read_out(&film, &camera([1000, 1000], |_| {}), &options, 4).unwrap().rgb;
     // Exponential with a mean of 200 e-/s · 10 s: exp(-0.05) of 3,000 are above 100 e-.
@@ -351,7 +354,7 @@ fn a_background_joins_in_linear_light() {
 }
 
 #[test]
-fn what_cannot_be_developed_is_named() {
+fn impossible_settings_are_named() {
     let (dark, camera) = (film([2, 1], |_, _, _| 0), camera([2, 1], |_| {}));
     let fails =
         |options: &PhotoOptions| develop(&dark, &camera, options, 0).unwrap_err().to_string();
@@ -360,8 +363,8 @@ fn what_cannot_be_developed_is_named() {
     assert!(fails(&missing).contains("nowhere/room.png"));
     let glare = PhotoOptions { glare_frac: f64::NAN, ..plain() };
     assert!(fails(&glare).contains("photo.glare_frac: found NaN"));
-    let response = PhotoOptions { response: [1.0, 0.0, 1.0], ..plain() };
-    assert!(fails(&response).contains("photo.response: found 0"));
+    let response = noisy(|noise| noise.response[1] = 0.0);
+    assert!(fails(&response).contains("photo.noise.response[1]: found 0"));
     let error = develop(&film([1, 2], |_, _, _| 0), &camera, &plain(), 0).unwrap_err();
     assert!(error.to_string().contains("1x2"), "{error}");
 }

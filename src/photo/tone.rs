@@ -1,42 +1,43 @@
-//! Tone: from the sensor's light to the picture's levels.
-
-use serde::{Deserialize, Serialize};
+//! Tone curves: from the light on the sensor to the levels of the picture.
 
 use super::srgb;
+use crate::settings::settings;
 
-/// From the sensor's light to the picture's levels. Light 1 saturates the sensor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Tone {
-    /// As a camera renders its JPEG: an S of the logarithm of light, per channel. Mid-grey, 10/78 of
-    /// saturation (ISO 12232), becomes level 118; contrast there is 0.2 per stop, 1.4 times sRGB's;
-    /// saturation becomes white over a soft shoulder, and 11 stops below it is black.
-    #[default]
-    Camera,
-    /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
-    Neutral,
-    /// The sRGB curve alone (IEC 61966-2-1): for measurement.
-    Linear,
+settings! {
+    /// Tone curve, from the light on the sensor to the levels of the picture. Light 1 saturates the
+    /// sensor.
+    pub enum Tone {
+        /// As a camera renders its JPEG: an S-curve of the logarithm of light, per channel.
+        ///
+        /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118; contrast there is 0.2
+        /// per stop, 1.4 times that of sRGB; saturation becomes white over a soft shoulder, and 11
+        /// stops below it is black.
+        "camera" => Camera,
+        /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
+        "neutral" => Neutral,
+        /// The sRGB curve alone (IEC 61966-2-1): for measurement.
+        "linear" => Linear,
+    }
 }
 
-/// Mid-grey in shares of saturation: ISO 12232 has mid-grey at 10/S lx s and saturation at 78/S.
-const GREY: f64 = 10.0 / 78.0;
+/// Middle gray relative to saturation: ISO 12232 has 10/S lx s for one and 78/S for the other.
+const GRAY: f64 = 10.0 / 78.0;
 
-/// Mid-grey in the picture, level 118.
-const GREY_LEVEL: f64 = 118.0 / 255.0;
+/// Encoded value of middle gray: level 118.
+const GRAY_LEVEL: f64 = 118.0 / 255.0;
 
-/// Rise of the picture's level per stop of light at mid-grey.
+/// Change of the encoded value per stop at middle gray.
 const CONTRAST: f64 = 0.2;
 
-/// Stops from mid-grey down to black.
+/// Stops from middle gray down to black.
 const BLACK_STOPS: f64 = 8.0;
 
-/// How suddenly the curve bends to white and to black; 1 is softest.
+/// Sharpness of the bends to white and to black; 1 is softest.
 const SHOULDER: f64 = 2.0;
 const TOE: f64 = 1.5;
 
 impl Tone {
-    /// What happens to the three channels of a pixel together.
+    /// The part of the curve that acts on the three channels of a pixel together.
     #[inline(always)]
     pub(super) fn mix(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
@@ -45,7 +46,7 @@ impl Tone {
         }
     }
 
-    /// The level, 0 to 1, that a channel's light 0 to 1 becomes.
+    /// Encoded value, 0 to 1, of the light of a channel, 0 to 1.
     #[must_use]
     pub fn encode(self, light: f64) -> f64 {
         match self {
@@ -55,20 +56,20 @@ impl Tone {
     }
 }
 
-/// `g + s u / (1 + |s u / l|^b)^(1/b)`, u in stops from mid-grey; l such that the curve ends at white
-/// where the sensor saturates, and at black [`BLACK_STOPS`] below mid-grey.
+/// `g + s u / (1 + |s u / l|^b)^(1/b)`, u in stops from middle gray, with l such that the curve
+/// reaches white at saturation, and black [`BLACK_STOPS`] below middle gray.
 fn camera(light: f64) -> f64 {
-    let stops = libm::log2(light.max(1e-9) / GREY);
+    let stops = libm::log2(light.max(1e-9) / GRAY);
     let (end, level, bend) = if stops > 0.0 {
-        (-libm::log2(GREY), 1.0 - GREY_LEVEL, SHOULDER)
+        (-libm::log2(GRAY), 1.0 - GRAY_LEVEL, SHOULDER)
     } else {
-        (BLACK_STOPS, GREY_LEVEL, TOE)
+        (BLACK_STOPS, GRAY_LEVEL, TOE)
     };
     let rise = CONTRAST * stops.abs();
     let straight_end = CONTRAST * end;
     let limit = straight_end / libm::pow(libm::pow(straight_end / level, bend) - 1.0, 1.0 / bend);
     let bent = rise / libm::pow(1.0 + libm::pow(rise / limit, bend), 1.0 / bend);
-    (GREY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
+    (GRAY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
 }
 
 /// Khronos PBR Neutral tone mapper, as its specification gives it.
@@ -88,10 +89,10 @@ fn neutral(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|value| value * (new_peak / peak) * keep + new_peak * (1.0 - keep))
 }
 
-/// Light below this is black in every tone, 2^-14; tables begin there.
+/// Light at which the tables begin, 2^-14: black in every tone.
 const DARK: f32 = 1.0 / 16384.0;
 
-/// A tone's curve as tables.
+/// A curve for 8 bits, as tables.
 #[derive(Debug)]
 pub(super) struct Levels8 {
     /// Least light of levels 1 to 255, then infinity.
@@ -100,7 +101,7 @@ pub(super) struct Levels8 {
     start: Vec<u8>,
 }
 
-/// Lower bits of a float that an entry of [`Levels8`] spans.
+/// Low bits of a float that one entry of [`Levels8`] spans.
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
@@ -133,17 +134,16 @@ impl Levels8 {
         Self { least, start }
     }
 
-    /// The level that is nearest to the light's: what reaches it, exactly.
+    /// The nearest level, exactly.
     #[inline(always)]
-    pub(super) fn of(&self, light: f32) -> u8 {
-        // NaN cannot come here; what is darker than the table counts as its first entry.
+    pub(super) fn level(&self, light: f32) -> u8 {
         let light = light.clamp(DARK, 1.0);
         let start = self.start[((light.to_bits() - DARK.to_bits()) >> BIN_BITS) as usize];
         start + u8::from(light >= self.least[usize::from(start)])
     }
 }
 
-/// A tone's curve for 16 bits: straight lines between 256 points an octave.
+/// A curve for 16 bits: linear between 256 points an octave.
 #[derive(Debug)]
 pub(super) struct Levels16 {
     nodes: Vec<f64>,
@@ -158,10 +158,10 @@ impl Levels16 {
         Self { nodes: (0..nodes).map(|node| tone.encode(light(node).min(1.0))).collect() }
     }
 
-    /// The nearest level, or the one beside it.
-    pub(super) fn of(&self, light: f32) -> u16 {
+    /// The nearest level or its neighbor.
+    pub(super) fn level(&self, light: f32) -> u16 {
         let encoded = if light < DARK {
-            // From the first node straight to 0, as sRGB runs there.
+            // Linear from the first node to 0, as sRGB is.
             self.nodes[0] * f64::from(light.max(0.0) / DARK)
         } else {
             let bits = light.min(1.0).to_bits() - DARK.to_bits();
@@ -191,25 +191,25 @@ mod tests {
                 #[expect(clippy::cast_possible_truncation, reason = "a level")]
                 #[expect(clippy::cast_sign_loss, reason = "a level")]
                 let level = (wanted * 255.0 + 0.5) as u8;
-                assert_eq!(eight.of(light), level, "{tone:?} {light}");
-                let off = f64::from(sixteen.of(light)) - wanted * 65535.0;
+                assert_eq!(eight.level(light), level, "{tone:?} {light}");
+                let off = f64::from(sixteen.level(light)) - wanted * 65535.0;
                 assert!(off.abs() < 1.5, "{tone:?} {light}: {off}");
             }
-            assert_eq!((eight.of(-1.0), eight.of(7.0)), (0, 255));
-            assert_eq!((sixteen.of(-1.0), sixteen.of(7.0)), (0, 65535));
+            assert_eq!((eight.level(-1.0), eight.level(7.0)), (0, 255));
+            assert_eq!((sixteen.level(-1.0), sixteen.level(7.0)), (0, 65535));
         }
     }
 
     #[test]
-    fn the_cameras_curve_passes_grey_and_white_with_its_contrast() {
-        assert_eq!((camera(GREY), camera(1.0)), (GREY_LEVEL, 1.0));
-        assert_eq!(camera(GREY / 256.0), 0.0);
-        let per_stop = camera(GREY * 1.01) - camera(GREY / 1.01);
+    fn the_camera_curve_passes_gray_and_white_with_its_contrast() {
+        assert_eq!((camera(GRAY), camera(1.0)), (GRAY_LEVEL, 1.0));
+        assert_eq!(camera(GRAY / 256.0), 0.0);
+        let per_stop = camera(GRAY * 1.01) - camera(GRAY / 1.01);
         let per_stop = per_stop / (2.0 * libm::log2(1.01));
         assert!((per_stop - CONTRAST).abs() < 2e-3, "{per_stop}");
         let steps = (0..3000).map(|i| camera(libm::exp2(f64::from(i) / 250.0 - 12.0)));
         let steps: Vec<f64> = steps.collect();
-        assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "it never falls");
+        assert!(steps.windows(2).all(|pair| pair[0] <= pair[1]), "monotonic");
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         for (light, wanted) in cases {
             let found = neutral(light);
             for (found, wanted) in found.into_iter().zip(wanted) {
-                assert!((found - wanted).abs() < 2e-6, "{light:?} became {found}, not {wanted}");
+                assert!((found - wanted).abs() < 2e-6, "{light:?}: {found}, wanted {wanted}");
             }
         }
     }

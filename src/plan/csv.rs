@@ -12,16 +12,16 @@ use crate::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
-/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. A plan that
-/// leads its loop or its lamps has [`SENT_COLUMNS`] or [`LIT_COLUMN`] before the light channels.
+/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
+/// adds [`SENT_COLUMNS`], timed light commands add [`LIT_COLUMN`] before the light channels.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
 ];
 
-/// Columns of the positions that are sent instead of the design, where they differ.
+/// Columns of the positions that are sent, where they differ from the design.
 pub const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
-/// Column of what the design wants lit, where light commands run ahead of it.
+/// Column of the design's light level, where light commands are sent ahead of it.
 pub const LIT_COLUMN: &str = "lit";
 
 impl Plan {
@@ -29,7 +29,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
@@ -81,14 +81,12 @@ impl Plan {
             letter: letter_from_number(columns[10][row]),
         });
         let setpoints = setpoints.collect();
-        let sent_m = if table.has(SENT_COLUMNS[0]) {
-            let columns = SENT_COLUMNS.map(|name| table.column(name));
-            let [x, y, z] = columns;
+        let mut sent_m = Vec::new();
+        if table.has(SENT_COLUMNS[0]) {
+            let [x, y, z] = SENT_COLUMNS.map(|name| table.column(name));
             let (x, y, z) = (x?, y?, z?);
-            (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect()
-        } else {
-            Vec::new()
-        };
+            sent_m = (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect();
+        }
         let lit =
             if table.has(LIT_COLUMN) { table.column(LIT_COLUMN)?.to_vec() } else { Vec::new() };
         Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m })
@@ -114,6 +112,6 @@ mod tests {
         let mut file = Vec::new();
         led.write_csv(&mut file).unwrap();
         let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
-        assert_eq!(back, led, "with what leads the loop and the lamps");
+        assert_eq!(back, led, "with feedforward and timed lights");
     }
 }

@@ -1,31 +1,34 @@
-//! Fleet: several drones share the strokes of one word, apart from each other in space and time.
+//! Fleet: several drones share the strokes of one word, and keep apart in space and time.
 //!
 //! Each drone takes a stretch of the word from left to right with about as much light as the
 //! others. Where two would come too close, the later one waits on the floor until they do not.
 
+use super::order::{as_drawn, is_kept, shortest};
 use super::pen::PenStroke;
-use super::{EvenStyle, Order, Plan, PlanOptions, Setpoint, Style, even, in_order, paced};
+use super::{EvenStyle, Plan, PlanOptions, Setpoint, Style, adjusted, even};
 use crate::error::{Error, Result};
-use crate::letters::{self, Strokes};
+use crate::geometry::bounds;
+use crate::letters::Strokes;
 
-/// Drones keep this far apart sideways, unless they are [`UPWARD_M`] above each other: the radii of
-/// the firmware's collision avoidance (`collision_avoidance.c`, 0.3, 0.3 and 0.9 m).
-pub const SIDEWAYS_M: f64 = 0.3;
-/// Below a drone its downwash reaches this far.
-pub const UPWARD_M: f64 = 0.9;
-/// Steps in which a drone's start is put off, and between two looks at the distance.
-const PUT_OFF_S: f64 = 0.5;
-const LOOK_S: f64 = 0.05;
+/// Least horizontal distance of two drones, unless they are [`MIN_VERTICAL_M`] above each other:
+/// the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
+pub const MIN_HORIZONTAL_M: f64 = 0.3;
+/// Reach of the downwash below a drone.
+pub const MIN_VERTICAL_M: f64 = 0.9;
+/// Steps by which a drone's start is delayed.
+const DELAY_STEP_S: f64 = 0.5;
+/// Time between two checks of the distance.
+const CHECK_STEP_S: f64 = 0.05;
 
 /// Two drones too close to each other, at the moment when they are closest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
+pub struct Conflict {
     /// When.
     pub time_s: f64,
-    /// Distance sideways.
-    pub sideways_m: f64,
+    /// Horizontal distance.
+    pub horizontal_m: f64,
     /// Difference in height.
-    pub upward_m: f64,
+    pub vertical_m: f64,
 }
 
 /// Plans of the drones that write a word together, `options.drones` of them; fewer where there are
@@ -33,36 +36,36 @@ pub struct Meeting {
 ///
 /// # Errors
 ///
-/// As [`super::plan()`]; [`Error::Input`] for several drones in the reference team's style, and
+/// As [`super::plan()`]; [`Error::Input`] for several drones in style `team`, and
 /// [`Error::Infeasible`] where they cannot keep apart.
 pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     if options.drones <= 1 {
         return Ok(vec![super::plan(strokes, options)?]);
     }
     options.check()?;
-    if matches!(options.style, Style::Team(_)) {
-        let hint = "set plan.style = \"even\"";
+    let Style::Even(style) = &options.style else {
         let found = format!("{} drones in style team", options.drones);
+        let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
-    }
+    };
     let mut plans: Vec<Plan> = Vec::new();
-    for share in shares(strokes, options)? {
-        plans.push(paced(apart_from(&plans, &share, options)?, options));
+    for share in shares(strokes, options, style)? {
+        plans.push(adjusted(apart_from(&plans, &share, options, style)?, options));
     }
     Ok(plans)
 }
 
 /// The strokes from left to right, in stretches of about equal length, each in its own order.
-fn shares(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Vec<PenStroke>>> {
-    let drawn = Order::Drawn;
-    let in_turn = Style::Even(EvenStyle { order: drawn, ..options.even_style().clone() });
-    let mut all = in_order(strokes, &PlanOptions { style: in_turn, ..options.clone() })?;
-    let middle = |stroke: &PenStroke| {
-        let x = || stroke.points_m.iter().map(|p| p.x);
-        x().fold(f64::INFINITY, f64::min) + x().fold(f64::NEG_INFINITY, f64::max)
-    };
-    let kept = options.even_style().order == drawn || strokes.order == letters::Order::Kept;
+fn shares(
+    strokes: &Strokes,
+    options: &PlanOptions,
+    style: &EvenStyle,
+) -> Result<Vec<Vec<PenStroke>>> {
+    let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
+    let kept = is_kept(strokes, style);
     if !kept {
+        let sides = |stroke: &PenStroke| extent_x_m(std::slice::from_ref(stroke));
+        let middle = |stroke: &PenStroke| sides(stroke)[0] + sides(stroke)[1];
         all.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
     }
     let whole_m: f64 = all.iter().map(PenStroke::length_m).sum();
@@ -79,33 +82,43 @@ fn shares(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Vec<PenStroke>
         drawn_m += length_m;
         shares.last_mut().expect("one at least").push(stroke);
     }
-    let share = |share: Vec<PenStroke>| {
-        if kept { share } else { super::ordered(&share, options) }
+    let in_order = |share: Vec<PenStroke>| {
+        if kept { share } else { shortest(&share, options.stroke_speed_m_s, style) }
     };
-    Ok(shares.into_iter().map(share).collect())
+    Ok(shares.into_iter().map(in_order).collect())
 }
 
-/// The plan of a share, begun as soon as it keeps apart from the plans before. The drone starts and
-/// lands below the middle of its share, where it is in nobody's way.
-fn apart_from(plans: &[Plan], share: &[PenStroke], options: &PlanOptions) -> Result<Plan> {
-    let x_m = || share.iter().flat_map(|stroke| stroke.points_m.iter().map(|point| point.x));
-    let home_x_m =
-        0.5 * (x_m().fold(f64::INFINITY, f64::min) + x_m().fold(f64::NEG_INFINITY, f64::max));
+/// Least and greatest x of strokes.
+fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
+    let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
+    let [left, _, right, _] = bounds(points.map(|point| [point.x, point.y]));
+    [left, right]
+}
+
+/// The plan of a share, started as soon as it keeps apart from the plans before. The drone starts
+/// and lands below the middle of its share, clear of the others.
+fn apart_from(
+    plans: &[Plan],
+    share: &[PenStroke],
+    options: &PlanOptions,
+    style: &EvenStyle,
+) -> Result<Plan> {
+    let [left_m, right_m] = extent_x_m(share);
+    let home_x_m = 0.5 * (left_m + right_m);
     let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
-    let mut put_off_s = 0.0;
+    let mut delay_s = 0.0;
     loop {
-        let later =
-            PlanOptions { floor_wait_s: options.floor_wait_s + put_off_s, ..options.clone() };
-        let plan = even::even(share, &later, Some(home_x_m))?;
-        let Some(meeting) = plans.iter().find_map(|other| nearest_meeting(&plan, other)) else {
+        let later = PlanOptions { floor_wait_s: options.floor_wait_s + delay_s, ..options.clone() };
+        let plan = even::plan(share, &later, style, Some(home_x_m))?;
+        let Some(closest) = plans.iter().find_map(|other| conflict(&plan, other)) else {
             return Ok(plan);
         };
-        put_off_s += PUT_OFF_S;
-        if put_off_s > longest_s + PUT_OFF_S {
+        delay_s += DELAY_STEP_S;
+        if delay_s > longest_s + DELAY_STEP_S {
             return Err(Error::Infeasible {
                 what: format!(
                     "two drones come within {:.2} m of each other at {:.1} s, however long one waits",
-                    meeting.sideways_m, meeting.time_s
+                    closest.horizontal_m, closest.time_s
                 ),
                 hint: "share the word among fewer drones, or write it larger".into(),
             });
@@ -113,34 +126,27 @@ fn apart_from(plans: &[Plan], share: &[PenStroke], options: &PlanOptions) -> Res
     }
 }
 
-/// Where two plans are too close to each other, if anywhere: within [`SIDEWAYS_M`] sideways and
-/// [`UPWARD_M`] in height, or [`SIDEWAYS_M`] in height where one stands on the floor with its motors
-/// off. Of all such moments the one with the least distance sideways.
+/// The closest moment of two plans that are too close to each other, if they ever are: within
+/// [`MIN_HORIZONTAL_M`] horizontally and [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] in
+/// height where one stands on the floor with its motors off.
 #[must_use]
-pub fn nearest_meeting(a: &Plan, b: &Plan) -> Option<Meeting> {
+pub fn conflict(a: &Plan, b: &Plan) -> Option<Conflict> {
     let end_s = a.duration_s().max(b.duration_s());
-    let mut nearest: Option<Meeting> = None;
+    let design_m = |plan: &Plan, time_s: f64| plan.design_m(time_s.min(plan.duration_s()));
+    let mut closest: Option<Conflict> = None;
     let mut time_s = 0.0;
     while time_s <= end_s {
-        let apart_m = a.design_until_end_m(time_s) - b.design_until_end_m(time_s);
-        let meeting =
-            Meeting { time_s, sideways_m: apart_m.xy().norm(), upward_m: apart_m.z.abs() };
-        let stands = [a, b].map(|plan| plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor));
-        let reach_m = if stands.contains(&true) { SIDEWAYS_M } else { UPWARD_M };
-        let close = meeting.sideways_m < SIDEWAYS_M - 1e-9 && meeting.upward_m < reach_m;
-        if close && nearest.is_none_or(|n| meeting.sideways_m < n.sideways_m) {
-            nearest = Some(meeting);
+        let apart_m = design_m(a, time_s) - design_m(b, time_s);
+        let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z.abs());
+        let parked = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor);
+        let reach_m = if parked(a) || parked(b) { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
+        let close = horizontal_m < MIN_HORIZONTAL_M - 1e-9 && vertical_m < reach_m;
+        if close && closest.is_none_or(|closest| horizontal_m < closest.horizontal_m) {
+            closest = Some(Conflict { time_s, horizontal_m, vertical_m });
         }
-        time_s += LOOK_S;
+        time_s += CHECK_STEP_S;
     }
-    nearest
-}
-
-impl Plan {
-    /// Where the design is; after the last setpoint it stays there.
-    fn design_until_end_m(&self, time_s: f64) -> nalgebra::Vector3<f64> {
-        self.design_m(time_s.min(self.duration_s()))
-    }
+    closest
 }
 
 #[cfg(test)]
@@ -157,30 +163,25 @@ mod tests {
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let plans = fleet(&strokes("NOOR"), &options).unwrap();
         assert_eq!(plans.len(), 2);
-        assert_eq!(nearest_meeting(&plans[0], &plans[1]), None);
+        assert_eq!(conflict(&plans[0], &plans[1]), None);
         let alone = super::super::plan(&strokes("NOOR"), &options).unwrap();
-        let lit_s = |plan: &Plan| {
-            let rows = plan.setpoints.windows(2).zip(&plan.lights["headlights"]);
-            rows.map(|(pair, level)| level * (pair[1].time_s - pair[0].time_s)).sum::<f64>()
-        };
-        let together: f64 = plans.iter().map(lit_s).sum();
-        assert!((together - lit_s(&alone)).abs() < 0.2, "all of the word, once");
+        let together: f64 = plans.iter().map(Plan::full_light_s).sum();
+        assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
         let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
         assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
     }
 
     #[test]
-    fn drones_that_would_meet_wait() {
-        // Neighbouring letters: the second drone may not begin beside the first one's end.
+    fn a_drone_waits_until_its_way_is_clear() {
+        // Neighboring letters: the second drone may not begin beside the first one's end.
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let plans = fleet(&strokes("OO"), &options).unwrap();
-        assert_eq!(nearest_meeting(&plans[0], &plans[1]), None);
-        let alone = |plan: &Plan| nearest_meeting(plan, plan).is_some();
-        assert!(alone(&plans[0]), "a drone meets itself");
+        assert_eq!(conflict(&plans[0], &plans[1]), None);
+        assert!(conflict(&plans[0], &plans[0]).is_some(), "two drones in one place");
     }
 
     #[test]
-    fn the_teams_style_knows_one_drone() {
+    fn style_team_is_for_one_drone() {
         let options = PlanOptions { drones: 2, ..PlanOptions::default() };
         assert!(fleet(&strokes("NO"), &options).is_err());
     }

@@ -1,73 +1,28 @@
 //! The motion along a lit stroke: as fast as the limits allow, its corners rounded within a stated
 //! error.
 //!
-//! A pen would run along the drawn line with a speed that jumps in direction at every corner. Two
-//! moving averages over time, one after the other, make of it what a drone can fly: with the longer
-//! one, `T1`, a change of velocity Δv becomes an acceleration of Δv/T1, and the shorter one, `T2`,
-//! bounds its change (jerk) by Δv/(T1 T2). Straight lines at constant speed stay as they are, and a
-//! corner is cut by `Δv (T1/8 + T2²/(24 T1))` at most, so that the two follow from the limits and
-//! the error, and the most that the velocity may change within T1 from all of them. Where a corner
-//! turns by more than that at the speed of strokes, the pen slows down before it and in it.
-//!
-//! The pen's way is a list of stretches of constant acceleration, its averages are differences of
-//! its integrals, and so position, velocity and acceleration are exact at any time.
+//! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]); the
+//! motion is the pen under two moving averages ([`super::smoothing`]). These averages are
+//! differences of the pen's integrals, so that position, velocity and acceleration are exact at any
+//! time.
 
 use nalgebra::Vector2;
 
-use super::PlanOptions;
+use super::EvenStyle;
+use super::smoothing::Smoothing;
 use super::speed::profile;
 
-/// The design at one instant, in the plane of the word.
+/// State of the design at one instant, in the plane of the word.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct State {
     pub(super) position_m: Vector2<f64>,
     pub(super) velocity_m_s: Vector2<f64>,
     pub(super) acceleration_m_s2: Vector2<f64>,
 }
 
-/// Lengths of the two averages, and what they allow.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Smoothing {
-    pub(super) long_s: f64,
-    short_s: f64,
-    /// Most that the velocity may change within the longer one.
-    pub(super) turn_m_s: f64,
-}
-
-impl Smoothing {
-    pub(super) fn new(options: &PlanOptions) -> Self {
-        let style = options.even_style();
-        let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
-        let error_m = style.corner_error_m;
-        let short_s = a / j;
-        // With T1 = T2 = T the jerk alone counts, and the corner is cut by j T³ / 6.
-        let equal_s = libm::cbrt(6.0 * error_m / j);
-        if equal_s <= short_s {
-            let turn_m_s = j * equal_s * equal_s;
-            return Self { long_s: equal_s, short_s: equal_s, turn_m_s };
-        }
-        let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
-        // No pen turns by more than twice its speed: longer would only cut corners more.
-        let enough_s = (2.0 * options.stroke_speed_m_s / a).max(short_s);
-        let long_s = by_error_s.min(enough_s);
-        Self { long_s, short_s, turn_m_s: a * long_s }
-    }
-
-    /// What a change of speed or direction becomes: the limit, or less where jerk decides.
-    pub(super) fn acceleration_m_s2(&self) -> f64 {
-        self.turn_m_s / self.long_s
-    }
-
-    /// How long before and after an instant the pen counts.
-    fn reach_s(&self) -> f64 {
-        0.5 * (self.long_s + self.short_s)
-    }
-}
-
-/// The pen from one instant on: constant acceleration along one line. With its integrals up to
-/// there.
+/// The pen from one instant on, with constant acceleration, and its two integrals up to there.
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
+struct Piece {
     start_s: f64,
     position_m: Vector2<f64>,
     velocity_m_s: Vector2<f64>,
@@ -81,20 +36,25 @@ struct Stretch {
 pub(super) struct Motion {
     smoothing: Smoothing,
     origin_m: Vector2<f64>,
-    stretches: Vec<Stretch>,
-    /// Time of the pen over time of the stroke: the stroke is stretched to whole ticks.
+    pieces: Vec<Piece>,
+    /// Time of the pen by time of the stroke, which lasts whole ticks.
     pace: f64,
     duration_s: f64,
 }
 
 impl Motion {
-    /// The motion along a polyline, lasting a multiple of `tick_s`.
-    pub(super) fn new(points_m: &[Vector2<f64>], options: &PlanOptions, tick_s: f64) -> Self {
-        let smoothing = Smoothing::new(options);
+    /// The motion along a polyline at a speed, lasting a multiple of `tick_s`.
+    pub(super) fn new(
+        points_m: &[Vector2<f64>],
+        speed_m_s: f64,
+        style: &EvenStyle,
+        tick_s: f64,
+    ) -> Self {
+        let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = points_m[0];
-        let nodes = profile(points_m, &smoothing, options);
+        let nodes = profile(points_m, &smoothing, speed_m_s);
         let mut pen = Pen::default();
-        // The pen comes from afar and goes on: the ends of a stroke are no corners.
+        // The pen starts before the stroke and ends beyond it: the ends are no corners.
         let reach_s = smoothing.reach_s();
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let [first_m_s, last_m_s] =
@@ -114,20 +74,20 @@ impl Motion {
         pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
         let duration_s = (pen_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
         let pace = pen_s / duration_s;
-        Self { smoothing, origin_m, stretches: pen.stretches, pace, duration_s }
+        Self { smoothing, origin_m, pieces: pen.pieces, pace, duration_s }
     }
 
     pub(super) fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Where the drone is `time_s` after the beginning of the stroke.
-    pub(super) fn at(&self, time_s: f64) -> Moment {
+    /// The state `time_s` after the beginning of the stroke.
+    pub(super) fn at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
         let middle_s = time_s * self.pace + self.smoothing.reach_s();
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
-        let mut average = Moment::default();
+        let mut average = State::default();
         for (off_s, sign) in corners {
             let (pen, once, twice) = self.pen_at(middle_s + off_s);
             average.position_m += twice * sign;
@@ -135,7 +95,7 @@ impl Motion {
             average.acceleration_m_s2 += pen * sign;
         }
         let area_s2 = long_s * short_s;
-        Moment {
+        State {
             position_m: self.origin_m + average.position_m / area_s2,
             velocity_m_s: average.velocity_m_s * (self.pace / area_s2),
             acceleration_m_s2: average.acceleration_m_s2 * (self.pace * self.pace / area_s2),
@@ -144,25 +104,25 @@ impl Motion {
 
     /// The pen and its first and second integral.
     fn pen_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
-        let next = self.stretches.partition_point(|stretch| stretch.start_s <= time_s);
-        self.stretches[next.max(1) - 1].at(time_s)
+        let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
+        self.pieces[next.max(1) - 1].at(time_s)
     }
 }
 
-/// The pen's way while it is drawn.
+/// The pen's path under construction.
 #[derive(Debug, Default)]
 struct Pen {
-    stretches: Vec<Stretch>,
+    pieces: Vec<Piece>,
     end_s: f64,
 }
 
 impl Pen {
     fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
         let (_, once_m_s, twice_m_s2) = self
-            .stretches
+            .pieces
             .last()
             .map_or_else(|| (p, Vector2::zeros(), Vector2::zeros()), |last| last.at(self.end_s));
-        self.stretches.push(Stretch {
+        self.pieces.push(Piece {
             start_s: self.end_s,
             position_m: p,
             velocity_m_s: v,
@@ -174,7 +134,7 @@ impl Pen {
     }
 }
 
-impl Stretch {
+impl Piece {
     /// The pen and its first and second integral.
     fn at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
         let t = time_s - self.start_s;
@@ -189,26 +149,24 @@ impl Stretch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::EvenStyle;
+    use crate::geometry::segment_distance;
 
-    fn motion(points: &[[f64; 2]], options: &PlanOptions) -> Motion {
+    fn motion(points: &[[f64; 2]], speed_m_s: f64, corner_error_m: f64) -> Motion {
+        let style = EvenStyle { corner_error_m, ..EvenStyle::default() };
         let points: Vec<_> = points.iter().map(|p| Vector2::from(*p)).collect();
-        Motion::new(&points, options, 0.05)
+        Motion::new(&points, speed_m_s, &style, 0.05)
     }
 
     /// Largest distance from the motion to a polyline, speed, acceleration and jerk.
     fn extremes(motion: &Motion, points: &[[f64; 2]]) -> [f64; 4] {
         let mut most = [0.0_f64; 4];
-        let mut before: Option<Moment> = None;
+        let mut before: Option<State> = None;
         let dt_s = 0.001;
         let mut time_s = 0.0;
         while time_s <= motion.duration_s() {
             let now = motion.at(time_s);
-            let off = points.windows(2).map(|leg| {
-                let [a, b] = [Vector2::from(leg[0]), Vector2::from(leg[1])];
-                let along = (now.position_m - a).dot(&(b - a)) / (b - a).norm_squared();
-                (now.position_m - a - (b - a) * along.clamp(0.0, 1.0)).norm()
-            });
+            let point = [now.position_m.x, now.position_m.y];
+            let off = points.windows(2).map(|leg| segment_distance(point, [leg[0], leg[1]]));
             let jerk =
                 before.map_or(0.0, |b| (now.acceleration_m_s2 - b.acceleration_m_s2).norm() / dt_s);
             let found = [
@@ -230,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_straight_stroke_is_flown_at_one_speed_from_end_to_end() {
-        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], &PlanOptions::even());
+        let line = motion(&[[0.1, 0.5], [0.1, 1.0]], 0.2, 0.01);
         assert!((line.duration_s() - 2.5).abs() < 1e-12, "0.5 m at 0.2 m/s");
         for k in 0..=50 {
             let found = line.at(0.05 * f64::from(k));
@@ -245,14 +203,7 @@ mod tests {
     fn corners_keep_within_error_and_limits_at_any_speed() {
         for (speed, error_m) in [(0.2, 0.01), (0.2, 0.002), (0.5, 0.01), (0.5, 0.0005), (1.0, 0.02)]
         {
-            let options = PlanOptions {
-                stroke_speed_m_s: speed,
-                ..PlanOptions::even_with(EvenStyle {
-                    corner_error_m: error_m,
-                    ..EvenStyle::default()
-                })
-            };
-            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, &options), &N);
+            let [off_m, m_s, m_s2, m_s3] = extremes(&motion(&N, speed, error_m), &N);
             assert!(off_m < error_m * 1.02 + 1e-9, "{speed} m/s, {error_m} m: {off_m} m off");
             assert!(m_s < speed * (1.0 + 1e-6), "{speed} m/s: {m_s} m/s");
             assert!(m_s2 < 2.0 * 1.04, "{speed} m/s, {error_m} m: {m_s2} m/s²");
@@ -261,8 +212,8 @@ mod tests {
     }
 
     #[test]
-    fn the_teams_letters_at_their_speed_lose_no_time_at_corners() {
-        let n = motion(&N, &PlanOptions::even());
+    fn corners_cost_no_time_at_the_reference_speed() {
+        let n = motion(&N, 0.2, 0.01);
         let length_m = 1.0 + libm::hypot(0.3, 0.5);
         assert!(n.duration_s() - length_m / 0.2 < 0.05, "{} s", n.duration_s());
     }
@@ -275,14 +226,14 @@ mod tests {
                 [0.05 * cos, 0.05 * sin]
             })
             .collect();
-        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, &PlanOptions::even()), &points);
+        let [off_m, m_s, m_s2, _] = extremes(&motion(&points, 0.2, 0.01), &points);
         assert!(off_m < 0.003 && m_s < 0.2001, "{off_m} m, {m_s} m/s");
         assert!(m_s2 < 2.0 * 0.2 * 0.2 / 0.05, "centripetal: {m_s2} m/s²");
     }
 
     #[test]
-    fn velocity_and_acceleration_are_the_slopes() {
-        let n = motion(&N, &PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() });
+    fn velocity_and_acceleration_are_the_derivatives() {
+        let n = motion(&N, 0.5, 0.01);
         let h = 1e-5;
         for k in 1..100 {
             let t = n.duration_s() * f64::from(k) / 100.0;

@@ -1,4 +1,4 @@
-//! How a word is flown: the reference team's way, or evenly at the limits.
+//! Options of planning.
 
 use crate::error::Result;
 use crate::settings::{Described, settings};
@@ -8,8 +8,8 @@ settings! {
     pub struct PlanOptions {
         /// Part of the flight that is planned.
         extent: Extent = Extent::Whole;
-        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or what
-        /// the lamps in `light.fixtures` listen to.
+        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or those
+        /// of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
         /// Speed along every leg; in style `even`, along lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;
@@ -41,8 +41,8 @@ settings! {
         /// The reference team's: letter by letter at one speed, with waits, lights with the
         /// setpoints.
         "team" => Team(TeamStyle),
-        /// Evenly exposed strokes in the shortest order, dark ways at the limits, light where the
-        /// strokes are.
+        /// Evenly exposed strokes in the shortest order, fast transits in the dark, light timed on
+        /// the strokes.
         "even" => Even(EvenStyle),
     }
 
@@ -75,7 +75,7 @@ settings! {
         /// Distance that a rounded corner may lie from the drawn one.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
         /// How the exposure is kept even where the drone must slow down.
-        exposure: Exposure = Exposure::Dimmed;
+        exposure: LightLevel = LightLevel::Dimmed;
     }
 
     /// Part of a flight.
@@ -95,7 +95,7 @@ settings! {
     }
 
     /// Light on a lit stroke that is flown slower than the rest.
-    pub enum Exposure {
+    pub enum LightLevel {
         /// Dimmed with the speed, so that every millimeter gets as much light.
         "dimmed" => Dimmed,
         /// Only switched, as the headlights of the LED-ring deck must be: corners get brighter.
@@ -104,10 +104,11 @@ settings! {
 
     /// Position that is sent to the controller.
     pub enum ReferenceKind {
-        /// The design, which a controller of held positions trails.
+        /// The design, which a controller that holds positions lags behind.
         "design" => Design,
-        /// The design through the inverse of the closed loop, which leads a controller of held
-        /// positions along it. Controllers that follow the design's motion get the design.
+        /// The design through the inverse of the closed loop: a controller that holds positions
+        /// flies the design. For controllers that follow the design's motion the error of a
+        /// rehearsed flight is corrected.
         "inverse" => Inverse,
     }
 
@@ -122,8 +123,7 @@ settings! {
 }
 
 impl PlanOptions {
-    /// Evenly exposed strokes: setpoints at 20 Hz that lead the controller, lights on the light's
-    /// clock.
+    /// Style `even`: setpoints at 20 Hz with feedforward, light commands timed on the flight.
     #[must_use]
     pub fn even() -> Self {
         Self {
@@ -137,7 +137,7 @@ impl PlanOptions {
         }
     }
 
-    /// The same with other settings of style `even`.
+    /// Style `even` with other settings.
     #[must_use]
     pub fn even_with(style: EvenStyle) -> Self {
         Self { style: Style::Even(style), ..Self::even() }
@@ -150,29 +150,5 @@ impl PlanOptions {
     /// [`crate::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "plan", None)
-    }
-
-    /// Settings of style `even`.
-    ///
-    /// # Panics
-    ///
-    /// In style `team`.
-    pub(super) fn even_style(&self) -> &EvenStyle {
-        match &self.style {
-            Style::Even(style) => style,
-            Style::Team(_) => panic!("the plan is in style even"),
-        }
-    }
-
-    /// Settings of style `team`.
-    ///
-    /// # Panics
-    ///
-    /// In style `even`.
-    pub(super) fn team_style(&self) -> &TeamStyle {
-        match &self.style {
-            Style::Team(style) => style,
-            Style::Even(_) => panic!("the plan is in style team"),
-        }
     }
 }

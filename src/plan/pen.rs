@@ -1,11 +1,10 @@
-//! The pen: strokes as uninterrupted runs of light, and the ways in which each may be drawn.
+//! Pen strokes: uninterrupted runs of light, and the directions in which each may be drawn.
 
 use nalgebra::Vector2;
 
-use super::{Order, PlanOptions};
 use crate::letters::Strokes;
 
-/// Corners of a closed stroke at which its drawing may begin, at most.
+/// Most corners of a closed stroke at which its drawing may begin.
 const MAX_STARTS: usize = 8;
 /// Points nearer to each other than this are one.
 const SAME_M: f64 = 1e-6;
@@ -15,11 +14,11 @@ const SAME_M: f64 = 1e-6;
 pub(super) struct PenStroke {
     /// Index of its letter.
     pub(super) letter: usize,
-    /// Its corners in the plane of the word, no two neighbours alike, at least two.
+    /// Its corners in the plane of the word, at least two, neighbors apart.
     pub(super) points_m: Vec<Vector2<f64>>,
 }
 
-/// A way to draw a stroke, as its neighbours see it: how it is entered and left.
+/// A way to draw a stroke: how it is entered and left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Way {
     pub(super) start_m: Vector2<f64>,
@@ -28,7 +27,7 @@ pub(super) struct Way {
     pub(super) end_m_s: Vector2<f64>,
 }
 
-/// The runs of light of a drawing, in its order. A lit move without length leaves no light.
+/// The runs of light of a drawing, in its order. A lit move without length counts as none.
 pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     let mut runs: Vec<PenStroke> = Vec::new();
     for (letter, glyph) in strokes.glyphs.iter().enumerate() {
@@ -62,21 +61,12 @@ impl PenStroke {
         self.points_m.len() > 3 && (last - first).norm() <= SAME_M
     }
 
-    /// The number of ways to draw it. Way `2 k + 1` is way `2 k` backward; way 0 is as drawn.
-    fn n_ways(&self, order: Order) -> usize {
-        match order {
-            Order::Drawn => 1,
-            Order::Shortest if self.closed() => 2 * self.starts(),
-            Order::Shortest => 2,
-        }
-    }
-
     fn starts(&self) -> usize {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
 
     /// Its corners in the order of a way.
-    pub(super) fn drawn(&self, way: usize) -> Vec<Vector2<f64>> {
+    pub(super) fn points_along(&self, way: usize) -> Vec<Vector2<f64>> {
         let mut points = self.points_m.clone();
         if way >= 2 {
             let n = points.len() - 1;
@@ -90,23 +80,23 @@ impl PenStroke {
         points
     }
 
-    /// All ways to draw it, entered and left at the speed of strokes.
-    pub(super) fn ways(&self, options: &PlanOptions) -> Vec<Way> {
+    /// All ways to draw it, entered and left at the speed of strokes. Way `2 k + 1` is way `2 k`
+    /// backward; way 0 is as drawn.
+    pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let way = |way: usize| {
-            let points = self.drawn(way);
+            let points = self.points_along(way);
             let n = points.len();
-            let speed = options.stroke_speed_m_s;
             Way {
                 start_m: points[0],
-                start_m_s: (points[1] - points[0]).normalize() * speed,
+                start_m_s: (points[1] - points[0]).normalize() * speed_m_s,
                 end_m: points[n - 1],
-                end_m_s: (points[n - 1] - points[n - 2]).normalize() * speed,
+                end_m_s: (points[n - 1] - points[n - 2]).normalize() * speed_m_s,
             }
         };
-        (0..self.n_ways(options.even_style().order)).map(way).collect()
+        let starts = if self.closed() { self.starts() } else { 1 };
+        (0..2 * starts).map(way).collect()
     }
 
-    /// Its length.
     pub(super) fn length_m(&self) -> f64 {
         self.points_m.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum()
     }
@@ -116,14 +106,13 @@ impl PenStroke {
 mod tests {
     use super::*;
     use crate::letters::{LetterOptions, write};
-    use crate::plan::EvenStyle;
 
     fn runs(word: &str) -> Vec<PenStroke> {
         pen_strokes(&write(word, &LetterOptions::default()).unwrap())
     }
 
     #[test]
-    fn a_letter_falls_into_its_runs_of_light() {
+    fn a_letter_is_split_into_runs_of_light() {
         assert_eq!(runs("NE").iter().map(|run| run.letter).collect::<Vec<_>>(), [0, 1, 1]);
         assert_eq!(runs("N")[0].points_m.len(), 4, "three legs, one stroke");
         assert_eq!(runs("I").len(), 1, "the empty first move leaves no light");
@@ -131,22 +120,18 @@ mod tests {
     }
 
     #[test]
-    fn every_way_draws_the_same_line_and_odd_ones_run_backward() {
+    fn all_ways_draw_the_same_line_and_odd_ones_backward() {
         let o = &runs("O")[0];
-        let options = PlanOptions::even();
-        let ways = o.ways(&options);
+        let ways = o.ways(0.2);
         assert_eq!(ways.len(), 8, "four corners, both ways round");
         for (index, way) in ways.iter().enumerate() {
-            let points = o.drawn(index);
+            let points = o.points_along(index);
             let length: f64 = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
             assert!((length - 1.6).abs() < 1e-12, "way {index}");
             let back = ways[index ^ 1];
             assert_eq!((way.start_m, way.end_m), (back.end_m, back.start_m), "way {index}");
             assert_eq!(way.start_m_s, -back.end_m_s, "way {index}");
         }
-        assert_eq!(runs("N")[0].ways(&options).len(), 2);
-        let drawn =
-            PlanOptions::even_with(EvenStyle { order: Order::Drawn, ..EvenStyle::default() });
-        assert_eq!(o.ways(&drawn).len(), 1, "handwriting keeps its direction");
+        assert_eq!(runs("N")[0].ways(0.2).len(), 2);
     }
 }

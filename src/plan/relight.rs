@@ -1,18 +1,19 @@
-//! Relight: the letters and the headlights' schedule of a flight whose log tells neither.
+//! Relight: letters and headlight schedule of a flight whose log has neither.
 //!
-//! The team's logs hold the setpoints, and its letters say along which moves the headlights were
-//! on. The setpoints are laid over the moves in order: a setpoint belongs to the first move, from
-//! the one before on, that it lies on without running backward.
+//! The team's logs hold the setpoints, and its letters know along which moves the headlights were
+//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move, from the
+//! current one on, on which it lies without going back.
 
 use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
+use crate::geometry::segment_distance;
 use crate::letters::{Move, Strokes};
 
 /// The light channel that the team's letters drive.
 const HEADLIGHTS: &str = "headlights";
 
-/// A setpoint this near a move lies on it. Logs round to a millimetre and skip setpoints; letters'
-/// strokes lie centimetres apart.
+/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints; strokes
+/// lie centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
 /// Gives a flight its letters and the column `light.headlights`.
@@ -21,9 +22,9 @@ const ON_MOVE_M: f64 = 0.01;
 ///
 /// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
 pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
-    let hint = "name the word that was flown, and its letters' size in the scene's [letters]";
+    let hint = "name the word that was flown, and the size of its letters under [letters]";
     if flight.unlogged.contains(&Quantity::Design) {
-        let wanted = "setpoints, from which letters and lights are told";
+        let wanted = "setpoints, from which letters and lights are inferred";
         return Err(Error::input("flight", "no setpoints", wanted, hint));
     }
     let glyphs = strokes.glyphs.iter().enumerate();
@@ -45,7 +46,7 @@ pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     Ok(())
 }
 
-/// How far along the moves the setpoints have come.
+/// Progress of the setpoints along the moves.
 #[derive(Debug, Default)]
 struct Progress {
     index: usize,
@@ -53,8 +54,8 @@ struct Progress {
 }
 
 impl Progress {
-    /// Goes on to a setpoint; the letter and the light of its move, once the move is begun. While
-    /// the drone waits at a letter's beginning its light is still off.
+    /// Advances to a setpoint: letter and light of its move, once the move has begun. While the drone
+    /// waits at the beginning of a letter its light is still off.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
         let onward = moves.iter().enumerate().skip(self.index);
         let (index, along_m) = onward.into_iter().find_map(|(index, (_, leg))| {
@@ -64,26 +65,22 @@ impl Progress {
         })?;
         let (letter, leg) = moves[index];
         let first_of_letter = index == 0 || moves[index - 1].0 != letter;
-        // The farthest point counts: a drone that turns back slowly is soon on the next move.
+        // The farthest point counts: after a slow turn the drone is soon on the next move.
         let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
         *self = Self { index, along_m: farthest_m };
         (along_m > 0.0 || !first_of_letter).then_some((letter, leg.lit))
     }
 }
 
-/// How far along a move a point lies, in metres; `None` beside it.
+/// Distance of a point along a move; `None` beside it.
 fn along(leg: &Move, [x, y]: [f64; 2]) -> Option<f64> {
     let [from_x, from_y] = leg.from_m;
     let (dx, dy) = (leg.to_m[0] - from_x, leg.to_m[1] - from_y);
     let length_m = libm::hypot(dx, dy);
-    let along_m = if length_m > 0.0 {
-        (((x - from_x) * dx + (y - from_y) * dy) / length_m).clamp(0.0, length_m)
-    } else {
-        0.0
-    };
-    let share = if length_m > 0.0 { along_m / length_m } else { 0.0 };
-    let beside_m = libm::hypot(x - from_x - share * dx, y - from_y - share * dy);
-    (beside_m < ON_MOVE_M).then_some(along_m)
+    let off_m = segment_distance([x, y], [leg.from_m, leg.to_m]);
+    let along_m =
+        if length_m > 0.0 { ((x - from_x) * dx + (y - from_y) * dy) / length_m } else { 0.0 };
+    (off_m < ON_MOVE_M).then_some(along_m.clamp(0.0, length_m))
 }
 
 #[cfg(test)]
@@ -94,16 +91,16 @@ mod tests {
     use crate::sim::{Drone, SimOptions, fly};
 
     #[test]
-    fn a_flight_that_forgot_its_lights_gets_them_back() {
+    fn letters_and_lights_are_recovered_from_setpoints() {
         for word in ["NOOR", "WAX", "QUIZ"] {
             let strokes = write(word, &LetterOptions::default()).unwrap();
             let plan = plan(&strokes, &PlanOptions::default()).unwrap();
             let flown = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
-            let mut forgetful = flown.clone();
-            forgetful.lights.clear();
-            forgetful.samples.iter_mut().for_each(|sample| sample.letter = None);
-            relight(&mut forgetful, &strokes).unwrap();
-            let pairs = flown.lights["headlights"].iter().zip(&forgetful.lights["headlights"]);
+            let mut bare = flown.clone();
+            bare.lights.clear();
+            bare.samples.iter_mut().for_each(|sample| sample.letter = None);
+            relight(&mut bare, &strokes).unwrap();
+            let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
             let wrong = pairs.filter(|(a, b)| a != b).count();
             // At a corner from light to dark the setpoint lies on both moves for an instant.
             let share = wrong as f64 / flown.samples.len() as f64;

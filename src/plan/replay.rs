@@ -1,4 +1,4 @@
-//! A flight's setpoints as a plan: what was sent once is sent again.
+//! Replay: a flight's setpoints as a plan, to be sent again.
 
 use nalgebra::Vector3;
 
@@ -8,18 +8,17 @@ use crate::flight::Flight;
 use crate::flight::table::on_grid;
 use crate::statistics::median;
 
-/// A setpoint this many usual steps from the one before is no neighbour of it.
-const NEIGHBOR_STEPS: f64 = 1.5;
-/// Speed on the way to it, against the usual speed, that tells lost setpoints from a jump and from
-/// a wait.
-const USUAL_SPEED: std::ops::Range<f64> = 0.7..1.3;
+/// Distance in median steps from which setpoints between two were lost.
+const LOST_STEPS: f64 = 1.5;
+/// Speed between two setpoints by the median speed: beyond it there was a jump or a wait, not a loss.
+const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 
 /// A flight's setpoints, ready to be flown again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Replay {
-    /// What was sent.
+    /// The setpoints.
     pub plan: Plan,
-    /// Setpoints of the plan that the log does not hold; see [`replay`].
+    /// Setpoints of the plan that the log had lost; see [`replay`].
     pub n_restored: usize,
 }
 
@@ -27,34 +26,33 @@ pub struct Replay {
 /// change, at rest and held until the next, and a last one where the flight ends.
 ///
 /// The first setpoint is the flight's first sample, at time 0; a design at or below the floor asks
-/// for motors off, as in any plan. A log tells positions alone, so that the velocity is zero. A
-/// simulated flight's design moves on between setpoints and changes with every sample; the plan's
-/// own file is closer to what was sent there.
+/// for motors off, as in any plan. A log has positions only, so that the velocity is zero. The
+/// design of a simulated flight changes with every sample; there the plan's own file is closer to
+/// what was sent.
 ///
-/// A log loses packets, the drone does not: where a setpoint is more than one and a half usual
-/// steps from the one before, and was reached at the usual speed, those in between were sent as
-/// well. They are put back evenly. In the reference flight that is one setpoint in fifteen; holding
-/// the last one across the longest hole instead (0.78 s, 0.16 m) takes the replay's error in z from
-/// 0.012 to 0.014 m.
+/// A log loses packets that the drone received: between two setpoints more than one and a half
+/// median steps apart, reached at the median speed, the missing ones are restored evenly. In the
+/// reference flight that is one setpoint in fifteen; holding the last one across the longest gap
+/// instead (0.78 s, 0.16 m) raises the replay's error in z from 0.012 to 0.014 m.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a flight without samples, or one whose design is zero throughout, which is
-/// how a log without setpoints reads.
+/// [`Error::Input`] for a flight without samples or without setpoints (a design that is zero
+/// throughout).
 pub fn replay(flight: &Flight) -> Result<Replay> {
     if flight.samples.iter().all(|sample| sample.design_m == Vector3::zeros()) {
         let hint = "name a flight or a log with the columns of its setpoints";
         return Err(Error::input("flight", "no design position", "setpoints to fly", hint));
     }
     let logged = logged(flight);
-    let usual = Usual::of(&logged);
+    let median = MedianStep::new(&logged);
     let mut replay = Replay::default();
     let lights = flight.lights.keys().map(|channel| (channel.clone(), Vec::new()));
     replay.plan.lights = lights.collect();
     for (index, (setpoint, row)) in logged.iter().enumerate() {
         let before = index.checked_sub(1).map(|before| &logged[before]);
         if let Some((before, row)) = before {
-            let n = usual.lost_between(before, setpoint);
+            let n = median.lost_between(before, setpoint);
             for k in 1..=n {
                 let done = f64::from(k) / f64::from(n + 1);
                 let way_m = setpoint.position_m - before.position_m;
@@ -72,7 +70,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     Ok(replay)
 }
 
-/// Sends a setpoint with the lights of a row of the flight.
+/// Adds a setpoint with the lights of a row of the flight.
 fn push(plan: &mut Plan, setpoint: Setpoint, flight: &Flight, row: usize) {
     plan.setpoints.push(setpoint);
     for (column, levels) in plan.lights.values_mut().zip(flight.lights.values()) {
@@ -80,7 +78,7 @@ fn push(plan: &mut Plan, setpoint: Setpoint, flight: &Flight, row: usize) {
     }
 }
 
-/// Setpoints that the flight holds, each with its row.
+/// The setpoints in the flight, each with its row.
 fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     let lights_at = |row: usize| flight.lights.values().map(move |levels| levels[row]);
     let last = flight.samples.len() - 1;
@@ -103,34 +101,33 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// How far and how fast a flight's setpoints go on, as a rule.
-struct Usual {
-    step_m: f64,
+/// Median distance and speed between setpoints that move; zero where none does.
+struct MedianStep {
+    length_m: f64,
     speed_m_s: f64,
 }
 
-impl Usual {
-    /// The medians over the setpoints that move; zero where none does.
-    fn of(logged: &[(Setpoint, usize)]) -> Self {
+impl MedianStep {
+    fn new(logged: &[(Setpoint, usize)]) -> Self {
         let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
         let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
         let (lengths, speeds): (Vec<f64>, Vec<f64>) =
             moves.map(|[length, lasts]| (length, length / lasts)).unzip();
-        Self { step_m: median(lengths).unwrap_or(0.0), speed_m_s: median(speeds).unwrap_or(0.0) }
+        Self { length_m: median(lengths).unwrap_or(0.0), speed_m_s: median(speeds).unwrap_or(0.0) }
     }
 
-    /// How many setpoints were lost between two that follow each other in the log.
+    /// Number of setpoints lost between two that follow each other in the log.
     fn lost_between(&self, from: &Setpoint, to: &Setpoint) -> u32 {
         let [length_m, lasts_s] = step(from, to);
-        let steps = length_m / self.step_m;
-        let usual_speed = USUAL_SPEED.contains(&(length_m / (lasts_s * self.speed_m_s)));
+        let steps = length_m / self.length_m;
+        let at_speed = LOST_SPEED.contains(&(length_m / (lasts_s * self.speed_m_s)));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let n = if steps >= NEIGHBOR_STEPS && usual_speed { steps.round() as u32 - 1 } else { 0 };
+        let n = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
         n
     }
 }
 
-/// How far and how long it is from one setpoint to the next.
+/// Distance and time from one setpoint to the next.
 fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
     [(to.position_m - from.position_m).norm(), to.time_s - from.time_s]
 }
@@ -165,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_sent_is_sent_again_once() {
+    fn each_setpoint_is_replayed_once() {
         let sent = [(0.0, 0.0, 0.0), (0.11, 0.02, 0.0), (0.2, 0.04, 0.0), (0.5, 0.04, 1.0)];
         let Replay { plan, n_restored } = replay(&logged(&sent)).unwrap();
         assert_eq!(n_restored, 0);
@@ -176,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn setpoints_that_the_log_lost_are_put_back_and_waits_and_jumps_are_not() {
+    fn lost_setpoints_are_restored_and_waits_and_jumps_are_not() {
         // Steps of 0.02 m every 0.1 s; those at 0.3 and 0.4 s are lost. Then a wait, and a jump.
         let sent = [
             (0.0, 0.0, 0.0),

@@ -1,46 +1,45 @@
-//! How fast the pen may run along a polyline: the speed of strokes, less before and in corners that
-//! turn too far for it.
+//! Speed of the pen along a polyline: the stroke speed, and less before and in corners that turn too
+//! far for it.
 //!
-//! Method: wherever the velocity would turn by more than the smoothing allows within its time, all
-//! corners of that window are slowed by a twentieth, again and again; a forward and a backward pass
-//! along the way then keep to the acceleration.
+//! Method: where the velocity would turn by more than the smoothing allows within its time, all
+//! corners of that window are slowed by 5 %, repeatedly; a forward and a backward pass along the
+//! path then respect the acceleration limit.
 
 use nalgebra::Vector2;
 
-use super::PlanOptions;
-use super::motion::Smoothing;
+use super::smoothing::Smoothing;
 
-/// A place of the way and the speed there; between two of them the acceleration is constant.
+/// A point of the path and the speed there; between two of them the acceleration is constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
     pub(super) speed_m_s: f64,
 }
 
-/// Coarsest division of a way whose speed changes, and most nodes of a stroke.
+/// Largest distance of nodes on a path whose speed changes, and most nodes of a stroke.
 const STEP_M: f64 = 0.005;
 const MAX_NODES: f64 = 100_000.0;
-/// A corner's speed is kept this many times the longer average before and after it: within the
-/// average, nothing but the corner may change the velocity.
+/// A corner's speed is held for this many times the longer average before and after it: within
+/// the average, only the corner may change the velocity.
 const NEAR: f64 = 1.05;
-/// Slower steps by which corners are tried; after them the pen is at 1 % of its speed.
+/// Factor by which corners are slowed, and most steps of it, which leave 1 % of the speed.
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
-/// The way with its speeds: as fast as the smoothing and the acceleration allow.
+/// The path with its speeds: as fast as the smoothing and the acceleration allow.
 pub(super) fn profile(
     points_m: &[Vector2<f64>],
     smoothing: &Smoothing,
-    options: &PlanOptions,
+    stroke_speed_m_s: f64,
 ) -> Vec<Node> {
-    let fastest_m_s = options.stroke_speed_m_s;
-    let corners = Corners::of(points_m);
+    let fastest_m_s = stroke_speed_m_s;
+    let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
     let node = |position_m: Vector2<f64>| Node { position_m, speed_m_s: fastest_m_s };
     if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) {
         return points_m.iter().copied().map(node).collect();
     }
-    // Where a corner is slow, the way is divided finely enough to be slow there alone.
+    // Nodes are close enough for a slow corner to be slow alone.
     let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
     let whole_m = corners.at_m[corners.at_m.len() - 1];
@@ -60,11 +59,11 @@ pub(super) fn profile(
     nodes.push(node(points_m[points_m.len() - 1]));
     at_m.push(corners.at_m[points_m.len() - 1]);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
-    keep_to(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
+    limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
     nodes
 }
 
-/// Where a way's corners are, and how far each turns.
+/// Corners of a path: their distances along it, and how far each turns.
 struct Corners {
     at_m: Vec<f64>,
     /// Change of the unit tangent, 0 to 2; 0 at the ends.
@@ -72,7 +71,7 @@ struct Corners {
 }
 
 impl Corners {
-    fn of(points_m: &[Vector2<f64>]) -> Self {
+    fn new(points_m: &[Vector2<f64>]) -> Self {
         let mut at_m = vec![0.0];
         let mut turn = vec![0.0];
         for (index, leg) in points_m.windows(2).enumerate() {
@@ -113,7 +112,7 @@ impl Corners {
         caps_m_s
     }
 
-    /// Holds each node within the smoothing's time of a corner to the corner's speed.
+    /// Limits each node within the smoothing's time of a corner to the corner's speed.
     fn slow_down(&self, nodes: &mut [Node], at_m: &[f64], caps_m_s: &[f64], near_s: f64) {
         for ((corner_m, cap_m_s), _) in
             self.at_m.iter().zip(caps_m_s).zip(&self.turn).filter(|(_, turn)| **turn > 0.0)
@@ -130,8 +129,8 @@ impl Corners {
     }
 }
 
-/// Forward and backward along the way: no speed changes faster than the acceleration.
-fn keep_to(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
+/// Limits the change of speed along the path, forward and backward, to the acceleration.
+fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
     let reach = |from_m_s: f64, length_m: f64| {
         (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt()
     };
@@ -148,13 +147,13 @@ fn keep_to(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::EvenStyle;
 
     #[test]
-    fn only_the_corner_that_turns_too_far_is_slowed_and_by_no_more_than_needed() {
-        let options = PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() };
-        let smoothing = Smoothing::new(&options);
+    fn only_a_corner_that_turns_too_far_is_slowed_and_no_more_than_needed() {
+        let smoothing = Smoothing::new(0.5, &EvenStyle::default());
         let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.01], [0.0, 0.02]].map(Vector2::from);
-        let caps = Corners::of(&points).caps_m_s(0.5, &smoothing);
+        let caps = Corners::new(&points).caps_m_s(0.5, &smoothing);
         assert_eq!(caps[1], 0.5, "a degree and a half is no corner");
         let ideal = smoothing.turn_m_s / 2.0;
         assert!(caps[2] <= ideal && caps[2] > SLOWER * ideal * 0.99, "{caps:?}, ideal {ideal}");
@@ -162,9 +161,8 @@ mod tests {
 
     #[test]
     fn speeds_rise_and_fall_with_the_acceleration() {
-        let options = PlanOptions { stroke_speed_m_s: 0.5, ..PlanOptions::even() };
         let points = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]].map(Vector2::from);
-        let nodes = profile(&points, &Smoothing::new(&options), &options);
+        let nodes = profile(&points, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
         let mut fastest = 0.0_f64;
         for pair in nodes.windows(2) {
             let length_m = (pair[1].position_m - pair[0].position_m).norm();

@@ -1,21 +1,21 @@
-//! Transits: the fastest dark way from one state to another within speed, acceleration and jerk.
+//! Transits: the fastest dark way between two states within limits of speed, acceleration and jerk.
 //!
-//! Time-optimal per axis and synchronised, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
+//! Time-optimal per axis and synchronized, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
 //! along the way and across it, and share the limits of speed and of acceleration by an angle each;
-//! the fastest of a few angles is flown. The drone rolls out of one stroke and into the next: it never stops at their ends.
+//! the fastest of a few angles is taken. The drone does not stop at the ends of strokes.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
     DataArrayOrVec, IgnoreErrorHandler, InputParameter, Ruckig, RuckigResult, Trajectory,
 };
 
-use super::PlanOptions;
-use super::motion::Moment;
+use super::EvenStyle;
+use super::motion::State;
 
-/// Angles by which along and across share the limits.
+/// Angles by which the two axes share the limits.
 const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
-/// A dark way.
+/// A way in the dark.
 #[derive(Debug)]
 pub(super) struct Transit {
     from_m: Vector2<f64>,
@@ -25,28 +25,23 @@ pub(super) struct Transit {
 
 impl Transit {
     /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
-    /// found, which no pair of states within the limits has shown yet.
-    pub(super) fn new(
-        from: &Moment,
-        to: &Moment,
-        options: &PlanOptions,
-        tick_s: f64,
-    ) -> Option<Self> {
+    /// found, which has not happened for states within the limits.
+    pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let way = to.position_m - from.position_m;
         let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
         let world_from_way = Rotation2::new(angle_rad);
         let shares = SHARES_RAD.iter().flat_map(|a| SHARES_RAD.iter().map(move |v| [*v, *a]));
         let shared = shares.filter_map(|shares_rad| {
-            let mut input = input(from, to, &world_from_way, options, shares_rad);
+            let mut input = input(from, to, &world_from_way, style, shares_rad);
             calculate(&mut input, tick_s)
         });
-        let fastest_m_s = options.even_style().dark_speed_m_s.max(from.velocity_m_s.norm());
+        let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
         let ways = shared.map(|trajectory| {
             let way = Self { from_m: from.position_m, world_from_way, trajectory };
             (way.top_speed_m_s() > limit_m_s, way)
         });
-        // A way that is too fast where both axes meet is taken only where there is no other.
+        // The axes together may be too fast; such a way is taken only where there is no other.
         ways.min_by(|(fast, way), (other_fast, other)| {
             fast.cmp(other_fast).then(way.duration_s().total_cmp(&other.duration_s()))
         })
@@ -62,14 +57,14 @@ impl Transit {
         self.trajectory.get_duration()
     }
 
-    /// Where the drone is `time_s` after the beginning.
-    pub(super) fn at(&self, time_s: f64) -> Moment {
+    /// The state `time_s` after the beginning.
+    pub(super) fn at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
         let (p_out, v_out, a_out) = (&mut Some(&mut p), &mut Some(&mut v), &mut Some(&mut a));
         self.trajectory.at_time(time_s, p_out, v_out, a_out, &mut None, &mut None);
         let world = |x: &DataArrayOrVec<f64, 2>| self.world_from_way * Vector2::new(x[0], x[1]);
-        Moment {
+        State {
             position_m: self.from_m + world(&p),
             velocity_m_s: world(&v),
             acceleration_m_s2: world(&a),
@@ -78,10 +73,10 @@ impl Transit {
 }
 
 fn input(
-    from: &Moment,
-    to: &Moment,
+    from: &State,
+    to: &State,
     world_from_way: &Rotation2<f64>,
-    options: &PlanOptions,
+    style: &EvenStyle,
     [speed_rad, force_rad]: [f64; 2],
 ) -> InputParameter<2> {
     let way = |v: Vector2<f64>| world_from_way.inverse() * v;
@@ -91,10 +86,10 @@ fn input(
     let states = [way(from.velocity_m_s), way(to.velocity_m_s)];
     let accelerations = [way(from.acceleration_m_s2), way(to.acceleration_m_s2)];
     let target = way(to.position_m - from.position_m);
-    // What is flown at either end is allowed all along.
+    // The limits are at least the values at either end.
     let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
-    let along_m_s = (options.even_style().dark_speed_m_s * along).max(most(&states, 0));
-    let across_m_s = (options.even_style().dark_speed_m_s * across).max(most(&states, 1));
+    let along_m_s = (style.dark_speed_m_s * along).max(most(&states, 0));
+    let across_m_s = (style.dark_speed_m_s * across).max(most(&states, 1));
     for (axis, (speed_m_s, share)) in [(along_m_s, cos), (across_m_s, sin)].into_iter().enumerate()
     {
         input.current_velocity[axis] = states[0][axis];
@@ -103,9 +98,9 @@ fn input(
         input.target_velocity[axis] = states[1][axis];
         input.target_acceleration[axis] = accelerations[1][axis];
         input.max_velocity[axis] = speed_m_s * (1.0 + 1e-9);
-        let limit_m_s2 = options.even_style().acceleration_m_s2 * share;
+        let limit_m_s2 = style.acceleration_m_s2 * share;
         input.max_acceleration[axis] = limit_m_s2.max(most(&accelerations, axis)) * (1.0 + 1e-9);
-        input.max_jerk[axis] = options.even_style().jerk_m_s3 * share;
+        input.max_jerk[axis] = style.jerk_m_s3 * share;
     }
     input
 }
@@ -130,7 +125,6 @@ fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>
 
 #[cfg(test)]
 mod tests {
-    use crate::plan::EvenStyle;
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -138,19 +132,19 @@ mod tests {
 
     #[test]
     fn a_transit_meets_both_ends_on_a_tick_within_the_limits() {
-        let options = PlanOptions::even();
+        let style = EvenStyle::default();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         for case in 0..500 {
             let mut vector = |most: f64| {
                 let x = rng.random_range(-most..most);
                 Vector2::new(x, rng.random_range(-most..most))
             };
-            let [from, to] = [(); 2].map(|()| Moment {
+            let [from, to] = [(); 2].map(|()| State {
                 position_m: vector(1.0),
                 velocity_m_s: vector(0.14),
                 acceleration_m_s2: Vector2::zeros(),
             });
-            let transit = Transit::new(&from, &to, &options, 0.05).unwrap();
+            let transit = Transit::new(&from, &to, &style, 0.05).unwrap();
             let duration_s = transit.duration_s();
             assert!((duration_s / 0.05 - (duration_s / 0.05).round()).abs() < 1e-6, "case {case}");
             let end = transit.at(duration_s);
@@ -158,7 +152,7 @@ mod tests {
             assert!((end.position_m - to.position_m).norm() < 1e-6, "case {case}");
             assert!((end.velocity_m_s - to.velocity_m_s).norm() < 1e-6, "case {case}");
             for k in 0..=200 {
-                let Moment { velocity_m_s: v, acceleration_m_s2: a, .. } =
+                let State { velocity_m_s: v, acceleration_m_s2: a, .. } =
                     transit.at(duration_s * f64::from(k) / 200.0);
                 assert!(v.norm() < 1.0 + 1e-6 && a.norm() < 2.0 + 1e-6, "case {case}: {v} {a}");
             }
@@ -166,16 +160,13 @@ mod tests {
     }
 
     #[test]
-    fn a_metre_from_rest_to_rest_takes_the_time_of_the_limits() {
-        let rest = |x: f64| Moment { position_m: Vector2::new(x, 0.0), ..Moment::default() };
-        let options = PlanOptions::even_with(EvenStyle { jerk_m_s3: 1e4, ..EvenStyle::default() });
-        let transit = Transit::new(&rest(0.0), &rest(1.0), &options, 1e-4).unwrap();
+    fn a_meter_from_rest_to_rest_takes_the_time_of_the_limits() {
+        let rest = |x: f64| State { position_m: Vector2::new(x, 0.0), ..State::default() };
+        let style = EvenStyle { jerk_m_s3: 1e4, ..EvenStyle::default() };
+        let transit = Transit::new(&rest(0.0), &rest(1.0), &style, 1e-4).unwrap();
         // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
         let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));
-        assert!(
-            (transit.duration_s() - (1.0 / v + v / a)).abs() < 2e-3,
-            "{}",
-            transit.duration_s()
-        );
+        let found_s = transit.duration_s();
+        assert!((found_s - (1.0 / v + v / a)).abs() < 2e-3, "{found_s} s");
     }
 }

@@ -15,6 +15,7 @@
 
 mod figure;
 mod flights;
+mod hold;
 mod labels;
 mod overlay;
 pub mod photos;
@@ -25,6 +26,7 @@ mod studies;
 mod text;
 
 pub use flights::{Trace, error_over_time, front_view, top_view};
+pub use hold::hold_figure;
 pub use labels::{Label, labelled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;

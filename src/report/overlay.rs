@@ -79,7 +79,7 @@ pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
             draw(&mut canvas, &path, layer.color, layer.width_px);
         }
     }
-    let font = Font::open("simplex", Trace::CentreLine).expect("a font of ours");
+    let font = Font::open("simplex", Trace::CenterLine).expect("a font of ours");
     for (text, [x, y], size_px) in labels(marks, verdict) {
         let mut left = x;
         for character in text.chars() {

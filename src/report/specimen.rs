@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_sheet_shows_strokes_in_order_and_the_dark_dashed() {
-        let font = Font::open("ae483-fixed", Trace::CentreLine).unwrap();
+        let font = Font::open("ae483-fixed", Trace::CenterLine).unwrap();
         let svg = Specimen::new(&font, "HX漢").svg();
         let count = |what: &str| svg.matches(what).count();
         // H has three lit strokes and X two; each but the last is followed by a way in the dark, and

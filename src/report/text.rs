@@ -4,7 +4,7 @@ use crate::letters::{Cell, Font, Trace};
 
 /// The font that pictures are written with.
 pub(super) fn pen() -> Font {
-    Font::open("simplex", Trace::CentreLine).expect("a font of ours")
+    Font::open("simplex", Trace::CenterLine).expect("a font of ours")
 }
 
 /// The lines of a text from its lower left corner on, and where it ends, in pixels (y down).

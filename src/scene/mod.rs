@@ -133,10 +133,20 @@ impl Scene {
             Some(_) => scene.plan = PlanOptions::default(),
             None => {}
         }
+        // A deck brings its own lamps, unless these are listed.
+        let light = |key: &str| {
+            layers
+                .iter()
+                .any(|layer| layer.get("light").is_some_and(|light| light.get(key).is_some()))
+        };
+        let lamps_of_deck = light("deck") && !light("fixtures");
         let mut values = Table::try_from(scene).expect("a preset is a table");
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
         let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
         let mut scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
+        if lamps_of_deck {
+            scene.light.fixtures = None;
+        }
         scene.light.fixtures = Some(scene.light.fixtures());
         scene.check().map_err(with_line)?;
         Ok(scene)
@@ -218,7 +228,7 @@ impl Scene {
         self.sim().check()?;
         self.light.check()?;
         self.camera.check()?;
-        self.expose.check()?;
+        crate::settings::Described::check(&self.expose, "expose", None)?;
         self.photo.check()?;
         self.score.check()
     }
@@ -288,6 +298,17 @@ mod tests {
             assert_eq!(Scene::parse(&name, "my.toml").unwrap(), scene, "{preset:?} alone");
         }
         assert_eq!(Scene::preset(Preset::default()), Scene::default());
+    }
+
+    #[test]
+    fn a_deck_brings_its_lamps() {
+        let names = |toml: &str| -> Vec<String> {
+            let fixtures = Scene::parse(toml, "my.toml").unwrap().light.fixtures();
+            fixtures.into_iter().map(|fixture| fixture.name).collect()
+        };
+        assert!(names("").contains(&"ring 0".to_owned()));
+        assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
+        assert_eq!(names("[light]\ndeck = \"none\"").len(), 4, "those of the board");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Straight strokes on a page, in pixels.
 
 use super::raster::whole;
+use crate::geometry::segment_distance;
 
 /// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
 pub(super) const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
@@ -9,14 +10,8 @@ pub(super) const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 pub(super) type Segment = [[f64; 2]; 2];
 
 /// Distance of a point from the nearest of some segments.
-pub(super) fn distance([x, y]: [f64; 2], segments: &[Segment]) -> f64 {
-    let from_one = |[from, to]: &Segment| {
-        let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-        let squares = dx * dx + dy * dy;
-        let dot = (x - from[0]) * dx + (y - from[1]) * dy;
-        let part = if squares > 0.0 { (dot / squares).clamp(0.0, 1.0) } else { 0.0 };
-        libm::hypot(x - from[0] - part * dx, y - from[1] - part * dy)
-    };
+pub(super) fn distance(point: [f64; 2], segments: &[Segment]) -> f64 {
+    let from_one = |[from, to]: &Segment| segment_distance(point, *from, *to);
     segments.iter().map(from_one).fold(f64::INFINITY, f64::min)
 }
 

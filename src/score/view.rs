@@ -151,14 +151,16 @@ impl Homography {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraOptions;
+    use crate::camera::{CameraOptions, FixedPose, Framing};
 
     #[test]
     fn four_corners_of_a_camera_s_picture_are_that_camera() {
         let bounds = [-0.6, 0.5, 0.9, 1.0];
         let options = CameraOptions {
-            framing: crate::camera::Framing::Fixed,
-            position_m: [-1.5, -3.0, 1.6],
+            framing: Framing::Fixed(FixedPose {
+                position_m: [-1.5, -3.0, 1.6],
+                ..FixedPose::default()
+            }),
             ..CameraOptions::default()
         };
         let camera = View::from(&options.camera(bounds, 0.0).unwrap());

@@ -45,8 +45,7 @@ impl Shoot {
         for (drone, recording) in recordings.into_iter().enumerate() {
             let mut trace = match recording {
                 Recording::Light(trace) => {
-                    let ends = trace.lamps.iter().filter_map(|lamp| lamp.samples.last());
-                    end_s = ends.map(|last| last.time_s).fold(end_s, f64::max);
+                    end_s = end_s.max(trace.end_s());
                     trace
                 }
                 Recording::Flight(flight) => {
@@ -62,8 +61,8 @@ impl Shoot {
                     trace
                 }
             };
-            for lamp in trace.lamps.iter_mut().filter(|_| several) {
-                lamp.emitter.name = format!("{}: {}", drone + 1, lamp.emitter.name);
+            if several {
+                trace.number(drone + 1);
             }
             all.append(trace);
         }
@@ -97,22 +96,28 @@ impl Shoot {
             let at_m = sample.design_m;
             [l.min(at_m.x), b.min(at_m.z), r.max(at_m.x), t.max(at_m.z)]
         });
-        match self.scene.camera.framing {
+        match &self.scene.camera.framing {
             _ if left < right || bottom < top => Ok([left, bottom, right, top]),
-            Framing::Fixed => Ok([0.0; 4]),
+            Framing::Fixed(_) => Ok([0.0; 4]),
             // Reports that the scene names no word.
-            Framing::Word => Ok(self.scene.strokes()?.bounds_m()),
+            Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
 }
 
 /// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
 fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camera) -> Result<()> {
-    let hint = "set camera.position_m meters in front of the word, or camera.framing = \"word\"";
+    let hint =
+        "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"";
     let [x, y, z] = camera.position_m.into();
     if left < right && y > 0.0 {
         let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
-        return Err(Error::input("camera.position_m", found, "y below 0, in front of it", hint));
+        return Err(Error::input(
+            "camera.framing.position_m",
+            found,
+            "y below 0, in front of it",
+            hint,
+        ));
     }
     let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
     for lamp in &trace.lamps {
@@ -125,7 +130,7 @@ fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camer
                 sample.time_s
             );
             let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
-            return Err(Error::input("camera.position_m", found, wanted, hint));
+            return Err(Error::input("camera.framing.position_m", found, wanted, hint));
         }
     }
     Ok(())
@@ -148,7 +153,7 @@ fn outside(
         let sides = outside.in_words()?;
         Some(format!(
             "part of the {name} is outside the picture: {sides} (camera.framing = \"word\" frames \
-             the word; camera.fill_frac sets the margin)"
+             the word; camera.framing.fill_frac sets the margin)"
         ))
     };
     sides.into_iter().filter_map(warning).collect()

@@ -22,7 +22,7 @@ use std::sync::{Arc, Mutex};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::expose::Developer;
+use crate::expose::{BackendChoice, Developer};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
@@ -63,7 +63,9 @@ pub struct Shoot {
     pub format: Option<Format>,
     /// Reader of the strokes; `None`: one is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
-    /// Cores that expose the film, on this processor; `None`: the backend of `scene.expose`.
+    /// Backend that exposes the film.
+    pub backend: BackendChoice,
+    /// Cores that expose the film, on this processor; `None`: those of the backend.
     pub cores: Option<NonZero<usize>>,
 }
 
@@ -166,6 +168,7 @@ impl Shoot {
             judging: Judging::default(),
             format: None,
             reader: None,
+            backend: BackendChoice::default(),
             cores: None,
         }
     }
@@ -217,8 +220,8 @@ impl Shoot {
     /// mirrored, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
         let developer = Developer::start(match self.cores {
-            Some(_) => crate::expose::BackendChoice::Cpu,
-            None => self.scene.expose.backend,
+            Some(_) => BackendChoice::Cpu,
+            None => self.backend,
         });
         let recordings = std::mem::take(&mut self.recordings);
         let (recordings, reader) = rayon::join(

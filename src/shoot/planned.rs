@@ -7,9 +7,9 @@ use crate::error::Result;
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::LightOptions;
-use crate::plan::lamp::{Follows, LampClock, StrokeEnd, on_the_lights_clock, stroke_ends};
-use crate::plan::lead::{lead, learn};
-use crate::plan::{LightClock, Plan, ReferenceKind, fleet};
+use crate::plan::feedforward::{feedforward, learn};
+use crate::plan::{Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd};
+use crate::plan::{fleet, stroke_ends, time_lights};
 use crate::scene::Scene;
 use crate::sim::{Drone, fly, step_responses};
 
@@ -38,7 +38,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
         let plan = match &responses {
             None => plan,
             Some(responses) if follows_design => learn(&plan, &rehearse(scene, &plan)?, responses),
-            Some(responses) => lead(&plan, responses),
+            Some(responses) => feedforward(&plan, responses),
         };
         match scene.plan.light_clock {
             LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
@@ -62,24 +62,24 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 ///
 /// # Errors
 ///
-/// As [`on_the_lights_clock`].
+/// As [`time_lights`].
 pub fn aim(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Planned> {
-    let follows = match scene.controller.kind.follows_design() {
-        true => Follows::Design,
-        false => Follows::Held,
+    let between = match scene.controller.kind.follows_design() {
+        true => Between::Design,
+        false => Between::Held,
     };
-    let (plan, ends) = on_the_lights_clock(plan, flight, &lamp_clock(&scene.light), follows)?;
+    let (plan, ends) = time_lights(plan, flight, &lamp_timing(&scene.light), between)?;
     Ok(Planned { plan, ends })
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.
 pub(super) fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
-    stroke_ends(plan, flight, &lamp_clock(&scene.light))
+    stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 
 /// The mean delay between a command and its light.
-fn lamp_clock(options: &LightOptions) -> LampClock {
-    LampClock {
+fn lamp_timing(options: &LightOptions) -> LampTiming {
+    LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
         tick_s: options.tick_s,
         phase_s: options.tick_phase_s,

@@ -6,10 +6,11 @@ use super::Shoot;
 use super::planned::ends;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::geometry::bounds;
 use crate::light::{Drive, LightTrace};
 use crate::plan::Plan;
 use crate::plan::check::{
-    Finding, Flown, Profile, Severity, check_flown, check_letters, check_plans,
+    Check, Finding, Flown, Profile, Severity, check_flown, check_letters, check_plans,
 };
 use crate::scene::Scene;
 use crate::sim::coverage;
@@ -44,10 +45,9 @@ impl Shoot {
     fn check_flight(&self, drone: usize, plan: &Plan, profile: &Profile) -> Result<Vec<Finding>> {
         let flight = match self.fly_drone(drone, &mut |_| {}) {
             Ok(flight) => flight,
-            Err(Error::Infeasible { what, hint }) => {
-                let (check, wanted) = ("flight", "a flight to its end".to_owned());
-                let severity = Severity::Stop;
-                return Ok(vec![Finding { check, severity, found: what, wanted, change: hint }]);
+            Err(Error::Infeasible { what, .. }) => {
+                let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
+                return Ok(vec![Finding { detail: what, ..finding }]);
             }
             Err(error) => return Err(error),
         };
@@ -100,24 +100,15 @@ fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64,
 
 /// Whether two base stations see the box of the whole flight.
 fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Vec<Finding>> {
-    let check = "coverage";
-    let wanted = "two Lighthouse stations see every place".to_owned();
-    if scene.sensors.stations.is_empty() {
-        let found = "the scene has no base stations".to_owned();
-        let change = "set sensors.stations, or read a Lighthouse configuration".to_owned();
-        return Ok(vec![Finding { check, severity: Severity::Unknown, found, wanted, change }]);
+    if scene.sensors.lighthouse.stations.is_empty() {
+        return Ok(vec![Finding::without_value(Check::Coverage, Severity::Unknown, 1.0)]);
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
     let places = in_the_air.map(|setpoint| setpoint.position_m);
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    let bounds_m =
-        places.fold(none, |b, p| [b[0].min(p.x), b[1].min(p.z), b[2].max(p.x), b[3].max(p.z)]);
+    let bounds_m = bounds(places.map(|p| [p.x, p.z]));
     if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
         return Ok(Vec::new());
     }
     let frac = coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac();
-    let severity = if frac >= 1.0 { Severity::Fine } else { Severity::Stop };
-    let found = format!("{:.1} % of the flight's box is seen", 100.0 * frac);
-    let change = if frac >= 1.0 { "" } else { "move the word or the stations" };
-    Ok(vec![Finding { check, severity, found, wanted, change: change.into() }])
+    Ok(vec![Finding::new(Check::Coverage, frac >= 1.0, Severity::Stop, frac, 1.0)])
 }

@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
+use super::drone::Drone;
 use super::estimator::{Estimator, estimator};
-use super::fly::Drone;
 use super::recorder::Snapshot;
 use super::sensors::Sensors;
-use super::vehicle::{Body, Plant, State};
+use super::vehicle::{Plant, RigidBody, State};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -44,9 +44,10 @@ impl Avionics {
         let Drone { believed, actual, seed, index } = *drone;
         let rate_hz = actual.rates.control_hz;
         let sensors = Sensors::new(&actual.sensors, rate_hz, seed, index);
+        let settled_m = sensors.settled_m(start_m);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(believed, sensors.settled_m(start_m))?,
+            estimator: estimator(&believed.observer, &believed.sensors, settled_m)?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             estimate: State::zeros(),
@@ -127,13 +128,14 @@ impl Avionics {
     }
 
     /// Stops a flight that the controller has lost.
-    fn check(&self, time_s: f64, body: &Body) -> Result<()> {
+    fn check(&self, time_s: f64, body: &RigidBody) -> Result<()> {
         let Some(found) = lost(body, &self.estimate) else { return Ok(()) };
         Err(Error::Infeasible {
             what: format!("the drone {found} after {time_s:.3} s"),
-            hint: "check the weights controller.q and .r and observer.q and .r against the \
-                   vehicle, and that the plan makes no large jump"
-                .into(),
+            hint:
+                "check the weights of controller.lqr and observer.luenberger against the vehicle, \
+                   and that the plan makes no large jump"
+                    .into(),
         })
     }
 
@@ -147,8 +149,8 @@ impl Avionics {
 }
 
 /// How a drone, or the belief of its estimator, is lost.
-fn lost(body: &Body, estimate: &State) -> Option<&'static str> {
-    let Body { position_m, velocity_m_s, rate_rad_s, .. } = body;
+fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {
+    let RigidBody { position_m, velocity_m_s, rate_rad_s, .. } = body;
     // Without a branch per value, which a processor would have to predict.
     let near = |values: &[f64]| values.iter().fold(true, |near, x| near & (x.abs() < LOST));
     let near = near(position_m.as_slice())
@@ -172,9 +174,9 @@ mod tests {
 
     #[test]
     fn a_lost_drone_and_a_lost_observer_are_both_found() {
-        let (body, estimate) = (Body::at(Vector3::z()), State::zeros());
+        let (body, estimate) = (RigidBody::at(Vector3::z()), State::zeros());
         assert_eq!(lost(&body, &estimate), None, "at the start");
-        let away = Body { position_m: Vector3::new(f64::NAN, 0.0, 0.0), ..body };
+        let away = RigidBody { position_m: Vector3::new(f64::NAN, 0.0, 0.0), ..body };
         assert_eq!(lost(&away, &estimate), Some("flies away"));
         let mut astray = estimate;
         astray[6] = -1e5;
@@ -188,7 +190,11 @@ mod tests {
             (Vector3::z_axis(), 3.0, None),
         ] {
             let world_from_body = UnitQuaternion::from_axis_angle(&axis, angle_rad);
-            assert_eq!(lost(&Body { world_from_body, ..body }, &estimate), want, "{angle_rad}");
+            assert_eq!(
+                lost(&RigidBody { world_from_body, ..body }, &estimate),
+                want,
+                "{angle_rad}"
+            );
         }
     }
 }

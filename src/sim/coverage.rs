@@ -4,13 +4,16 @@
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
 //! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao).
 //! σ is the whole error of an angle: its white noise, its distortion, and the station's own place
-//! and turn; the distortion that all stations share is added. Not modelled: walls and people in the way, the tilt of the drone.
+//! and turn; the distortion that all stations share is added. Not modeled: walls and people in the way, the
+//! tilt of the drone.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::sensors::{Generation, SensorOptions};
+use super::options::{Generation, LighthouseOptions, SensorOptions};
+use super::sensors::StationPose;
 use crate::error::{Error, Result, within};
+use crate::settings::Described;
 
 /// Finest and coarsest grid.
 const STEPS_M: [f64; 2] = [0.001, 10.0];
@@ -30,7 +33,7 @@ pub struct Coverage {
     pub places: Vec<Place>,
 }
 
-/// What the stations make of one place.
+/// Visibility and accuracy at one place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Place {
     /// Stations that see a level drone there.
@@ -52,14 +55,14 @@ pub fn coverage(
     y_m: f64,
     step_m: f64,
 ) -> Result<Coverage> {
-    options.check()?;
+    Described::check(&options.lighthouse, "sensors.lighthouse", None)?;
     within("step", step_m, STEPS_M[0], STEPS_M[1])?;
     within("depth y", y_m, -1e4, 1e4)?;
     for bound in bounds_m {
         within("bounds", bound, -1e4, 1e4)?;
     }
     let [left, bottom, right, top] = bounds_m;
-    let hint = "name left, bottom, right and top in metres, such as -1,0,1,2";
+    let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
     if left >= right || bottom >= top {
         let found = format!("{left},{bottom},{right},{top}");
         return Err(Error::input("bounds", found, "left below right, bottom below top", hint));
@@ -68,13 +71,13 @@ pub fn coverage(
         let wanted = format!("a step that makes at most {MAX_PLACES} places");
         return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
     }
-    if options.stations.is_empty() {
-        let hint = "list them in the scene file, or read a configuration with --lighthouse";
-        return Err(Error::input("sensors.stations", "none", "at least one", hint));
+    if options.lighthouse.stations.is_empty() {
+        let hint = "list the room's base stations";
+        return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
     }
     let (x_m, z_m) = (places_m(left, right, step_m), places_m(bottom, top, step_m));
     let rows = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
-    let places = rows.map(|place| look(options, &place)).collect();
+    let places = rows.map(|place| look(&options.lighthouse, &place)).collect();
     Ok(Coverage { x_m, y_m, z_m, places })
 }
 
@@ -105,12 +108,12 @@ fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
-/// What the stations make of a level drone at a place.
-fn look(options: &SensorOptions, place_m: &Vector3<f64>) -> Place {
+/// Visibility and accuracy of a level drone at a place.
+fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
     let square = |x: f64| x * x;
     let (mut n_stations, mut information) = (0, Matrix3::zeros());
     for station in &options.stations {
-        let pose = station.pose();
+        let pose = StationPose::new(station);
         if !pose.sees(place_m, &Vector3::z()) {
             continue;
         }
@@ -129,7 +132,7 @@ fn look(options: &SensorOptions, place_m: &Vector3<f64>) -> Place {
     // One station's two angles leave its distance open; so do two stations in one line.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
-    let bent = 3.0 * square(options.lighthouse_distortion_m);
+    let bent = 3.0 * square(options.distortion_m);
     let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
     Place { n_stations, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
@@ -137,17 +140,17 @@ fn look(options: &SensorOptions, place_m: &Vector3<f64>) -> Place {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::sensors::Station;
+    use crate::sim::options::Station;
 
     /// Two stations square to each other, 3 m from (0, 0, 0) and level with it but for their sight.
-    fn square_stations() -> SensorOptions {
+    fn square_stations() -> LighthouseOptions {
         let height = 0.6;
         let stations = [[-3.0, 0.0, height], [0.0, -3.0, height]]
             .map(|place| Station::looking(Generation::V1, place, [0.0, 0.0, height]));
-        SensorOptions {
+        LighthouseOptions {
             stations: stations.into(),
             sweep_noise_rad: [1e-3, 1e-3],
-            ..SensorOptions::ideal()
+            ..SensorOptions::ideal().lighthouse
         }
     }
 
@@ -191,7 +194,8 @@ mod tests {
         assert!(refused([0.0, 0.0, 100.0, 100.0], 0.01).starts_with("step"));
         assert!(refused([0.0, 0.0, 1.0, 1.0], 0.0).starts_with("step"));
         assert!(refused([0.0, 0.0, f64::NAN, 1.0], 0.1).starts_with("bounds"));
-        let none = SensorOptions { stations: Vec::new(), ..Default::default() };
+        let mut none = SensorOptions::default();
+        none.lighthouse.stations.clear();
         assert!(coverage(&none, [0.0, 0.0, 1.0, 1.0], 0.0, 0.1).is_err(), "no stations");
     }
 }

@@ -1,30 +1,29 @@
-//! Design: gains of regulator and observer for a drone, and what they stand.
+//! Design: gains of regulator and observer for a drone, and their stability margins.
 //!
-//! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearised,
-//! both gains come from their Riccati equations, and the closed loop is asked for poles and margins,
-//! with motors that obey at once and with motors that lag.
+//! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
+//! both gains come from their Riccati equations, and poles and margins of the closed loop are computed for
+//! immediate and for lagging motors.
 //!
 //! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
-//! (1975), for the weights. Not modelled: the observer's own part in the margins, drag,
+//! (1975), for the weights. Not modeled: the observer's own part in the margins, drag,
 //! the time between two ticks.
 
 use nalgebra::{Complex, Const, DMatrix, DimMin, Matrix4, SMatrix, SVector, Vector4};
 
-use super::controller::{Gain, augmented, augmented_gain, known_lag_s, lqr_gain};
-use super::mixer::Mixer;
+use super::controller::{Gain, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
-use super::vehicle::{GRAVITY_M_S2, Motion, State, Vehicle, Wrench, motion_derivative};
+use super::vehicle::{GRAVITY_M_S2, Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
 use crate::control::{
-    Margins, is_hurwitz, linearise_finely, margins, observability_rank, observer_gain, poles,
+    Margins, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain, poles,
     unobservable_states, with_input_lag,
 };
 use crate::error::{Error, Result, within};
 
-/// Lag of a Crazyflie's motors that a gain is held against where a vehicle names none: Eschmann, Albani, Loianno, "Data-driven
+/// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
 /// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights
 /// gave 0.05 to 0.14 s.
 pub const MOTOR_LAG_S: f64 = 0.072;
-/// Longest lag that is tried.
+/// Longest lag that is searched.
 const MAX_LAG_S: f64 = 1.0;
 /// Halvings of the span in which the longest lag lies: to a microsecond.
 const HALVINGS: u32 = 20;
@@ -34,13 +33,12 @@ pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Further columns of `K` where the gain is designed for rotors that lag: what they are believed to
-/// give.
+/// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors' output.
 pub const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 
-/// Gains of a drone and what they stand.
+/// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Design {
     /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
@@ -50,17 +48,18 @@ pub struct Design {
     pub states: Vec<&'static str>,
     /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
     pub l: DMatrix<f64>,
-    /// How many of the twelve states the inputs reach.
+    /// Number of the twelve states that the inputs reach.
     pub controllability_rank: usize,
-    /// How many of the nine states of position, attitude and velocity the measured position shows.
+    /// Number of the nine states of position, attitude and velocity that are observable from the
+    /// measured position.
     pub observability_rank: usize,
-    /// Those that it does not show.
+    /// The others.
     pub unobservable: Vec<&'static str>,
     /// Poles of the regulator, 1/s, the slowest first; `None` where they were not found.
     pub regulator_poles: Option<Vec<Complex<f64>>>,
     /// Poles of the observer.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// What the loop stands at each input with motors that obey at once.
+    /// Margins at each input with immediate motors.
     pub margins: Option<[Margins; 4]>,
     /// Lag of the motors that the next two are for, s.
     pub motor_lag_s: f64,
@@ -68,39 +67,39 @@ pub struct Design {
     pub lagging_poles: Option<Vec<Complex<f64>>>,
     /// Margins with that lag; `None`: not stable.
     pub lagging_margins: Option<[Margins; 4]>,
-    /// Longest motor lag that the gain stands, s; `None`: more than a second.
+    /// Longest motor lag with a stable loop, s; `None`: more than a second.
     pub longest_lag_s: Option<f64>,
     /// Largest deviation from hover of each input by itself with all motors in their range, N m
     /// and N.
     pub largest_inputs: [f64; 4],
-    /// Bryson's rule for `controller.r`: 1 / deviation².
+    /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
     pub bryson_r: [f64; 4],
-    /// What whoever uses the gains should know.
+    /// Warnings about the gains.
     pub warnings: Vec<String>,
 }
 
-/// Designs both gains of a drone and asks what they stand with a motor lag of `motor_lag_s`.
+/// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
 ///
 /// # Errors
 ///
-/// What [`SimOptions::check`] finds, [`Error::Input`] for a lag outside 1 µs to 1 s,
+/// Those of [`SimOptions::check`], [`Error::Input`] for a lag outside 1 µs to 1 s,
 /// [`Error::Infeasible`] for weights that have no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
-    within("--motor-lag", motor_lag_s, 1e-6, MAX_LAG_S)?;
+    within("the motor lag", motor_lag_s, 1e-6, MAX_LAG_S)?;
     let vehicle = Vehicle::new(&options.vehicle);
     let (a, b) =
-        linearise_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-    let known_s = known_lag_s(options);
+        linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
+    let known_s = modeled_lag_s(options);
     let mut design = if options.controller.kind == ControllerKind::LqrIntegral {
-        let gain = augmented_gain(options, &a, &b)?;
-        let (a, b) = augmented(&a, &b);
+        let (a, b) = with_integrals(&a, &b);
+        let gain = Gain::<15>::new(options, &a, &b)?;
         Design::of_gain::<15, 19, 23>(&a, &b, &gain, known_s, motor_lag_s)
     } else {
-        let gain = lqr_gain(options, &a, &b)?;
+        let gain = Gain::<12>::new(options, &a, &b)?;
         Design::of_gain::<12, 16, 20>(&a, &b, &gain, known_s, motor_lag_s)
     };
-    // The size of an input does not change what it reaches.
+    // The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
     design.controllability_rank = observability_rank(&a.transpose(), &per_size.transpose());
     design.observe(options)?;
@@ -110,7 +109,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
 }
 
 impl Design {
-    /// The part of a regulator that knows of a lag, or of none. `P` is `N + 4`, `Q` is `N + 8`.
+    /// The regulator's part, for lagging or immediate motors. `P` is `N + 4`, `Q` is `N + 8`.
     fn of_gain<const N: usize, const P: usize, const Q: usize>(
         a: &SMatrix<f64, N, N>,
         b: &SMatrix<f64, N, 4>,
@@ -126,8 +125,8 @@ impl Design {
         let Some(known_lag_s) = known_lag_s else {
             return Self::of_regulator::<N, P>(a, b, &gain.k, motor_lag_s);
         };
-        // The rotors that the regulator believes in run on its own commands: they belong to it, not
-        // to the loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
+        // The modeled rotors run on the regulator's own commands: they are part of it, not of the
+        // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
         let mut whole = a.fixed_resize::<P, P>(0.0);
         whole.fixed_view_mut::<4, N>(N, 0).copy_from(&(-gain.k / known_lag_s));
         let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
@@ -152,7 +151,7 @@ impl Design {
         Const<P>: DimMin<Const<P>, Output = Const<P>>,
     {
         let (a_lag, b_lag, k_lag) = with_input_lag::<N, 4, P>(a, b, k, motor_lag_s);
-        let stands = |lag_s: f64| {
+        let stable = |lag_s: f64| {
             let (a, b, k) = with_input_lag::<N, 4, P>(a, b, k, lag_s);
             is_hurwitz(&(a - b * k))
         };
@@ -169,7 +168,7 @@ impl Design {
             motor_lag_s,
             lagging_poles: poles(&(a_lag - b_lag * k_lag)),
             lagging_margins: margins(&a_lag, &b_lag, &k_lag),
-            longest_lag_s: longest(stands),
+            longest_lag_s: longest(stable),
             largest_inputs: [0.0; 4],
             bryson_r: [0.0; 4],
             warnings: Vec::new(),
@@ -180,7 +179,7 @@ impl Design {
     /// the gain without the yaw.
     fn observe(&mut self, options: &SimOptions) -> Result<()> {
         let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
-        let (a, _) = linearise_finely(
+        let (a, _) = linearize_finely(
             |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
             &Motion::zeros(),
             &at_hover,
@@ -192,10 +191,12 @@ impl Design {
         let a: SMatrix<f64, 8, 8> = a.remove_row(YAW).remove_column(YAW);
         let c = SMatrix::<f64, 3, 8>::identity();
         let variance = |trust: f64| 1.0 / trust;
-        let model = SMatrix::from_diagonal(&SVector::from(options.observer.r).map(variance));
-        let measured = SMatrix::from_diagonal(&SVector::from(options.observer.q).map(variance));
+        let model =
+            SMatrix::from_diagonal(&SVector::from(options.observer.luenberger.r).map(variance));
+        let measured =
+            SMatrix::from_diagonal(&SVector::from(options.observer.luenberger.q).map(variance));
         let l = observer_gain(&a, &c, &model, &measured).map_err(|error| Error::Infeasible {
-            what: format!("observer.q and observer.r have no gain: {error}"),
+            what: format!("observer.luenberger.q and .r have no gain: {error}"),
             hint: error.hint().into(),
         })?;
         self.observer_poles = poles(&(a - l * c));
@@ -203,7 +204,7 @@ impl Design {
         Ok(())
     }
 
-    /// Bryson's rule: an input may go as far as the motor that reaches its end first lets it.
+    /// Bryson's rule: an input may deviate until the first motor reaches its limit.
     fn weigh(&mut self, options: &SimOptions, vehicle: &Vehicle) {
         let mixer = Mixer::new(&options.vehicle);
         let hover = mixer.motors(&vehicle.hover()).0;
@@ -222,7 +223,7 @@ impl Design {
         if self.lagging_margins.is_none() {
             self.warnings.push(format!(
                 "the gain is stable only without motor lag: with {lag_s} s it is not{}",
-                self.longest_lag_s.map_or(String::new(), |s| format!(", it stands {s:.3} s"))
+                self.longest_lag_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"))
             ));
         }
         if let ControllerKind::Pid | ControllerKind::Geometric = options.controller.kind {
@@ -234,17 +235,17 @@ impl Design {
 /// Row of the yaw, which the observer leaves out.
 const YAW: usize = 3;
 
-/// Longest lag that is stood; `None` where the longest that is tried is.
-fn longest(stands: impl Fn(f64) -> bool) -> Option<f64> {
-    if stands(MAX_LAG_S) {
+/// Longest stable lag; `None` where even [`MAX_LAG_S`] is stable.
+fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {
+    if stable(MAX_LAG_S) {
         return None;
     }
-    let (mut stood, mut failed) = (0.0, MAX_LAG_S);
+    let (mut low, mut high) = (0.0, MAX_LAG_S);
     for _ in 0..HALVINGS {
-        let middle = 0.5 * (stood + failed);
-        if stands(middle) { stood = middle } else { failed = middle }
+        let middle = 0.5 * (low + high);
+        if stable(middle) { low = middle } else { high = middle }
     }
-    Some(stood)
+    Some(low)
 }
 
 fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> DMatrix<f64> {
@@ -291,14 +292,14 @@ mod tests {
     }
 
     #[test]
-    fn yaw_is_the_one_state_that_no_position_shows_and_the_motors_reach_all() {
+    fn yaw_alone_is_unobservable_and_every_state_is_controllable() {
         let design = default_design(MOTOR_LAG_S);
         assert_eq!((design.observability_rank, design.controllability_rank), (8, 12));
         assert_eq!(design.unobservable, ["psi"]);
     }
 
     #[test]
-    fn a_regulator_stands_sixty_degrees_and_its_gain_in_half() {
+    fn a_regulator_has_a_phase_margin_of_sixty_degrees_and_half_the_gain() {
         let design = default_design(MOTOR_LAG_S);
         for (margins, input) in design.margins.unwrap().iter().zip(INPUTS) {
             assert!(margins.phase_rad.unwrap() > 60.0_f64.to_radians(), "{input}: {margins:?}");
@@ -311,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn the_teams_gain_stands_a_lag_of_a_tenth_of_a_second() {
+    fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
         // NumPy 2.4.6, `eigvals` of the 16 states: largest real part −2.2276 at 0.072 s, −0.320 at
         // 0.100 s, +0.488 at 0.120 s.
         let design = default_design(0.1);
@@ -338,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gain_designed_for_its_rotors_bears_twice_their_lag() {
+    fn a_gain_designed_for_its_rotors_tolerates_twice_their_lag() {
         // With the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the yaw, any rise of
         // the gain, a fall to 0.32 at the pitch; slowest pole −2.397; stable up to 2.6 times the lag.
         let options = SimOptions::cf21();

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
-use super::options::SimOptions;
+use super::drone::Drone;
 use super::recorder::Recorder;
 use super::vehicle::Plant;
 use crate::error::{Error, Result};
@@ -15,27 +15,6 @@ const MAX_DURATION_S: f64 = 3600.0;
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
 
-/// A simulated drone.
-#[derive(Clone, Copy, Debug)]
-pub struct Drone<'a> {
-    /// The model that controller and estimator are designed for.
-    pub believed: &'a SimOptions,
-    /// The true body, motors, battery, air and sensors.
-    pub actual: &'a SimOptions,
-    /// Seed of all noise.
-    pub seed: u64,
-    /// Index among the drones that fly together. Each index has its own noise, in sensors and air.
-    pub index: u64,
-}
-
-impl<'a> Drone<'a> {
-    /// The drone of index 0, exactly as its controller believes it to be.
-    #[must_use]
-    pub fn new(options: &'a SimOptions, seed: u64) -> Self {
-        Self { believed: options, actual: options, seed, index: 0 }
-    }
-}
-
 /// Flies a plan with one drone.
 ///
 /// The flight lasts from 0 to the time of the last setpoint. The same plan and drone give the same
@@ -43,7 +22,7 @@ impl<'a> Drone<'a> {
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`]; [`Error::Input`] for a plan without setpoints or with values
+/// Those of [`SimOptions::check`](crate::sim::SimOptions::check); [`Error::Input`] for a plan without setpoints or with values
 /// that no drone can reach; [`Error::Infeasible`] for one longer than an hour, for weights without
 /// a gain, and for a drone that turns over or flies away.
 ///
@@ -129,7 +108,7 @@ mod tests {
     use super::*;
     use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
     use crate::plan::Setpoint;
-    use crate::sim::{EstimatorKind, Gusts, Positioning};
+    use crate::sim::{EstimatorKind, Gusts, Positioning, SimOptions};
 
     /// Setpoints `(time, x, z)` with a light on all of them.
     fn plan(points: &[(f64, f64, f64)]) -> Plan {
@@ -184,7 +163,7 @@ mod tests {
         // Samples are every second tick.
         let last_s = *saturated_s.last().unwrap();
         assert!(ticks > 10.0 && (last_s / (0.004 * ticks) - 1.0).abs() < 0.1, "{last_s} s");
-        assert!(saturated_s.is_sorted() && saturated_s[0] == 0.0, "counts up from nought");
+        assert!(saturated_s.is_sorted() && saturated_s[0] == 0.0, "counts up from zero");
         assert_eq!(flight.extra.len(), 1, "no battery, no voltage");
     }
 
@@ -213,34 +192,34 @@ mod tests {
             fly(&hover, &drone, &mut |_| {}).unwrap()
         };
         let last = |flight: Flight| flight.samples.last().unwrap().position_m.z;
-        // What is lifted by position error alone: 2 % of the weight over K's 0.364 N/m.
+        // Position error alone lifts 2 % of the weight, by K's 0.364 N/m.
         let sag_m = 0.02 * 0.0351 * 9.81 / 0.364;
         let low_m = last(fly(&believed, &believed)) - last(fly(&believed, &actual));
         assert!((low_m - sag_m).abs() < 0.002, "{low_m} m instead of {sag_m} m");
         let known_m = last(fly(&actual, &actual)) - last(fly(&believed, &believed));
-        assert!(known_m.abs() < 0.002, "who knows the mass stays up: {known_m} m");
+        assert!(known_m.abs() < 0.002, "with the known mass it stays up: {known_m} m");
     }
 
     #[test]
     fn each_index_has_its_own_noise_and_the_first_is_the_default() {
-        // At hover: in motion all estimates share the error of their model.
-        let hover = plan(&[(0.0, 0.0, 0.5), (40.0, 0.0, 0.5)]);
+        // At hover: in motion all estimates share the error of their model. Gusts and loops have
+        // correlation times of 1 to 3 s: over 200 s and three axes, chance correlates by 0.06.
+        let hover = plan(&[(0.0, 0.0, 0.5), (200.0, 0.0, 0.5)]);
         for (positioning, kind) in [
             (Positioning::Position, EstimatorKind::Luenberger),
             (Positioning::Sweeps, EstimatorKind::Ekf),
-            (Positioning::UwbTwr, EstimatorKind::Ekf),
         ] {
             let mut options = SimOptions::cf21();
             options.sensors.positioning = positioning;
             options.observer.kind = kind;
-            options.air.gusts = Gusts::OrnsteinUhlenbeck;
+            options.air.gusts = Gusts::room();
             // Errors of the estimate, less their mean.
             let errors_m = |index| {
                 let drone = Drone { index, ..Drone::new(&options, 3) };
                 let flight = fly(&hover, &drone, &mut |_| {}).unwrap();
                 let error_m = |s: &FlightSample| s.estimate_m - s.position_m;
                 let errors_m: Vec<Vector3<f64>> = flight.samples.iter().map(error_m).collect();
-                #[expect(clippy::cast_precision_loss, reason = "10 001")]
+                #[expect(clippy::cast_precision_loss, reason = "50 001")]
                 let mean_m = errors_m.iter().sum::<Vector3<f64>>() / errors_m.len() as f64;
                 (flight, errors_m.iter().map(|e| e - mean_m).collect::<Vec<_>>())
             };
@@ -257,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn progress_rises_from_nought_to_one() {
+    fn progress_rises_from_zero_to_one() {
         let mut seen = Vec::new();
         let hover = plan(&[(0.0, 0.0, 0.5), (3.0, 0.0, 0.5)]);
         let options = SimOptions::default();
@@ -267,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_flown_is_refused_with_its_reason() {
+    fn impossible_plans_are_refused_with_the_reason() {
         let refused = |points| fly_default(&plan(points)).unwrap_err().to_string();
         assert!(refused(&[]).contains("no setpoint"));
         assert!(refused(&[(0.0, 0.0, 0.5), (3601.0, 0.0, 0.5)]).contains("3601 s"));
@@ -287,11 +266,11 @@ mod tests {
             let mut options = SimOptions::default();
             options.vehicle.inertia_kg_m2.iter_mut().for_each(|j| *j *= factor());
             options.vehicle.k_f_n *= factor();
-            options.controller.q.iter_mut().for_each(|q| *q *= factor());
-            options.controller.r.iter_mut().for_each(|r| *r *= factor());
-            options.observer.q.iter_mut().for_each(|q| *q *= factor() * factor());
-            options.observer.r.iter_mut().for_each(|r| *r *= factor() * factor());
-            options.sensors.lighthouse_jitter_m *= factor();
+            options.controller.lqr.q.iter_mut().for_each(|q| *q *= factor());
+            options.controller.lqr.r.iter_mut().for_each(|r| *r *= factor());
+            options.observer.luenberger.q.iter_mut().for_each(|q| *q *= factor() * factor());
+            options.observer.luenberger.r.iter_mut().for_each(|r| *r *= factor() * factor());
+            options.sensors.lighthouse.jitter_m *= factor();
             let Ok(flight) = flown(&hover, &options, case) else { continue };
             flew += 1;
             for s in &flight.samples {

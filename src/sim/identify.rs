@@ -1,10 +1,10 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and what is known of the vehicle. Out: [`Identified`]. Method, as the reference
+//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the reference
 //! team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne, of the
 //! measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ by
 //! finite differences; thrust per command is fitted to the accelerometer, and the mean motor
-//! commands show the torque that the controller pays for a displaced centre of mass. Inertia comes
+//! commands show the torque that compensates a displaced center of mass. Inertia comes
 //! from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque
 //! is fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
 //!
@@ -15,9 +15,9 @@ pub mod yaw;
 use nalgebra::{SVector, Vector3, Vector4};
 
 use self::yaw::ReactionTorque;
-use super::mixer::SIGNS;
 use super::options::VehicleOptions;
 use super::vehicle::GRAVITY_M_S2;
+use super::vehicle::SIGNS;
 use crate::error::{Error, Result, within};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
 
@@ -29,10 +29,10 @@ pub const MODEL_STATES: [&str; 9] =
 const LIGHTHOUSE: [&str; 3] = ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"];
 const ACCELERATION: &str = "ae483log.a_z";
 
-/// Fewest samples that a spread is told from: ten seconds at 10 Hz.
+/// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
 
-/// What a flight says about a drone.
+/// Properties of a drone, estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     /// Airborne samples that were used.
@@ -44,9 +44,9 @@ pub struct Identified {
     pub k_f_n: f64,
     /// Mean torque that the motors gave about body x and y, N m. The body met its opposite.
     pub motor_torque_n_m: [f64; 2],
-    /// Where the centre of mass must be for that torque, in body x and y.
+    /// The center of mass that explains that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
-    /// What the yaw says of the rotors' reaction torque; `None` where no body rate is logged.
+    /// The rotors' reaction torque from the yaw; `None` where no body rate is logged.
     pub reaction: Option<ReactionTorque>,
     /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
     /// logged.
@@ -78,7 +78,7 @@ pub fn weight(sigma: f64) -> f64 {
 }
 
 /// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body that
-/// swings with period T about a pivot at distance r from its centre of mass.
+/// swings with period T about a pivot at distance r from its center of mass.
 ///
 /// # Errors
 ///
@@ -94,7 +94,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     }
     let shortest_s = std::f64::consts::TAU * (pivot_m / GRAVITY_M_S2).sqrt();
     let wanted = format!("more than {shortest_s:.4} s, the period of a point {pivot_m} m away");
-    let hint = "time ten swings and divide by ten; measure the pivot from the centre of mass";
+    let hint = "time ten swings and divide by ten; measure the pivot from the center of mass";
     Err(Error::input("pendulum: period_s", period_s, wanted, hint))
 }
 
@@ -104,9 +104,9 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified> {
-    let told = |quantity| !flight.unlogged.contains(&quantity);
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
-    if !told(Quantity::Motors) {
+    if !logged(Quantity::Motors) {
         return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
     }
     let air = airborne(flight).unwrap_or_default();
@@ -125,7 +125,7 @@ pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified>
     let torque = SIGNS * mean_motors * (k_f_n * vehicle.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
     let lighthouse = LIGHTHOUSE.map(column);
-    let moves = told(Quantity::Attitude) && told(Quantity::Velocity) && told(Quantity::Rate);
+    let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
     Ok(Identified {
         n_samples,
         mean_motors: mean_motors.into(),
@@ -133,7 +133,7 @@ pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified>
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        reaction: told(Quantity::Rate).then(|| yaw::reaction(flight, samples, vehicle)).flatten(),
+        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, vehicle)).flatten(),
         measurement_sigma_m: match lighthouse {
             [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
             _ => None,
@@ -164,7 +164,7 @@ fn measurement_sigma_m(samples: &[FlightSample], measured_m: [&[f64]; 3]) -> [f6
     spread(errors.collect::<Vec<_>>().as_slice()).into()
 }
 
-/// Spread of `ẋ − (A x + B u)` with the model linearised at hover, over pairs of neighbours that no
+/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors that no
 /// hole of the log parts.
 fn model_sigma(
     flight: &Flight,
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pendulum_tells_the_inertia() {
+    fn a_pendulum_test_gives_the_inertia() {
         // A rod of 1 kg and 1 m about its end: J = m l²/12 about its middle, T = 2π √(2 l / 3 g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flown_drone_is_identified_as_what_it_is() {
+    fn a_simulated_drone_is_identified() {
         let strokes = write("NO", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();

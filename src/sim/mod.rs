@@ -16,21 +16,20 @@
 //! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
 //! sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
-//! Not modelled: lag of the radio, lost packets, downwash between drones, errors that drones in one
+//! Not modeled: lag of the radio, lost packets, downwash between drones, errors that drones in one
 //! room share; whole-number motor commands; filters and offsets of the inertial sensors,
 //! reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
 
+pub mod altitude;
 mod avionics;
 mod controller;
 mod coverage;
 pub mod design;
+mod drone;
 mod estimator;
 mod fly;
 pub mod identify;
-mod lanes;
-mod mixer;
 mod noise;
-mod normals;
 mod options;
 mod presets;
 mod recorder;
@@ -41,14 +40,15 @@ mod sensors;
 mod vehicle;
 
 pub use coverage::{Coverage, Place, coverage};
-pub use estimator::{EstimatorKind, ObserverOptions};
-pub use fly::{Drone, fly};
-pub use options::{ControllerKind, ControllerOptions, MotorLag, RateOptions, SimOptions};
+pub use drone::Drone;
+pub use fly::fly;
+pub use options::{
+    AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
+    EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
+    GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
+    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
+    UwbOptions, VehicleOptions,
+};
 pub use response::step_responses;
-pub use sensors::{
-    Generation, HeightSensor, LighthouseConfig, Positioning, SensorOptions, Station,
-    read_lighthouse_config,
-};
-pub use vehicle::{
-    AirOptions, BatteryOptions, Body, Compensation, GroundEffect, Gusts, Plant, VehicleOptions,
-};
+pub use sensors::{LighthouseConfig, read_lighthouse_config};
+pub use vehicle::{Plant, RigidBody};

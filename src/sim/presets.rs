@@ -5,8 +5,10 @@
 //! reference team's, its gain is designed for the rotors' lag: without that, such weights make every
 //! drone with a lagging motor oscillate.
 
-use super::options::{ControllerOptions, SimOptions};
-use super::vehicle::{BatteryOptions, Compensation, GroundEffect, VehicleOptions};
+use super::options::{
+    BatteryOptions, Compensation, ControllerOptions, GeometricOptions, GroundEffect, LqrOptions,
+    SimOptions, VehicleOptions,
+};
 
 /// Largest motor command of the Crazyflie's firmware.
 const FULL: f64 = 65_535.0;
@@ -15,20 +17,22 @@ const FULL: f64 = 65_535.0;
 ///
 /// Regulators: the reference team's weights, with torque across and thrust at a quarter of their
 /// price: it trails as the team's drone did, by 0.53 s, and no motor reaches its end; at an eighth,
-/// one does. Geometric controller: the firmware's own gains over the inertia that stands beside them
+/// one does. Geometric controller: the firmware's own gains over the inertia given with them
 /// (`controller_lee.c`, commit 0640f1c); the default's are for motors that obey at once.
 fn crazyflie_gains() -> ControllerOptions {
-    let team = ControllerOptions::default();
+    let team = LqrOptions::default();
     let [x, y, z, f] = team.r;
     ControllerOptions {
-        r: [0.25 * x, 0.25 * y, z, 0.25 * f],
-        k_position: 9.0,
-        k_velocity: 7.0,
-        k_position_integral: 5.0,
-        k_attitude: [331.9, 330.2, 341.7],
-        k_rate: [78.4, 78.1, 68.3],
-        k_attitude_integral: [724.0, 1081.0, 513.0],
-        ..team
+        lqr: LqrOptions { r: [0.25 * x, 0.25 * y, z, 0.25 * f], ..team },
+        geometric: GeometricOptions {
+            k_position: 9.0,
+            k_velocity: 7.0,
+            k_position_integral: 5.0,
+            k_attitude: [331.9, 330.2, 341.7],
+            k_rate: [78.4, 78.1, 68.3],
+            k_attitude_integral: [724.0, 1081.0, 513.0],
+        },
+        ..ControllerOptions::default()
     }
 }
 
@@ -134,7 +138,7 @@ impl SimOptions {
         }
     }
 
-    /// bzzz: a quadcopter of 1.15 kg with 10-inch propellers, for altitude-hold.md.
+    /// bzzz: a quadcopter of 1.15 kg with 10-inch propellers, from a laboratory on altitude hold.
     ///
     /// Body, motor lag, propellers: `quadx88`, the model of the same laboratory (on
     /// `pypi.org`: mass of its example, thrust coefficient 0.112, power coefficient 0.044, 10 in, air 1.225 kg/m³); half the side
@@ -182,7 +186,10 @@ impl SimOptions {
                 cut_off_v: 9.0,
                 ..cell
             },
-            controller: ControllerOptions { r: [9.324, 9.324, 934.75, 0.2357], ..base.controller },
+            controller: ControllerOptions {
+                lqr: LqrOptions { r: [9.324, 9.324, 934.75, 0.2357], ..LqrOptions::default() },
+                ..base.controller
+            },
             ..base
         }
     }
@@ -205,7 +212,7 @@ mod tests {
 
     #[test]
     fn every_set_passes_its_check_and_flies_noor_from_floor_to_floor() {
-        // Bounds are a tenth above what was flown.
+        // Bounds are a tenth above the errors found.
         let sets = [
             (SimOptions::cf21(), [0.073, 0.01, 0.081]),
             (SimOptions::cf21_thrust_kit(), [0.072, 0.01, 0.081]),
@@ -232,7 +239,7 @@ mod tests {
             {
                 let mut options = set();
                 options.controller.kind = kind;
-                options.air.gusts = Gusts::OrnsteinUhlenbeck;
+                options.air.gusts = Gusts::room();
                 let rmse_m = track(&noor(&options), Part::Letters).unwrap().rmse_m.norm();
                 assert!(rmse_m < bound_m, "{kind:?}: {rmse_m} m");
             }
@@ -242,7 +249,7 @@ mod tests {
     #[test]
     fn the_reference_teams_gains_do_not_bear_the_motor_lag() {
         let mut options = SimOptions::cf21();
-        options.controller.motor_lag = MotorLag::Ignored;
+        options.controller.lqr.motor_lag = MotorLag::Ignored;
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let error = fly(&plan, &Drone::new(&options, 1), &mut |_| {}).unwrap_err().to_string();

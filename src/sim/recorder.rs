@@ -1,9 +1,6 @@
-//! Writes a flight down while it is flown.
+//! Records a flight while it is simulated.
 
 use std::collections::BTreeMap;
-
-use nalgebra::Vector3;
-use pulp::{Arch, NullaryFnOnce};
 
 use super::vehicle::{State, attitude, position, rate, velocity};
 use crate::flight::table::on_grid;
@@ -21,7 +18,7 @@ pub(super) struct Recorder<'a> {
     energy_j: Vec<f64>,
 }
 
-/// What the drone knows and does at one tick.
+/// State and commands of the drone at one tick.
 #[derive(Debug)]
 pub(super) struct Snapshot {
     pub(super) time_s: f64,
@@ -76,42 +73,16 @@ impl<'a> Recorder<'a> {
 }
 
 fn sample(snapshot: &Snapshot, setpoint: &Setpoint) -> FlightSample {
-    let (now, believed) = (&snapshot.state, &snapshot.estimate);
-    let design_m = setpoint.design_m(snapshot.time_s);
-    let mut row = [0.0; ROW];
-    row[..12].copy_from_slice(now.as_slice());
-    row[12..15].copy_from_slice(&believed.as_slice()[..3]);
-    row[15..18].copy_from_slice(design_m.as_slice());
-    row[18..22].copy_from_slice(&snapshot.motors);
-    row[22] = snapshot.time_s;
-    Arch::new().dispatch(Grid(&mut row));
-    let state = State::from_column_slice(&row[..12]);
+    let state = snapshot.state.map(on_grid);
     FlightSample {
-        time_s: row[22],
+        time_s: on_grid(snapshot.time_s),
         position_m: position(&state),
         attitude: attitude(&state),
         velocity_body_m_s: velocity(&state),
         rate_body_rad_s: rate(&state),
-        estimate_m: Vector3::new(row[12], row[13], row[14]),
-        design_m: Vector3::new(row[15], row[16], row[17]),
-        motors: [row[18], row[19], row[20], row[21]],
+        estimate_m: position(&snapshot.estimate).map(on_grid),
+        design_m: setpoint.design_m(snapshot.time_s).map(on_grid),
+        motors: snapshot.motors.map(on_grid),
         letter: setpoint.letter,
-    }
-}
-
-/// Numbers of a sample, filled up to whole registers.
-const ROW: usize = 24;
-
-/// Rounds all of them.
-struct Grid<'a>(&'a mut [f64; ROW]);
-
-impl NullaryFnOnce for Grid<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        for value in self.0 {
-            *value = on_grid(*value);
-        }
     }
 }

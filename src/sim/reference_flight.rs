@@ -39,7 +39,7 @@ fn noor_on_one_grid() -> Plan {
     Plan { setpoints, lights, ..Plan::default() }
 }
 
-/// Ideal sensors, the centre of mass in the middle of the motors.
+/// Ideal sensors, the center of mass in the middle of the motors.
 fn undisturbed() -> SimOptions {
     SimOptions {
         vehicle: VehicleOptions { center_of_mass_m: [0.0, 0.0], ..Default::default() },
@@ -93,7 +93,7 @@ fn setpoints_that_begin_anew_with_every_move_change_the_error_little() {
 }
 
 #[test]
-fn half_the_step_moves_the_flight_by_less_than_a_micrometre() {
+fn half_the_step_moves_the_flight_by_less_than_a_micrometer() {
     let coarse = flown(&undisturbed(), 0);
     let fine = flown(
         &SimOptions {
@@ -116,7 +116,7 @@ fn the_seed_decides_the_flight() {
     assert_ne!(flight, flown(&options, 2), "another seed, another flight");
 }
 
-/// Error of a whole simulated NOOR as the team's log tells it: in the air, against the setpoint in
+/// Error of a whole simulated NOOR as in the team's log: in the air, against the setpoint in
 /// force. Root mean square over eight seeds.
 fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector3<f64> {
     let strokes = write("NOOR", &LetterOptions::default()).unwrap();
@@ -140,7 +140,7 @@ const REAL_ERROR_M: [f64; 3] = [0.097, 0.046, 0.059];
 #[test]
 fn gusts_leave_the_error_of_the_real_flight_within_a_tenth() {
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     let found_m = error_as_logged_m(&options, &PlanOptions::default());
     for (found_m, real_m) in found_m.iter().zip(REAL_ERROR_M) {
         assert!((found_m / real_m - 1.0).abs() < 0.1, "{found_m} m of {real_m} m");
@@ -153,7 +153,7 @@ fn the_real_pace_and_speed_stability_leave_it_within_a_sixteenth() {
     let pace =
         PlanOptions { stroke_speed_m_s: 0.18, setpoint_interval_s: 0.109, ..Default::default() };
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let found_m = error_as_logged_m(&options, &pace);
     for (found_m, real_m) in found_m.iter().zip(REAL_ERROR_M) {

@@ -1,35 +1,32 @@
-//! What a plan may reckon with: how the closed loop answers a step, and the flight that a drone
-//! would make with nothing that disturbs it.
+//! Predictions for a plan: the step response of the closed loop, and the undisturbed drone.
 //!
 //! The response is the difference of two simulated flights, with and without a small step of the
-//! setpoint: whatever stands still or trembles in both is gone, and everything that is linear is in
-//! it, be it the controller, the observer, the rotors or the time between two ticks.
+//! setpoint: offsets and noise common to both cancel, and the linear response of controller,
+//! observer, rotors and sampling remains.
 
 use nalgebra::Vector3;
 
-use super::estimator::EstimatorKind;
-use super::fly::{Drone, fly};
-use super::options::{ControllerKind, SimOptions};
-use super::sensors::{Positioning, SensorOptions};
-use super::vehicle::Gusts;
+use super::drone::Drone;
+use super::fly::fly;
+use super::options::{EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions};
 use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint};
 
 /// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
-/// for a flight's grid of a micrometre.
+/// for a flight's grid of a micrometer.
 const STEP_M: f64 = 0.05;
 /// The drone comes to rest before the step, and after it. Loops settle in two to four seconds.
 const BEFORE_S: f64 = 4.0;
 const AFTER_S: f64 = 6.0;
 /// High enough to be out of the floor's reach.
 const HEIGHT_M: f64 = 1.5;
-/// What may be left of the step in the end; more is no loop that follows positions.
+/// Largest remaining error of a loop that follows positions, as a share of the step.
 const LEFT_FRAC: f64 = 0.05;
 
 impl SimOptions {
-    /// The same drone as a plan may reckon with it: in still air, with its centre of mass in the
-    /// middle and sensors that tell the truth.
+    /// The undisturbed drone: in still air, with its center of mass in the middle and ideal
+    /// sensors.
     #[must_use]
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
@@ -44,22 +41,11 @@ impl SimOptions {
     }
 }
 
-impl ControllerKind {
-    /// Whether it follows the design's velocity and acceleration, and not held positions.
-    #[must_use]
-    pub fn follows_design(self) -> bool {
-        match self {
-            Self::Lqr | Self::Pid => false,
-            Self::LqrFeedforward | Self::LqrIntegral | Self::Geometric => true,
-        }
-    }
-}
-
 /// How the drone's position answers a step of the setpoint, along world x, y and z.
 ///
 /// # Errors
 ///
-/// What [`fly`] finds, and [`Error::Infeasible`] for a loop that has not come to the setpoint after
+/// Those of [`fly`], and [`Error::Infeasible`] for a loop that has not come to the setpoint after
 /// six seconds.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
@@ -100,6 +86,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::ControllerKind;
 
     #[test]
     fn the_reference_loop_answers_as_its_linear_model_does() {

@@ -13,13 +13,13 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result, within};
 use crate::light::LightOptions;
 use crate::scene::Scene;
-use crate::sim::{Gusts, SimOptions};
+use crate::sim::{GustOptions, Gusts, SimOptions};
 
 /// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), through which gusts take hold of a
 /// drone whose scene has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
-/// Gusts of a ventilated room, with which [`crate::sim::AirOptions::gust_torque_sigma_n_m`] goes.
+/// Gusts of a ventilated room, with which [`crate::sim::GustOptions::torque_sigma_n_m`] goes.
 const ROOM_GUST_M_S: f64 = 0.08;
 
 /// How widely flights differ from their scene. 0 leaves a factor as the scene has it.
@@ -51,7 +51,7 @@ impl Default for Conditions {
     /// the reference flight. Inertia: published values for one drone differ by a fifth (simulation.md
     /// 4). Motor lag: the lower half of what was published (0.02 to 0.14 s), since gains that were
     /// flown stand it. Lighthouse: half of the 13 mm rms that `positioning_dataset` shows. Gusts: a
-    /// ventilated room, see [`crate::sim::AirOptions`]. LED: one repeated radio packet. Battery: a
+    /// ventilated room, see [`GustOptions`]. LED: one repeated radio packet. Battery: a
     /// third flown away.
     fn default() -> Self {
         Self {
@@ -245,20 +245,23 @@ impl Departure {
         }
         body.motor_rise_s += self.motor_lag_s;
         body.motor_fall_s += self.motor_lag_s;
-        let sensors = &mut sim.sensors;
-        for own in [&mut sensors.lighthouse_distortion_m, &mut sensors.station_position_error_m] {
+        let sensors = &mut sim.sensors.lighthouse;
+        for own in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *own = libm::hypot(*own, self.lighthouse_distortion_m);
         }
         if self.gust_m_s > 0.0 {
-            let had = sim.air.gusts == Gusts::OrnsteinUhlenbeck;
-            for own in &mut sim.air.gust_sigma_m_s {
-                *own = libm::hypot(if had { *own } else { 0.0 }, self.gust_m_s);
+            let still = || GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() };
+            let (mut gusts, had) = match sim.air.gusts {
+                Gusts::OrnsteinUhlenbeck(own) => (own, 1.0),
+                Gusts::None | Gusts::Dryden => (still(), 0.0),
+            };
+            for own in &mut gusts.sigma_m_s {
+                *own = libm::hypot(*own, self.gust_m_s);
             }
-            let room = self.gust_m_s / ROOM_GUST_M_S;
-            for own in &mut sim.air.gust_torque_sigma_n_m {
-                *own *= if had { libm::hypot(1.0, room) } else { room };
+            for own in &mut gusts.torque_sigma_n_m {
+                *own *= libm::hypot(had, self.gust_m_s / ROOM_GUST_M_S);
             }
-            sim.air.gusts = Gusts::OrnsteinUhlenbeck;
+            sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {
                 body.body_drag_n_s_m = DRAG_N_S_M;
             }

@@ -9,7 +9,7 @@ use crate::sim::ControllerKind;
 /// One setting that a search turns, or several by one factor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// Keys of the scene, such as `controller.q[0]`.
+    /// Keys of the scene, such as `controller.lqr.q[0]`.
     pub keys: Vec<String>,
     /// How far it turns.
     pub turn: Turn,
@@ -40,31 +40,44 @@ impl Knob {
     /// the measured position, speed.
     #[must_use]
     pub fn usual(scene: &Scene) -> Vec<Self> {
-        let trust = Self::times(&["observer.q[0]", "observer.q[1]", "observer.q[2]"], 0.05, 5.0);
+        let trust = Self::times(
+            &["observer.luenberger.q[0]", "observer.luenberger.q[1]", "observer.luenberger.q[2]"],
+            0.05,
+            5.0,
+        );
         let speed = Self::to(&["plan.stroke_speed_m_s"], 0.12, 0.4);
         let mut knobs = match scene.controller.kind {
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
                 let kinds = ["lqr", "lqr-feedforward", "lqr-integral"].map(str::to_owned);
-                let integral = ["[0]", "[1]", "[2]"].map(|i| format!("controller.q_integral{i}"));
+                let integral =
+                    ["[0]", "[1]", "[2]"].map(|i| format!("controller.lqr.q_integral{i}"));
                 vec![
                     Self { keys: vec!["controller.kind".into()], turn: Turn::Choice(kinds.into()) },
-                    Self::times(&["controller.q[0]", "controller.q[1]"], 0.1, 10.0),
-                    Self::times(&["controller.q[2]"], 0.1, 10.0),
-                    Self::to(&["controller.q[4]", "controller.q[5]"], 1e-3, 10.0),
-                    Self::times(&["controller.q[6]", "controller.q[7]"], 0.03, 30.0),
-                    Self::times(&["controller.q[8]"], 0.1, 10.0),
-                    Self::times(&["controller.q[9]", "controller.q[10]"], 1e-3, 3.0),
+                    Self::times(&["controller.lqr.q[0]", "controller.lqr.q[1]"], 0.1, 10.0),
+                    Self::times(&["controller.lqr.q[2]"], 0.1, 10.0),
+                    Self::to(&["controller.lqr.q[4]", "controller.lqr.q[5]"], 1e-3, 10.0),
+                    Self::times(&["controller.lqr.q[6]", "controller.lqr.q[7]"], 0.03, 30.0),
+                    Self::times(&["controller.lqr.q[8]"], 0.1, 10.0),
+                    Self::times(&["controller.lqr.q[9]", "controller.lqr.q[10]"], 1e-3, 3.0),
                     Self { keys: integral.into(), turn: Turn::To([1.0, 300.0]) },
-                    Self::times(&["controller.r[0]", "controller.r[1]"], 0.1, 30.0),
-                    Self::times(&["controller.r[3]"], 0.1, 10.0),
+                    Self::times(&["controller.lqr.r[0]", "controller.lqr.r[1]"], 0.1, 30.0),
+                    Self::times(&["controller.lqr.r[3]"], 0.1, 10.0),
                 ]
             }
             ControllerKind::Geometric => vec![
-                Self::times(&["controller.k_position"], 0.3, 3.0),
-                Self::times(&["controller.k_velocity"], 0.3, 3.0),
-                Self::to(&["controller.k_position_integral"], 0.1, 20.0),
-                Self::times(&["controller.k_attitude[0]", "controller.k_attitude[1]"], 0.3, 3.0),
-                Self::times(&["controller.k_rate[0]", "controller.k_rate[1]"], 0.3, 3.0),
+                Self::times(&["controller.geometric.k_position"], 0.3, 3.0),
+                Self::times(&["controller.geometric.k_velocity"], 0.3, 3.0),
+                Self::to(&["controller.geometric.k_position_integral"], 0.1, 20.0),
+                Self::times(
+                    &["controller.geometric.k_attitude[0]", "controller.geometric.k_attitude[1]"],
+                    0.3,
+                    3.0,
+                ),
+                Self::times(
+                    &["controller.geometric.k_rate[0]", "controller.geometric.k_rate[1]"],
+                    0.3,
+                    3.0,
+                ),
             ],
             ControllerKind::Pid => Vec::new(),
         };
@@ -96,7 +109,7 @@ impl Knob {
     }
 }
 
-const HINT: &str = "for example --knob plan.stroke_speed_m_s=0.1..0.4, --knob 'controller.q[2]*=\
+const HINT: &str = "for example --knob plan.stroke_speed_m_s=0.1..0.4, --knob 'controller.lqr.q[2]*=\
                     0.1..10' or --knob controller.kind=lqr|lqr-feedforward; `noctograph scene` \
                     prints the keys";
 
@@ -119,7 +132,7 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The value of a key such as `controller.q[0]`.
+/// The value of a key such as `controller.lqr.q[0]`.
 fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value> {
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
     parts
@@ -171,7 +184,7 @@ mod tests {
     #[test]
     fn knobs_turn_what_they_name_and_nothing_else() {
         let knobs = [
-            "controller.q[0]+controller.q[1]*=0.1..10",
+            "controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10",
             "plan.stroke_speed_m_s=0.1..0.4",
             "controller.kind=lqr|lqr-integral",
         ];
@@ -180,10 +193,10 @@ mod tests {
         let turned = turned(&scene, &knobs, &[0.75, 0.5, 0.6]).unwrap();
         let mut want = scene.clone();
         let root = libm::exp(0.5 * libm::log(10.0));
-        want.controller.q[0] = turned.controller.q[0];
-        want.controller.q[1] = turned.controller.q[1];
-        assert!((turned.controller.q[0] / (120.0 * root) - 1.0).abs() < 1e-12);
-        assert!((turned.controller.q[1] / (80.0 * root) - 1.0).abs() < 1e-12);
+        want.controller.lqr.q[0] = turned.controller.lqr.q[0];
+        want.controller.lqr.q[1] = turned.controller.lqr.q[1];
+        assert!((turned.controller.lqr.q[0] / (120.0 * root) - 1.0).abs() < 1e-12);
+        assert!((turned.controller.lqr.q[1] / (80.0 * root) - 1.0).abs() < 1e-12);
         want.plan.stroke_speed_m_s = turned.plan.stroke_speed_m_s;
         assert!((turned.plan.stroke_speed_m_s - 0.2).abs() < 1e-12);
         want.controller.kind = ControllerKind::LqrIntegral;
@@ -212,7 +225,7 @@ mod tests {
             let error = turned(&Scene::default(), &[knob], &[0.5]).unwrap_err().to_string();
             assert!(error.contains(found), "{error}");
         };
-        wrong("controller.q[12]=1..2", "controller.q[12]");
+        wrong("controller.lqr.q[12]=1..2", "controller.lqr.q[12]");
         wrong("plan.style_x=1..2", "plan.style_x");
         wrong("controller.kind=1..2", "controller.kind");
         wrong("controller.kind=lqr|pud", "pud");

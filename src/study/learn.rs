@@ -4,7 +4,7 @@
 //! 1. The error that repeats: the mean over flights of `flown − design` while letters are written,
 //!    shrunk where flights disagree (positive-part James–Stein), smoothed without phase.
 //! 2. The reference moves against a share of it, through the inverse of the scene's loop
-//!    ([`lead::learn`]): what is sent now must answer for what is flown later.
+//!    ([`feedforward::learn`]): what is sent now must answer for what is flown later.
 //! 3. The light commands are aimed at where strokes begin and end on such a flight
 //!    ([`aim`]).
 //! 4. Learning stops when a round does not help beyond chance: flights of the same seeds, pair by
@@ -23,7 +23,7 @@ use super::statistics::mean;
 use super::{Outcome, Prepared, Record, Store};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::plan::{Plan, lead};
+use crate::plan::{Plan, feedforward};
 use crate::scene::Scene;
 use crate::shoot::{aim, rehearse};
 use crate::sim::step_responses;
@@ -230,7 +230,7 @@ pub fn correct(
         }
     }
     let responses = step_responses(&scene.sim())?;
-    let mut next = lead::learn(sent, &missed, &responses);
+    let mut next = feedforward::learn(sent, &missed, &responses);
     // What is sent while nothing is written stays: take-off and landing are nobody's letters.
     for (row, setpoint) in sent.setpoints.iter().enumerate() {
         if setpoint.letter.is_none() {

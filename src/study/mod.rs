@@ -24,6 +24,7 @@
 mod conditions;
 mod contender;
 mod design;
+mod hold;
 mod knobs;
 mod learn;
 mod rank;
@@ -38,6 +39,7 @@ mod tune;
 pub use conditions::{Conditions, Departure, Factor};
 pub use contender::{Contender, KNOWN};
 pub use design::{Study, Trial, evaluate};
+pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
 pub use learn::{LearnOptions, Learned, Round, correct, learn};
 pub use rank::{FlownMeasures, Measures, Pair, Ranking, rank};

@@ -429,7 +429,7 @@ mod tests {
 
     #[test]
     fn a_lost_drone_is_an_outcome() {
-        let ready = prepared("I", |scene| scene.sensors.lighthouse_jitter_m = 1.0);
+        let ready = prepared("I", |scene| scene.sensors.lighthouse.jitter_m = 1.0);
         let outcome = ready.outcome(0).unwrap();
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");

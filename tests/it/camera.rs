@@ -1,4 +1,4 @@
-//! Cameras as a person sets them: what is refused, what is warned of, what the meter says.
+//! Cameras on the command line: errors, warnings, and the meter.
 
 use predicates::prelude::*;
 
@@ -14,7 +14,7 @@ fn streak() -> String {
     csv
 }
 
-const FIXED: &str = "[camera]\nframing = \"fixed\"\nwidth_px = 320\nheight_px = 180\n";
+const FIXED: &str = "[camera]\nwidth_px = 320\nheight_px = 180\nframing.kind = \"fixed\"\n";
 
 #[test]
 fn cameras_that_cannot_be_are_refused_and_leave_nothing() {
@@ -22,12 +22,15 @@ fn cameras_that_cannot_be_are_refused_and_leave_nothing() {
         ("f_number = 0", "camera.f_number"),
         ("iso = -1", "camera.iso"),
         ("shutter_open_s = 5.0\nshutter_close_s = 3.0", "camera.shutter_close_s"),
-        ("position_m = [0.2, -0.02, 0.75]\ntarget_m = [0.2, 9.0, 0.75]", "from lamp `trace`"),
-        ("target_m = [0.15, -3.0, 0.75]", "camera.target_m"),
-        ("position_m = [nan, 0.0, 0.0]", "camera.position_m"),
-        ("orientation_wxyz = [0.0, 0.0, 0.0, 0.0]", "camera.orientation_wxyz"),
+        (
+            "framing.position_m = [0.2, -0.02, 0.75]\nframing.target_m = [0.2, 9.0, 0.75]",
+            "from lamp `trace`",
+        ),
+        ("framing.target_m = [0.15, -3.0, 0.75]", "camera.framing.target_m"),
+        ("framing.position_m = [nan, 0.0, 0.0]", "camera.framing.position_m"),
+        ("framing.orientation_wxyz = [0.0, 0.0, 0.0, 0.0]", "camera.framing.orientation_wxyz"),
         ("focus_m = 0.0", "camera.focus_m"),
-        ("distortion = [inf, 0.0, 0.0, 0.0]", "camera.distortion"),
+        ("lens.distortion = [inf, 0.0, 0.0, 0.0]", "camera.lens.distortion"),
         ("lens = \"kit-16mm\"\nf_number = 2.0", "camera.f_number"),
         ("body = \"obscura\"", "obscura"),
     ];
@@ -41,10 +44,10 @@ fn cameras_that_cannot_be_are_refused_and_leave_nothing() {
 
 #[test]
 fn a_camera_behind_the_word_is_refused() {
-    let scene = format!("{FIXED}position_m = [0.15, 3.0, 0.75]\n");
+    let scene = format!("{FIXED}framing.position_m = [0.15, 3.0, 0.75]\n");
     let files = [("a.csv", &*streak()), ("s.toml", &*scene)];
     let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml", "--word", "NO"];
-    fails(&arguments, &files, &["camera.position_m", "behind the word", "mirrored"]);
+    fails(&arguments, &files, &["camera.framing.position_m", "behind the word", "mirrored"]);
 }
 
 #[test]
@@ -59,7 +62,9 @@ fn a_light_trace_with_nan_is_refused_with_line_and_column() {
 fn what_falls_outside_is_told_by_side_and_centimetres_and_auto_mends_it() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.csv"), streak()).unwrap();
-    let scene = format!("{FIXED}position_m = [1.84, -3.0, 0.75]\ntarget_m = [1.84, 0.0, 0.75]\n");
+    let scene = format!(
+        "{FIXED}framing.position_m = [1.84, -3.0, 0.75]\nframing.target_m = [1.84, 0.0, 0.75]\n"
+    );
     std::fs::write(folder.path().join("s.toml"), scene).unwrap();
     let arguments = ["expose", "a.csv", "--backend", "cpu", "--scene", "s.toml", "--word", "I"];
     let run = || {
@@ -67,8 +72,8 @@ fn what_falls_outside_is_told_by_side_and_centimetres_and_auto_mends_it() {
         command.args(arguments);
         command
     };
-    let told = predicate::str::contains("light is outside the picture: 30 cm on the left");
-    run().assert().success().stderr(told);
+    let warning = predicate::str::contains("light is outside the picture: 30 cm on the left");
+    run().assert().success().stderr(warning);
     let outside = predicate::str::contains("word is outside");
     run().args(["--camera", "auto"]).assert().success().stderr(outside.not());
 }

@@ -1,4 +1,4 @@
-//! The command as a person meets it: what it writes, what it prints, how it fails.
+//! The command line: its files, its output, its errors.
 
 use std::path::Path;
 
@@ -58,8 +58,8 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!(digest.len(), 64);
     for name in ["photo.png", "verdict.json"] {
         let bytes = std::fs::read(folder.path().join("a").join(name)).unwrap();
-        let told = bytes.windows(64).any(|text| text == digest.as_bytes());
-        assert!(told, "{name} names the flight that it shows");
+        let named = bytes.windows(64).any(|text| text == digest.as_bytes());
+        assert!(named, "{name} names the flight that it shows");
     }
     let again = noctograph(folder.path()).args(["import", "a/flight.csv"]).assert().success();
     again.stdout(predicate::str::contains(format!("digest    {digest}")));
@@ -128,7 +128,7 @@ fn a_learned_folder_is_previewed_with_its_plan() {
     run(&["scene", "-o", "learned/scene.toml"]);
     run(&["plan", "I", "--set", "plan.stroke_speed_m_s=0.3", "-o", "learned/plan-I.csv"]);
     let preview = ["preview", "I", "--scene", "learned"];
-    noctograph(folder.path()).args(preview).args(SMALL).assert();
+    noctograph(folder.path()).args(preview).args(SMALL).assert().code(predicates::ord::le(1));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(read("noctograph-out/plan.csv") == read("learned/plan-I.csv"), "another plan");
 }

@@ -99,6 +99,6 @@ fn a_failure_leaves_a_page_with_the_difference_that_an_eye_sees() {
     for title in ["wanted", "found", "16x", "flip"] {
         assert!(text.contains(&format!("src={title}.png")), "{title}: {text}");
     }
-    let seen = Photo::read_png(&page.with_file_name("flip.png")).unwrap();
+    let seen = Photo::read(&page.with_file_name("flip.png")).unwrap();
     assert!(seen.rgb8[..3] > seen.rgb8[3 * 95..], "bright where the pictures differ");
 }

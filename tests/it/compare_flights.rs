@@ -98,7 +98,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     let flight = std::fs::read_to_string(folder.path().join("flight.csv")).unwrap();
     let head = flight.lines().next().unwrap();
     let empty = format!("{head}\n");
-    // A second on the floor, told nothing: 0 in all columns but time.
+    // A second on the floor without setpoints: 0 in all columns but time.
     let zeros = ",0".repeat(head.split(',').count() - 1);
     let nowhere = format!("{head}\n0{zeros}\n1{zeros}\n");
     let files = [("a.csv", &flight[..]), ("empty.csv", &empty), ("nowhere.csv", &nowhere)];

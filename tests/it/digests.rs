@@ -30,7 +30,7 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
         ("cf21, 1 kHz, gusts, crossing beams, cascade", {
             with(SimOptions::cf21(), |o| {
                 o.rates.control_hz = 1000;
-                o.air.gusts = Gusts::OrnsteinUhlenbeck;
+                o.air.gusts = Gusts::room();
                 o.sensors.positioning = Positioning::CrossingBeams;
                 o.controller.kind = ControllerKind::Pid;
             })

@@ -1,9 +1,9 @@
-//! Golden files, under `golden/`: what the program made when a person last looked at it.
+//! Golden files, under `golden/`: results that a person has inspected.
 //!
 //! One golden a stage, each from an input that no other stage makes, so that a change of one stage
 //! moves its own golden alone: flights (`digests`), films (`twins`), plots (`compare_flights`), the
 //! verdict (`faults`). One picture, `golden/photo/noor.png`, holds the whole road. The pictures of
-//! the documentation are illustrations: they must look like what the program makes.
+//! the documentation are illustrations: they must look like the results.
 //!
 //! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` writes the goldens anew.
 
@@ -45,9 +45,12 @@ pub(crate) fn assert_golden(file: &str, found: &str) {
 }
 
 /// The photo of a scene, exposed on the CPU: the other backends leave the same film.
-fn photograph(mut scene: Scene) -> Photo {
-    scene.expose.backend = BackendChoice::Cpu;
-    let mut shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
+fn photograph(scene: Scene) -> Photo {
+    let mut shoot = Shoot {
+        judging: Judging::Skipped,
+        backend: BackendChoice::Cpu,
+        ..Shoot::new(scene).unwrap()
+    };
     // The plan ends some milliseconds after the last sample of its flight.
     let end_s = shoot.plans[0].plan.duration_s();
     shoot.scene.camera.shutter_close_s.get_or_insert(end_s);
@@ -72,7 +75,7 @@ fn golden_photo_of_noor() {
         assert!(png.len() <= MAX_BYTES, "a golden of {} bytes is too large", png.len());
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read_png(&path).ok();
+    let wanted = Photo::read(&path).ok();
     let difference = wanted.as_ref().map(|wanted| compare(wanted, &found));
     if difference != Some(None) {
         let note = format!("{difference:?}: bless with NOCTOGRAPH_BLESS=1");
@@ -93,7 +96,7 @@ fn assert_illustration(file: &str, found: &Photo) {
         found.write_png(&mut png, None, &[]).unwrap();
         std::fs::write(&path, png).unwrap();
     }
-    let wanted = Photo::read_png(&path).unwrap();
+    let wanted = Photo::read(&path).unwrap();
     let size_px = |photo: &Photo| [photo.width_px, photo.height_px];
     assert_eq!(size_px(&wanted), size_px(found), "{file}");
     let mean = flip::difference(&wanted, found).mean(|_| true);
@@ -102,7 +105,7 @@ fn assert_illustration(file: &str, found: &Photo) {
 
 #[test]
 fn the_picture_of_the_readme_looks_like_the_photo_of_its_command() {
-    assert_illustration("noor.png", &noor([800, 450], Noise::Emva1288));
+    assert_illustration("noor.png", &noor([800, 450], Noise::default()));
 }
 
 #[test]

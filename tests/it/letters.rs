@@ -30,8 +30,8 @@ fn a_drawing_is_flown_and_photographed_and_not_read() {
     let args =
         ["preview", "--drawing", "logo.svg", "--json", "--backend", "cpu", "--size", "320x180"];
     let run = noctograph(folder.path()).args(args).assert().success();
-    let told = json(&run.get_output().stdout);
-    assert!(told["word"].is_null() && told["legible"].is_null(), "no verdict: {told}");
+    let found = json(&run.get_output().stdout);
+    assert!(found["word"].is_null() && found["legible"].is_null(), "no verdict: {found}");
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);
     let args = ["plan", "--scene", "noctograph-out/scene.toml", "-o", "again.csv"];

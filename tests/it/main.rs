@@ -21,7 +21,7 @@ mod study;
 mod team_data;
 mod twins;
 
-/// Whether a missing graphics device is a failure; else what needs one is left out.
+/// Whether a missing graphics device is a failure; else the checks that need one are left out.
 fn gpu_required() -> bool {
     std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some()
 }

@@ -29,14 +29,14 @@ fn write_streaks(folder: &Path) {
 }
 
 #[test]
-fn several_flights_are_one_photo_and_the_meter_tells_the_drones_apart() {
+fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     let folder = tempfile::tempdir().unwrap();
     write_streaks(folder.path());
     let flags = ["--word", "NO", "--backend", "cpu", "--size", "320x180", "-o"];
     let expose = |flights: &[&str], name: &str| {
         let arguments = [&["expose"], flights, &flags, &[name]].concat();
         noctograph(folder.path()).args(arguments).assert().success();
-        Photo::read_png(&folder.path().join(name)).unwrap()
+        Photo::read(&folder.path().join(name)).unwrap()
     };
     let all = expose(&["a.csv", "b.csv", "c.csv"], "all.png");
     let alone = ["a.csv", "b.csv", "c.csv"].map(|flight| expose(&[flight], "one.png"));
@@ -73,7 +73,9 @@ fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_t
     let folder = tempfile::tempdir().unwrap();
     fly_three(folder.path());
     for effect in ["double-spin", "solid", "memory", "fade", "off"] {
-        let scene = format!("[light]\nring_effect = \"{effect}\"\nring_color = [40, 10, 90]\n");
+        let color =
+            if matches!(effect, "double-spin" | "off") { "" } else { "color = [40, 10, 90]\n" };
+        let scene = format!("[light.ring]\nkind = \"{effect}\"\n{color}");
         std::fs::write(folder.path().join("s.toml"), scene).unwrap();
         let hash = |backend: &str, threads: &str| {
             let mut command = noctograph(folder.path());
@@ -102,7 +104,7 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     let run = |arguments: &[&str], taken: &str| {
         let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu", "-o", taken];
         noctograph(folder.path()).args(common).args(arguments).assert().success();
-        Photo::read_png(&folder.path().join(taken)).unwrap().scene_toml.unwrap()
+        Photo::read(&folder.path().join(taken)).unwrap().scene_toml.unwrap()
     };
     // Our own photo carries EXIF, but no size: that of the scene stays.
     run(&["--scene", "s.toml"], "taken.png");
@@ -115,9 +117,9 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     no_exif.write_png(file, None, &[]).unwrap();
     let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];
     let output = noctograph(folder.path()).args(bare).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("no EXIF") && told.contains("hint: "), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("no EXIF") && stderr.contains("hint: "), "{stderr}");
 }
 
 #[test]
@@ -136,7 +138,7 @@ fn a_render_is_found_in_a_photo_of_the_same_light() {
     assert!(found["correlation"].as_f64().unwrap() > 0.95, "{found}");
     assert!(found["mean_flip"].as_f64().unwrap() < 0.1, "{found}");
     for name in ["overlay.png", "difference.png", "placed.png"] {
-        let picture = Photo::read_png(&folder.path().join("out").join(name)).unwrap();
+        let picture = Photo::read(&folder.path().join("out").join(name)).unwrap();
         assert_eq!((picture.width_px, picture.height_px), (640, 360), "{name}");
     }
     fails(&["compare-photo", "a.png", "b.jpg"], &[], &["a.png"]);

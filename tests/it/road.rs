@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use noctograph::expose::{BackendChoice, Film};
 use noctograph::light::RingEffect;
+use noctograph::photo::{Noise, SensorNoise};
 use noctograph::plan::PlanOptions;
 use noctograph::scene::Scene;
 use noctograph::score::{self, Verdict};
@@ -16,9 +17,8 @@ struct Taken(Shot);
 
 fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
     let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
-    scene.expose.backend = backend;
     change(&mut scene);
-    let shoot = Shoot { judging: Judging::Scored, ..Shoot::new(scene).unwrap() };
+    let shoot = Shoot { judging: Judging::Scored, backend, ..Shoot::new(scene).unwrap() };
     Taken(shoot.take(&|_, _| {}).unwrap())
 }
 
@@ -91,7 +91,8 @@ fn a_dark_flight_reads_as_nothing() {
     assert!(!hot.legible && hot.read == "????" && hot.readability == 0.0, "{hot:?}");
     let cold = on_cpu("NOOR", |scene| {
         dark(scene);
-        scene.photo.hot_pixel_frac = 0.0;
+        scene.photo.noise =
+            Noise::Emva1288(SensorNoise { hot_pixel_frac: 0.0, ..SensorNoise::default() });
     })
     .verdict();
     assert!(!cold.legible && cold.read == "????", "{:?}", cold);
@@ -103,7 +104,7 @@ fn clean_previews_of_the_teams_letters_read() {
     // ring is turned off: with its spinner above the camera, FED reads as PED. I stands first: with the way from
     // another letter to it, it is as near to J.
     for word in ["NOOR", "CAB", "FED", "IGH", "JKL", "MPQ", "RST", "UVW", "XYZ"] {
-        let verdict = on_cpu(word, |scene| scene.light.ring_effect = RingEffect::Off).verdict();
+        let verdict = on_cpu(word, |scene| scene.light.ring = RingEffect::Off).verdict();
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
 }

@@ -1,7 +1,7 @@
-//! The reference team's flight of NOOR: their log must give their tables and figures, and say what it
-//! does not show; their photograph must read, and say what went wrong.
+//! The reference team's flight of NOOR: their log must give their tables and figures, and state what
+//! cannot be identified from it; their photograph must read, with the causes of its faults.
 //!
-//! Neither has a licence, so neither is in the repository. `tests/run` runs these tests where
+//! Neither has a license, so neither is in the repository. `tests/run` runs these tests where
 //! `../shared/data` exists; by hand: `cargo test --release team_data -- --ignored`.
 
 use std::path::{Path, PathBuf};
@@ -104,7 +104,7 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
 /// leg is white to the half.
 #[test]
 #[ignore = "needs ../shared/data"]
-fn the_teams_photograph_reads_and_says_what_went_wrong() {
+fn the_teams_photograph_reads_and_its_faults_are_found() {
     let (folder, photo) = (tempfile::tempdir().unwrap(), team_file("noor_photo.png"));
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
@@ -163,7 +163,7 @@ fn the_teams_flight_is_flown_again_as_it_was() {
 #[ignore = "needs ../shared/data"]
 fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
     let mut options = SimOptions::default();
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     let mut mean_sq = Vector3::<f64>::zeros();
     for seed in 0..8 {
         let (flown, _) = flown_again(&options, seed);

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use noctograph::camera::{Camera, CameraOptions, Framing};
+use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose};
 use noctograph::light::{Emitter, Lamp, LightSample, LightTrace};
 
@@ -32,11 +32,13 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
     Lamp { emitter, samples: samples.collect() }
 }
 
+fn fixed(position_m: [f64; 3], target_m: [f64; 3]) -> Framing {
+    Framing::Fixed(FixedPose { position_m, target_m, ..FixedPose::default() })
+}
+
 fn camera(change: impl FnOnce(&mut CameraOptions)) -> Camera {
     let mut options = CameraOptions {
-        framing: Framing::Fixed,
-        position_m: [0.0, -4.0, 0.0],
-        target_m: [0.0; 3],
+        framing: fixed([0.0, -4.0, 0.0], [0.0; 3]),
         width_px: 480,
         height_px: 270,
         ..CameraOptions::default()
@@ -73,13 +75,17 @@ fn golden_films_are_the_same_on_both_backends() {
         ("decay", vec![leveled(one().remove(0), |t| libm::exp(-t))], usual(), 0.0),
         ("pulses", vec![leveled(three(8, 250).remove(2), pulses)], usual(), 0.005),
         ("4K", one(), camera(|c| (c.width_px, c.height_px) = (3840, 2160)), 0.005),
-        ("clipped", one(), camera(|c| c.target_m = [1.2, 0.0, 0.6]), 0.005),
-        ("near", one(), camera(|c| c.position_m = [0.9, -0.4, 0.2]), 0.005),
+        ("clipped", one(), camera(|c| c.framing = fixed([0.0, -4.0, 0.0], [1.2, 0.0, 0.6])), 0.005),
+        ("near", one(), camera(|c| c.framing = fixed([0.9, -0.4, 0.2], [0.0; 3])), 0.005),
         ("out of focus", one(), camera(|c| (c.focus_m, c.f_number) = (Some(0.5), 2.0)), 0.005),
         (
             "distorted, dark corners",
             one(),
-            { camera(|c| (c.distortion, c.vignetting) = ([-0.2, 0.05, 0.002, -0.001], 0.7)) },
+            camera(|c| {
+                let distortion = [-0.2, 0.05, 0.002, -0.001];
+                c.lens = LensModel::Custom(CustomLens { distortion, ..CustomLens::default() });
+                c.vignetting = 0.7;
+            }),
             0.005,
         ),
         (
@@ -93,8 +99,8 @@ fn golden_films_are_the_same_on_both_backends() {
     for (name, lamps, camera, merge_tolerance_px) in scenes {
         let trace = LightTrace { lamps };
         let on = |backend| {
-            let options = ExposeOptions { backend, merge_tolerance_px, ..Default::default() };
-            expose(&trace, &camera, &options)
+            let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
+            expose(&trace, &camera, &options, backend)
         };
         let on_cpu = on(BackendChoice::Cpu).unwrap().film;
         assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");

@@ -57,7 +57,7 @@ pub struct Tracking {
     /// Mean per axis.
     pub mean_error_m: Vector3<f64>,
     /// Shift of the design in time, 0 to [`MAX_LAG_S`], that leaves the least error in the x-z
-    /// plane; 0 where the design stands still.
+    /// plane; 0 where the design does not move.
     pub lag_s: f64,
     /// Root mean square per axis against the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,

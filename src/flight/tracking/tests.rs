@@ -107,7 +107,7 @@ fn drift_observer_error_and_attitude_are_measured() {
     near(mean.pitch_rad, -0.1, 1e-12, "mean");
     near(sigma.pitch_rad, 0.2, 1e-12, "sigma");
     assert_eq!((max.pitch_rad, max.yaw_rad), (0.3, 0.0));
-    assert_eq!(tracking.lag_s, 0.0, "a design that stands still has no lag");
+    assert_eq!(tracking.lag_s, 0.0, "a design that does not move has no lag");
     flown.unlogged = [Quantity::Attitude, Quantity::Estimate].into();
     let tracking = track(&flown, Part::All).unwrap();
     assert_eq!((tracking.attitude, tracking.observer_rmse_m), (None, None), "not logged");

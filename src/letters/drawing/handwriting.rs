@@ -1,12 +1,12 @@
-//! Handwriting as JSON: what a page on a tablet hands over.
+//! Handwriting as JSON, as a page on a tablet writes it.
 //!
 //! ```json
 //! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
 //! ```
 //!
-//! A stroke is what the pen draws while it is down, a point is x, y and, if known, the time in
-//! seconds. Units are the writer's own; `y` grows `down` (the default, as on screens) or `up`.
-//! Other keys are passed over.
+//! A stroke is a list of points from pen down to pen up; a point is x, y and, if known, the time in
+//! seconds. Units of length are arbitrary; `y` grows `down` (the default, as on screens) or `up`.
+//! Other keys are ignored.
 
 use serde::Deserialize;
 

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 /// Most elements of a file.
 const MAX_NODES: u32 = 200_000;
 
-/// What the values of a point mean.
+/// Meaning of a point's values.
 struct Format {
     n_channels: usize,
     x: usize,
@@ -24,7 +24,7 @@ struct Format {
     seconds: f64,
 }
 
-/// How the next values of a channel are written.
+/// Encoding of a channel's values.
 #[derive(Clone, Copy, PartialEq)]
 enum Coding {
     Explicit,
@@ -47,12 +47,8 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
     }
     let format = root.descendants().find(|node| node.tag_name().name() == "traceFormat");
     let format = format.map_or_else(|| Some(Format::plain()), Format::read).ok_or_else(|| {
-        Error::input(
-            format.map_or_else(|| file.to_owned(), at),
-            "other channels",
-            "channels X and Y",
-            hint,
-        )
+        let place = format.map_or_else(|| file.to_owned(), at);
+        Error::input(place, "other channels", "channels X and Y", hint)
     })?;
     let mut traces: Vec<Trace> = Vec::new();
     let mut latest_s = f64::NEG_INFINITY;
@@ -67,18 +63,12 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
             let wanted = format!("points of {} numbers, parted by commas", format.n_channels);
             return Err(Error::input(at(node), format!("`{found}`"), wanted, hint));
         };
-        let mut times = trace.times_s.iter();
-        if times.any(|time_s| {
-            let back = *time_s < latest_s;
-            latest_s = latest_s.max(*time_s);
-            back
-        }) {
-            return Err(Error::input(
-                at(node),
-                "a time before the one before it",
-                "rising times",
-                hint,
-            ));
+        for time_s in &trace.times_s {
+            if *time_s < latest_s {
+                let found = "a time before the one before it";
+                return Err(Error::input(at(node), found, "rising times", hint));
+            }
+            latest_s = *time_s;
         }
         let goes_on = matches!(node.attribute("continuation"), Some("middle" | "end"));
         match traces.last_mut().filter(|_| goes_on) {
@@ -94,7 +84,7 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
 }
 
 impl Format {
-    /// Where a file has no format: X and Y.
+    /// The format of a file that states none: X and Y.
     fn plain() -> Self {
         Self { n_channels: 2, x: 0, y: 1, t: None, upward: -1.0, seconds: 1e-3 }
     }
@@ -105,9 +95,7 @@ impl Format {
             .descendants()
             .filter(|child| child.tag_name().name() == "channel")
             // Intermittent channels may be left out of a point; they come last.
-            .filter(|child| {
-                !child.ancestors().any(|a| a.tag_name().name() == "intermittentChannels")
-            })
+            .filter(|c| !c.ancestors().any(|a| a.tag_name().name() == "intermittentChannels"))
             .collect();
         let find = |name: &str| channels.iter().position(|c| c.attribute("name") == Some(name));
         let (x, y, t) = (find("X")?, find("Y")?, find("T"));
@@ -121,7 +109,7 @@ impl Format {
         Some(Self { n_channels: channels.len(), x, y, t, upward, seconds })
     }
 
-    /// The points of a trace; `None` where one is broken.
+    /// The points of a trace; `None` where one is invalid.
     fn trace(&self, text: &str, offset_s: f64) -> Option<Trace> {
         let mut trace = Trace { points: Vec::new(), times_s: Vec::new() };
         let mut coding = vec![Coding::Explicit; self.n_channels];

@@ -1,35 +1,36 @@
-//! Drawings: a file becomes strokes: SVG, or handwriting as JSON or `InkML`.
+//! Drawings: an SVG file, or handwriting as JSON or `InkML`, becomes strokes.
 //!
-//! A drawing fills its canvas as far as its proportions allow; it stands on the baseline, beside
-//! x = 0 as lines of text do. It has no word: it is one glyph, whose character is [`DRAWING`].
+//! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
+//! aligned like a line of text. It has no word: it is one glyph, whose character is [`DRAWING`].
 
 use std::path::Path;
 
-use super::centre_line::ring;
+use super::center_line::ring;
 use super::font::{read_bytes, read_text};
 use super::options::{Align, LetterOptions};
 use super::shape::{Run, pen_moves};
-use super::smooth::{smooth, thin};
-use super::{Cell, Glyph, Order, Strokes};
+use super::smooth::smooth;
+use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
+use crate::geometry::{arc_lengths, bounds, simplify};
 
 mod handwriting;
 mod inkml;
 mod svg;
 
-/// The character of the one glyph that a drawing is: U+FFFC, an object instead of a character.
+/// Character of a drawing's only glyph: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// Most points of a drawing. At 0.2 m/s and a millimetre each, these are 16 minutes of flight.
+/// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
 const MAX_POINTS: usize = 200_000;
 
-/// Canvas of a drawing, where none is named, in cap heights: width and height.
+/// Default canvas of a drawing, in cap heights: width and height.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
-/// Distance of the points between which handwriting is smoothed, by its height.
+/// Spacing of points at which handwriting is smoothed, by its height.
 const SPACING: f64 = 0.01;
 
 /// Radius of the ring that a tap of the pen becomes, by the drawing's height.
@@ -45,9 +46,9 @@ struct Trace {
 
 /// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
 ///
-/// Of an SVG file every visible path is followed, strokes along their line and fills along their
-/// rim; a filled rectangle behind everything is paper. Clips, masks, patterns, pictures and text
-/// are not drawn. Handwriting keeps its order and times; its wobble is smoothed by at most
+/// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
+/// filled rectangle behind everything is paper. Clips, masks, patterns, pictures and text are not
+/// drawn. Handwriting keeps its order and times, and is smoothed by at most
 /// [`LetterOptions::smoothing_m`].
 ///
 /// # Errors
@@ -64,7 +65,7 @@ pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
             let runs = lines.into_iter().map(|line| placing.run(&line));
-            Ok(placing.strokes(runs.collect(), Order::Free, Vec::new()))
+            Ok(placing.strokes(runs.collect(), StrokeOrder::Free, Vec::new()))
         }
         Some("json") => {
             write(handwriting::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
@@ -85,12 +86,8 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
     if n_points > MAX_POINTS {
         return Err(too_many(file));
     }
-    let points = || traces.iter().flat_map(|trace| &trace.points);
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    let bounds = points().fold(none, |[left, bottom, right, top], [x, y]| {
-        [left.min(*x), bottom.min(*y), right.max(*x), top.max(*y)]
-    });
-    let placing = Placing::new(bounds, options, file)?;
+    let points = traces.iter().flat_map(|trace| trace.points.iter().copied());
+    let placing = Placing::new(bounds(points), options, file)?;
     let timed = traces.iter().all(|trace| trace.times_s.len() == trace.points.len());
     let start_s = traces.first().and_then(|trace| trace.times_s.first()).copied().unwrap_or(0.0);
     let (mut runs, mut times_s) = (Vec::new(), Vec::new());
@@ -99,7 +96,7 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
         let (line, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
         let before = runs.last().map(|run: &Run| run.points[run.points.len() - 1]);
         if timed {
-            // As the moves are: to where the stroke begins in the dark, unless the pen is there.
+            // Like the moves: to the stroke's beginning in the dark, unless the pen is there.
             let begin_s = when[0] - start_s;
             if before != Some(line[0]) {
                 let left_s = times_s.last().map_or(begin_s, |last: &[f64; 2]| last[1]);
@@ -109,10 +106,10 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
         }
         runs.push(Run { lit: true, points: line });
     }
-    Ok(placing.strokes(runs, Order::Kept, times_s))
+    Ok(placing.strokes(runs, StrokeOrder::Kept, times_s))
 }
 
-/// A stroke smoothed and thinned, with the times of its points, where it has some. A tap becomes a
+/// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
 /// ring.
 fn smoothed(
     line: &[[f64; 2]],
@@ -120,56 +117,35 @@ fn smoothed(
     options: &LetterOptions,
     height_m: f64,
 ) -> (Vec<[f64; 2]>, Vec<f64>) {
-    let mut along = vec![0.0];
-    for leg in line.windows(2) {
-        let step = libm::hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
-        along.push(along[along.len() - 1] + step);
-    }
+    let along = arc_lengths(line);
     let length_m = along[along.len() - 1];
-    let (fine, shares) = if length_m < TAP * height_m {
-        let points = ring(line[0], TAP * height_m);
-        let n = points.len() - 1;
-        (points, (0..=n).map(|k| k as f64 / n as f64).collect::<Vec<f64>>())
+    let is_tap = length_m < TAP * height_m;
+    let points = if is_tap {
+        ring(line[0], TAP * height_m)
+    } else if options.smoothing_m > 0.0 {
+        smooth(line, SPACING * height_m, options.smoothing_m)
     } else {
-        let points = if options.smoothing_m > 0.0 {
-            smooth(line, SPACING * height_m, options.smoothing_m)
-        } else {
-            line.to_vec()
-        };
-        let shares = if options.smoothing_m > 0.0 {
-            let n = points.len() - 1;
-            (0..=n).map(|k| k as f64 / n as f64).collect()
-        } else {
-            along.iter().map(|s| s / length_m).collect()
-        };
-        (points, shares)
+        line.to_vec()
     };
-    let kept = thin(&fine, options.tolerance_m);
-    let when = |share: f64| {
-        let at = share * length_m;
-        let leg = along.partition_point(|s| *s < at).clamp(1, along.len().max(2) - 1);
-        match times_s {
-            [] => 0.0,
-            [only] => *only,
-            _ => {
-                let (from, to) = (along[leg - 1], along[leg]);
-                let part =
-                    if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-                times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
-            }
+    let share = |index: usize| {
+        let resampled = is_tap || options.smoothing_m > 0.0;
+        if resampled { index as f64 / (points.len() - 1) as f64 } else { along[index] / length_m }
+    };
+    let time_s = |share: f64| {
+        if length_m == 0.0 {
+            // A tap lasts as long as the pen was down.
+            return times_s[0] + share * (times_s[times_s.len() - 1] - times_s[0]);
         }
+        let at = share * length_m;
+        let leg = along.partition_point(|s| *s < at).clamp(1, along.len() - 1);
+        let (from, to) = (along[leg - 1], along[leg]);
+        let part = if to > from { ((at - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+        times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
     };
-    let points: Vec<[f64; 2]> = kept.iter().map(|index| fine[*index]).collect();
-    let times = if times_s.is_empty() {
-        Vec::new()
-    } else if length_m == 0.0 {
-        // A tap lasts as long as the pen was down.
-        let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
-        kept.iter().map(|index| first + shares[*index] * (last - first)).collect()
-    } else {
-        kept.iter().map(|index| when(shares[*index])).collect()
-    };
-    (points, times)
+    let kept = simplify(&points, options.tolerance_m);
+    let timed = kept.iter().filter(|_| !times_s.is_empty());
+    let times_s = timed.map(|index| time_s(share(*index))).collect();
+    (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
 /// From a drawing's own units, y up, to the plane of the word.
@@ -184,16 +160,13 @@ struct Placing {
 }
 
 impl Placing {
-    fn new(
-        [left, bottom, right, top]: [f64; 4],
-        options: &LetterOptions,
-        file: &str,
-    ) -> Result<Self> {
+    fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
+        let [left, bottom, right, top] = bounds;
         let cap_height_m = options.cap_height_m;
         let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * cap_height_m));
         let (width, height) = (right - left, top - bottom);
         let scale = (canvas_m[0] / width).min(canvas_m[1] / height);
-        // Within what a double can tell apart, and no point alone.
+        // Larger than the rounding of its coordinates, and not a single point.
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
             let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
@@ -203,7 +176,7 @@ impl Placing {
         let (width_m, height_m) = (width * scale, height * scale);
         let left_m = match options.align {
             Align::Left => 0.0,
-            Align::Ae483 | Align::Centre => -0.5 * width_m,
+            Align::Ae483 | Align::Center => -0.5 * width_m,
             Align::Right => -width_m,
         };
         let height_m = height_m.max(1e-3 * width_m);
@@ -222,7 +195,7 @@ impl Placing {
         Run { lit: true, points }
     }
 
-    fn strokes(&self, runs: Vec<Run>, order: Order, times_s: Vec<[f64; 2]>) -> Strokes {
+    fn strokes(&self, runs: Vec<Run>, order: StrokeOrder, times_s: Vec<[f64; 2]>) -> Strokes {
         let cell = Cell {
             left_m: self.left_m,
             baseline_m: self.bottom_m,

@@ -1,5 +1,5 @@
 //! SVG: visible paths, with `use`, transforms, basic shapes, styles and dashes resolved by usvg and
-//! kurbo. Text is refused (nothing here has its typeface); clips, masks and pictures do not count.
+//! kurbo. Text is refused, because its typeface is missing; clips, masks and pictures are ignored.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -10,6 +10,7 @@ use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 use super::super::curves::polylines;
 use super::{MAX_POINTS, too_many};
 use crate::error::{Error, Result};
+use crate::geometry;
 
 /// Most elements and attributes of a file; usvg's own limit, 1,000,000, holds after `use`.
 const MAX_NODES: u32 = 200_000;
@@ -28,24 +29,20 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
     let text = document.descendants().find(|node| node.tag_name().name() == "text");
     if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
         let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
-        let hint = "make paths of it in the SVG editor (Inkscape: Path > Object to Path), or write \
-                    it with --font";
-        return Err(Error::input(
-            place,
-            "<text>",
-            "paths: a text's typeface is not in the file",
-            hint,
-        ));
+        let hint = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path), or write \
+                    it with a font";
+        let wanted = "paths: a text's typeface is not in the file";
+        return Err(Error::input(place, "<text>", wanted, hint));
     }
-    // Pictures are not drawn, so none is opened.
+    // Pictures are not drawn, so that none is opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
     };
     let options = Options { image_href_resolver, ..Options::default() };
-    // The only foreign code here that has assertions of its own.
+    // usvg may panic on broken files.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_xmltree(&document, &options)));
-    let Ok(tree) = tree else { return Err(refuse("what usvg stumbles over".into())) };
+    let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let size = tree.size();
     let paper = [f64::from(size.width()), f64::from(size.height())];
@@ -69,11 +66,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.
 pub(super) fn bounds(paths: &[BezPath]) -> [f64; 4] {
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    paths.iter().fold(none, |[left, bottom, right, top], path| {
-        let path = path.bounding_box();
-        [left.min(path.x0), bottom.min(path.y0), right.max(path.x1), top.max(path.y1)]
-    })
+    let boxes = paths.iter().map(BezPath::bounding_box);
+    geometry::bounds(boxes.flat_map(|b| [[b.x0, b.y0], [b.x1, b.y1]]))
 }
 
 /// Polylines no farther from the paths than a tolerance.
@@ -88,7 +82,7 @@ pub(super) fn flatten(paths: &[BezPath], tolerance: f64, file: &str) -> Result<V
     Ok(lines)
 }
 
-/// With y up, and the transform applied in full precision.
+/// A path with y up, transformed in full precision.
 fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) -> BezPath {
     let [sx, kx, ky, sy, tx, ty] =
         [transform.sx, transform.kx, transform.ky, transform.sy, transform.tx, transform.ty]
@@ -110,7 +104,7 @@ fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) ->
     drawn
 }
 
-/// The path as its stroke is dashed. Where a transform stretches, dashes are as long as on average.
+/// The dashes of a path, or the path. Under an uneven transform dashes have their mean length.
 fn dashed(drawn: BezPath, path: &usvg::Path, file: &str) -> Result<BezPath> {
     let Some(stroke) = path.stroke() else { return Ok(drawn) };
     let Some(dashes) = stroke.dasharray() else { return Ok(drawn) };

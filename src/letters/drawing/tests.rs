@@ -53,7 +53,7 @@ fn strokes_and_fills_stand_where_transforms_put_them() {
     assert_eq!(strokes.bounds_m(), [0.0, 0.5, 2.0, 1.5], "on the baseline, as large as the canvas");
     assert_eq!(
         (strokes.order, strokes.font, strokes.glyphs[0].character),
-        (Order::Free, None, DRAWING)
+        (StrokeOrder::Free, None, DRAWING)
     );
 }
 
@@ -90,7 +90,7 @@ const PAGE: &str = r#"{"app": "tablet", "strokes": [
 fn handwriting_keeps_its_order_and_times() {
     let options = LetterOptions { smoothing_m: 0.0, ..on_canvas(1.0, 1.0) };
     let strokes = drawn("a.json", PAGE, &options).unwrap();
-    assert_eq!(strokes.order, Order::Kept);
+    assert_eq!(strokes.order, StrokeOrder::Kept);
     let lit = lit(&strokes);
     assert_eq!((lit[0].0, lit[0].1), ([0.0, 1.5], [1.0, 0.5]), "y grows downward on a screen");
     assert_eq!((lit[1].0, lit[1].1), ([0.5, 1.5], [0.5, 0.5]), "the second stays the second");

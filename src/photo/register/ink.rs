@@ -1,16 +1,16 @@
-//! Ink of a picture, from coarse to fine: the light that is registered.
+//! Ink of a picture, the light to register, from coarse to fine.
 
-use super::{narrow, whole};
-use crate::photo::{Photo, srgb};
+use super::whole;
+use crate::photo::{Photo, narrow, srgb};
 
-/// Longer side of the pictures that everything is tried on, and of the finest.
+/// Longer side of the coarsest and of the finest picture.
 const COARSE_PX: usize = 64;
 const FINE_PX: usize = 1024;
 
-/// Light that is no ink: a third of level 1, more than rounding leaves of an even picture.
+/// Light that is not ink: a third of level 1, more than rounding leaves of an even picture.
 const LEAST_INK: f32 = 1e-4;
 
-/// Light that stands out of its surroundings.
+/// Light above that of its surroundings.
 #[derive(Clone, Debug)]
 pub(super) struct Ink {
     pub(super) width: usize,
@@ -55,7 +55,7 @@ impl Levels {
 }
 
 impl Ink {
-    /// A photo's luminance, in linear light, less that of its surroundings.
+    /// Luminance of a photo, in linear light, above that of its surroundings.
     fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
         let light = srgb::linear_from_level();
         let full = [photo.width_px as usize, photo.height_px as usize];
@@ -63,7 +63,7 @@ impl Ink {
             let [r, g, b] = [0, 1, 2].map(|c| light[usize::from(p[c])]);
             0.2126 * r + 0.7152 * g + 0.0722 * b
         };
-        // Means over the pixels that fall on each pixel; a picture that is small is repeated.
+        // Means over the pixels within each pixel; those of a small picture are repeated.
         let range = |i: usize, n: usize, all: usize| {
             let first = i * all / n;
             first..((i + 1) * all / n).max(first + 1)
@@ -91,10 +91,10 @@ impl Ink {
         ink
     }
 
-    /// Means of squares of `2 radius + 1` pixels, of those that are inside.
+    /// Means over squares of `2 radius + 1` pixels, without those outside.
     fn blurred(&self, radius: usize) -> Self {
         let along = |ink: &Self| {
-            // Transposes while it blurs along rows.
+            // Blurs along rows, and transposes.
             let mut values = vec![0.0; ink.values.len()];
             for (y, row) in ink.values.chunks_exact(ink.width).enumerate() {
                 let mut sum: f64 = row.iter().take(radius).map(|v| f64::from(*v)).sum();
@@ -129,7 +129,7 @@ impl Ink {
         Self { width, height, values }
     }
 
-    /// Value and slopes at a place, bilinear; `None` outside.
+    /// Value and slopes at a point, bilinear; `None` outside.
     pub(super) fn at(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
         let (x, y) = (x - 0.5, y - 0.5);
         if !(x >= 0.0 && y >= 0.0) {

@@ -1,68 +1,56 @@
-//! Faults of letters: light that is never off, jumps, doubled strokes, lit tails.
+//! Checks of letters: doubled strokes, lit tails, light that is never off, jumps.
 
 use nalgebra::Vector2;
 
-use super::{Finding, Severity};
+use super::{Check, Finding, Severity};
+use crate::geometry::distance;
 use crate::letters::{Glyph, Move, Strokes};
 use crate::plan::Style;
 
-/// Two lit moves nearer to each other than this, and as parallel, paint one line.
+/// Two lit moves nearer to each other than this, and as parallel, draw one line.
 const SAME_LINE_M: f64 = 0.002;
-/// Less that is drawn twice, or jumped over, is nobody's fault.
+/// Longest doubled stroke and jump that are no fault.
 const SHORT_M: f64 = 0.02;
 
-/// Looks at the letters of a drawing. How the light begins and ends matters only where the plan
-/// follows the letters' own moves, as the reference team's does.
+/// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
+/// follows the letters' own moves, as in style `team`.
 #[must_use]
 pub fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
-    let glyphs = || strokes.glyphs.iter();
-    let doubled = glyphs().filter_map(|glyph| {
-        let doubled_m = doubled_m(&glyph.moves);
-        (doubled_m > SHORT_M).then(|| format!("{} ({doubled_m:.2} m)", glyph.character))
-    });
-    let fix = "write with font ae483-fixed or simplex";
-    let mut findings = vec![finding("doubled stroke", doubled, "every line drawn once", fix)];
+    let yes = |fault: fn(&Glyph) -> bool| move |glyph: &Glyph| if fault(glyph) { 1.0 } else { 0.0 };
+    let mut findings =
+        vec![finding(Check::DoubledStroke, strokes, SHORT_M, |glyph| doubled_m(&glyph.moves))];
     if matches!(style, Style::Team(_)) {
-        let named = |fault: fn(&Glyph) -> bool| {
-            glyphs().filter(move |glyph| fault(glyph)).map(|glyph| glyph.character.to_string())
-        };
-        let even = "write with font ae483-fixed, or plan with --style even";
-        findings.push(finding("tail", named(has_tail), "letters reached in the dark", even));
-        findings.push(finding("light never off", named(never_off), "a dark move at an end", even));
-        findings.push(finding("pen jump", named(jumps), "moves that join", even));
+        findings.push(finding(Check::Tail, strokes, 0.0, yes(has_tail)));
+        findings.push(finding(Check::LightNeverOff, strokes, 0.0, yes(never_off)));
+        findings.push(finding(Check::PenJump, strokes, 0.0, yes(jumps)));
     }
     findings
 }
 
-fn finding(
-    check: &'static str,
-    faulty: impl Iterator<Item = String>,
-    wanted: &str,
-    change: &str,
-) -> Finding {
-    let mut faulty: Vec<String> = faulty.collect();
-    faulty.sort();
-    faulty.dedup();
-    let found = if faulty.is_empty() { "none".to_owned() } else { faulty.join(", ") };
-    let good = faulty.is_empty();
-    Finding::new(check, good, Severity::Warning, found, wanted.into()).or(change)
+/// The letters whose value is above a limit.
+fn finding(check: Check, strokes: &Strokes, limit: f64, value: impl Fn(&Glyph) -> f64) -> Finding {
+    let values = strokes.glyphs.iter().map(|glyph| (glyph.character, value(glyph)));
+    let mut faulty: Vec<(char, f64)> = values.filter(|(_, value)| *value > limit).collect();
+    faulty.sort_by_key(|(character, _)| *character);
+    faulty.dedup_by_key(|(character, _)| *character);
+    let letters: Vec<String> = faulty.iter().map(|(character, _)| character.to_string()).collect();
+    let largest = faulty.iter().map(|(_, value)| *value).fold(0.0, f64::max);
+    let finding = Finding::new(check, faulty.is_empty(), Severity::Warning, largest, limit);
+    Finding { detail: letters.join(", "), ..finding }
 }
 
-/// The light is on before the drone has come to the letter's beginning.
+/// The light is on before the drone has reached the letter.
 fn has_tail(glyph: &Glyph) -> bool {
     glyph.moves.first().is_some_and(|first| first.lit)
 }
 
-/// Nothing in the letter switches the light off, neither before it nor after it.
+/// The light is on at both ends of the letter.
 fn never_off(glyph: &Glyph) -> bool {
     has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
 }
 
 fn jumps(glyph: &Glyph) -> bool {
-    glyph
-        .moves
-        .windows(2)
-        .any(|pair| (Vector2::from(pair[1].from_m) - Vector2::from(pair[0].to_m)).norm() > SHORT_M)
+    glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
 }
 
 /// Length that is lit twice.
@@ -76,7 +64,7 @@ fn doubled_m(moves: &[Move]) -> f64 {
     pairs.map(|(a, b)| shared_m(a, b)).sum()
 }
 
-/// How far two straight moves run on one line.
+/// Length that two straight moves have in common.
 fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     let length_m = (a[1] - a[0]).norm();
     let along = (a[1] - a[0]) / length_m;
@@ -94,32 +82,27 @@ mod tests {
     use crate::letters::{LetterOptions, write};
     use crate::plan::PlanOptions;
 
-    fn styles() -> (Style, Style) {
-        (Style::default(), PlanOptions::even().style)
-    }
-
-    fn faults(word: &str, font: &str, style: &Style) -> Vec<(&'static str, String)> {
+    fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(Check, String)> {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
-        let findings = check_letters(&write(word, &options).unwrap(), style);
+        let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
         let bad = findings.into_iter().filter(|f| f.severity != Severity::Fine);
-        bad.map(|f| (f.check, f.found)).collect()
+        bad.map(|f| (f.check, f.detail)).collect()
     }
 
     #[test]
-    fn the_papers_w_and_x_are_found_and_the_repaired_ones_are_not() {
-        let (team, _) = styles();
-        assert_eq!(faults("W", "ae483", &team), [("doubled stroke", "W (0.51 m)".into())]);
-        let x = faults("X", "ae483", &team);
-        assert_eq!(x, [("tail", "X".into()), ("light never off", "X".into())]);
-        for word in ["W", "X", "I", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"] {
-            assert_eq!(faults(word, "ae483-fixed", &team), [], "{word}");
-        }
+    fn faults_of_the_teams_letters_are_found_and_the_repaired_ones_have_none() {
+        let team = |word, font| faults(word, font, PlanOptions::default());
+        assert_eq!(team("W", "ae483"), [(Check::DoubledStroke, "W".into())]);
+        let x = [(Check::Tail, "X".into()), (Check::LightNeverOff, "X".into())];
+        assert_eq!(team("X", "ae483"), x);
+        assert!(team("I", "ae483").contains(&(Check::PenJump, "I".into())));
+        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+        assert_eq!(team(all, "ae483-fixed"), []);
     }
 
     #[test]
-    fn i_jumps_and_an_even_plan_mends_what_is_no_fault_of_the_drawing() {
-        assert!(faults("I", "ae483", &styles().0).contains(&("pen jump", "I".into())));
-        assert_eq!(faults("XNO", "ae483", &styles().1), [], "lights and ways are planned anew");
-        assert_eq!(faults("W", "ae483", &styles().1).len(), 1, "what is drawn twice is");
+    fn in_style_even_only_doubled_strokes_are_faults() {
+        assert_eq!(faults("XNO", "ae483", PlanOptions::even()), []);
+        assert_eq!(faults("W", "ae483", PlanOptions::even()).len(), 1);
     }
 }

@@ -1,15 +1,15 @@
-//! Profiles: what a drone may do where it flies.
+//! Profiles: limits of a drone in a place.
 
 use serde::Serialize;
 
 /// The limits of a place and a drone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
-    /// Its name on the command line.
+    /// Its name.
     pub name: &'static str,
     /// Least and greatest x, y, z.
     pub volume_m: [[f64; 3]; 2],
-    /// The drone stays within plus or minus this of the word's plane.
+    /// Largest distance from the word's plane.
     pub corridor_m: f64,
     /// Greatest speed.
     pub speed_m_s: f64,
@@ -22,7 +22,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// All of them.
+    /// All profiles.
     #[must_use]
     pub fn all() -> [Self; 3] {
         [Self::indoor(), Self::careful(), Self::outdoor()]

@@ -8,13 +8,13 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Command, Controller, Reference};
-use crate::sim::mixer::Mixer;
 use crate::sim::options::SimOptions;
+use crate::sim::vehicle::Mixer;
 use crate::sim::vehicle::{GRAVITY_M_S2, State, Wrench, attitude, position, rate, velocity};
 
 /// Bound of the integral of the position error per axis, m s (`Kpos_I_limit` of the firmware).
 const MAX_POSITION_SUM: f64 = 2.0;
-/// Bound of the integral of the attitude error per axis, s. The reference flight's centre of mass
+/// Bound of the integral of the attitude error per axis, s. The reference flight's center of mass
 /// needs 0.04.
 const MAX_ATTITUDE_SUM: f64 = 0.5;
 /// Least upward part of the wanted force, in weights, and most sideways part relative to it: the
@@ -42,7 +42,7 @@ pub(super) struct Geometric {
 
 impl Geometric {
     pub(super) fn new(options: &SimOptions) -> Self {
-        let k = &options.controller;
+        let k = &options.controller.geometric;
         Self {
             k_position: k.k_position,
             k_velocity: k.k_velocity,

@@ -2,22 +2,22 @@
 //!
 //! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second;
 //! attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
-//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its figures
-//! stand here as they stand there; pitch has our sign.
+//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants are
+//! unchanged; pitch has our sign.
 //!
 //! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
 //! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the body
 //! rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because their
-//! gain is 0. Motors that obey at once need the rate's filter.
+//! gain is 0. Immediate motors need the rate's filter.
 
 use std::f64::consts::{PI, SQRT_2};
 
 use nalgebra::{Vector3, Vector4};
 
 use super::{Command, Controller, Reference};
-use crate::sim::mixer::Mixer;
 use crate::sim::options::SimOptions;
+use crate::sim::vehicle::Mixer;
 use crate::sim::vehicle::{State, attitude, position, rate, velocity};
 
 /// Full command of a motor in the firmware.
@@ -33,7 +33,7 @@ const THRUST_MIN: f64 = 20_000.0;
 const TILT_MAX: f64 = 20.0;
 /// Largest wanted speed per axis, m/s (`PID_POS_VEL_X_MAX` …).
 const SPEED_MAX: f64 = 1.0;
-/// What a loop may put out beyond these two (`velMaxOverhead`, `rpLimitOverhead`).
+/// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
 /// Bound of an integral where the firmware names none (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;

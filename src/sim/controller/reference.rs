@@ -1,4 +1,4 @@
-//! What a setpoint asks for at one instant.
+//! The reference at one instant.
 
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ use crate::sim::vehicle::{GRAVITY_M_S2, State};
 pub(in crate::sim) struct Reference {
     /// Position as sent, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Position of the design now, off by as much as what was sent is off the setpoint.
+    /// Position of the design now, with the offset of the sent position from the setpoint.
     pub(super) position_m: Vector3<f64>,
     /// Velocity of the design now.
     pub(super) velocity_m_s: Vector3<f64>,

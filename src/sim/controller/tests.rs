@@ -1,4 +1,4 @@
-//! Every controller in flight: what it trails by, what it leaves standing, what it survives.
+//! Every controller in flight: lag, standing error, saturation.
 
 use std::f64::consts::TAU;
 
@@ -26,14 +26,14 @@ fn word(text: &str, extent: Extent) -> Plan {
     plan(&strokes, &PlanOptions { extent, ..Default::default() }).unwrap()
 }
 
-/// The team's drone with a controller, its centre of mass where the flight showed it.
+/// The team's drone with a controller, its center of mass where the flight showed it.
 fn with(kind: ControllerKind) -> SimOptions {
     let mut options = SimOptions::default();
     options.controller.kind = kind;
     options
 }
 
-/// Ideal sensors, the centre of mass in the middle of the motors.
+/// Ideal sensors, the center of mass in the middle of the motors.
 fn undisturbed(kind: ControllerKind) -> SimOptions {
     let mut options = with(kind);
     options.vehicle.center_of_mass_m = [0.0, 0.0];
@@ -113,7 +113,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
     }))
 }
 
-/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's centre of
+/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's center of
 /// mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
@@ -124,11 +124,11 @@ fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
 
 #[test]
 fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
-    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (domain.md §1.3): lag
+    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (the team's log): lag
     // 0.50–0.58 s, in-plane RMSE 5–12 cm, 3–5 cm after the lag.
     let mut options = SimOptions::cf21();
     options.controller.kind = ControllerKind::Pid;
-    options.air.gusts = Gusts::OrnsteinUhlenbeck;
+    options.air.gusts = Gusts::room();
     options.sensors.positioning = Positioning::Sweeps;
     options.observer.kind = EstimatorKind::Ekf;
     for seed in 0..3 {
@@ -161,7 +161,7 @@ fn a_regulator_that_knows_of_the_rotors_lag_trails_by_little_more() {
 }
 
 #[test]
-fn a_design_fed_forward_is_followed_to_a_centimetre_and_a_half() {
+fn a_design_fed_forward_is_followed_to_a_centimeter_and_a_half() {
     let noor = word("NOOR", Extent::Letters);
     let held = flown(&noor, &undisturbed(ControllerKind::Lqr), 0).unwrap();
     for kind in
@@ -176,7 +176,7 @@ fn a_design_fed_forward_is_followed_to_a_centimetre_and_a_half() {
 }
 
 #[test]
-fn integral_action_removes_the_seven_centimetres_of_the_centre_of_mass() {
+fn integral_action_removes_the_seven_centimeters_of_the_center_of_mass() {
     let left = standing_error_m(ControllerKind::Lqr);
     assert!((left.norm() - 0.075).abs() < 0.003, "without: {left}");
     for kind in [ControllerKind::LqrIntegral, ControllerKind::Geometric] {
@@ -189,7 +189,7 @@ fn integral_action_removes_the_seven_centimetres_of_the_centre_of_mass() {
 }
 
 #[test]
-fn a_figure_of_eight_is_followed_within_a_centimetre() {
+fn a_figure_of_eight_is_followed_within_a_centimeter() {
     for kind in [ControllerKind::LqrIntegral, ControllerKind::Geometric] {
         let flight = flown(&figure_eight(), &with(kind), 0).unwrap();
         let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();

@@ -4,7 +4,6 @@
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use crate::geometry::Attitude;
-use crate::sim::lanes::euler_angles;
 
 /// `world_from_body`.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +56,8 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// Of length one. What is nearly so needs no root: a step of Newton's takes its error to the square.
+/// Normalizes; near length one by a step of Newton's method, which squares the error, without a
+/// root.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
@@ -68,7 +68,11 @@ fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
 /// Yaw, pitch and roll of a rotation matrix.
 pub(super) fn angles(world_from_body: &Matrix3<f64>) -> Attitude {
     let r = world_from_body;
-    euler_angles([r[(1, 0)], r[(0, 0)]], -r[(2, 0)].clamp(-1.0, 1.0), [r[(2, 1)], r[(2, 2)]])
+    Attitude {
+        yaw_rad: libm::atan2(r[(1, 0)], r[(0, 0)]),
+        pitch_rad: libm::asin(-r[(2, 0)].clamp(-1.0, 1.0)),
+        roll_rad: libm::atan2(r[(2, 1)], r[(2, 2)]),
+    }
 }
 
 #[cfg(test)]

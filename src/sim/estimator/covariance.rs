@@ -1,5 +1,5 @@
 //! Covariance of nine errors: position and velocity in the world, and a small turn in the body
-//! frame. Kept as six blocks, so that what is zero is not multiplied.
+//! frame. Kept as six blocks, which saves the products with zeros.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -31,7 +31,7 @@ pub(super) struct Slope {
 
 impl Covariance {
     /// Independent errors with these standard deviations.
-    pub(super) fn of(position_m: f64, velocity_m_s: f64, turn_rad: f64) -> Self {
+    pub(super) fn new(position_m: f64, velocity_m_s: f64, turn_rad: f64) -> Self {
         let diagonal = |sigma: f64| Matrix3::from_diagonal_element(sigma * sigma);
         let zero = Matrix3::zeros();
         Self {
@@ -90,7 +90,7 @@ impl Covariance {
         }
     }
 
-    /// Takes in one scalar measurement that is off by `innovation` from what `errors` predict, with
+    /// Corrects by one scalar measurement that differs by `innovation` from the prediction of `errors`, with
     /// variance `variance`; adds to `errors`. Beyond `gate_sq` variances of the innovation (χ²) it
     /// is left alone, and the answer is `false`.
     ///
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     fn some() -> Covariance {
-        let mut p = Covariance::of(0.3, 0.2, 0.1);
+        let mut p = Covariance::new(0.3, 0.2, 0.1);
         let force = Vector3::new(0.4, -0.3, 9.7);
         for _ in 0..5 {
             p.carry(0.05, &-force.cross_matrix(), &Vector3::new(0.03, -0.02, 0.05), 0.1, 0.02);
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_million_sharp_measurements_leave_it_positive() {
-        let mut p = Covariance::of(100.0, 10.0, 1.0);
+        let mut p = Covariance::new(100.0, 10.0, 1.0);
         let lever = -(Vector3::z() * 9.81).cross_matrix();
         for i in 0..1_000_000_u32 {
             if i % 4 == 0 {

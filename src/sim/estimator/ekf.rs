@@ -14,16 +14,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
-use super::{Estimator, ObserverOptions};
+use crate::sim::options::{EkfOptions, SensorOptions};
 use crate::sim::sensors::{
-    DECK_SENSORS_M, Range, Readings, SensorOptions, Station, StationPose, Sweep,
-    time_of_flight_sigma_m,
+    DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
 };
 use crate::sim::vehicle::{GRAVITY_M_S2, State};
 
-/// What is believed of a drone that was put on its mark: σ of place, speed and attitude.
+/// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
 const START: [f64; 3] = [0.02, 0.01, 0.02];
 /// The covariance is carried at least this often.
 const LONGEST_SPAN_S: f64 = 0.01;
@@ -43,7 +43,7 @@ pub(super) struct Ekf {
     /// Since the covariance was carried last.
     span_s: f64,
     turn_rad: Vector3<f64>,
-    /// What the measurements of this tick say.
+    /// Corrections by the measurements of this tick.
     errors: Errors,
     stations: Vec<StationPose>,
     anchors_m: Vec<Vector3<f64>>,
@@ -65,7 +65,7 @@ struct Trust {
 impl Ekf {
     /// A filter that believes in a level drone at rest at `position_m`.
     pub(super) fn new(
-        options: &ObserverOptions,
+        options: &EkfOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
     ) -> Self {
@@ -76,27 +76,26 @@ impl Ekf {
             attitude: Turned::level(),
             world_from_body: Matrix3::identity(),
             rate_rad_s: Vector3::zeros(),
-            covariance: Covariance::of(START[0], START[1], START[2]),
+            covariance: Covariance::new(START[0], START[1], START[2]),
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
             errors: Errors::default(),
-            stations: sensors.stations.iter().map(Station::pose).collect(),
-            anchors_m: sensors.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
+            stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
+            anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
-                acceleration: 0.5 * square(options.ekf_acceleration_noise_m_s2_sqrt_hz),
-                rate: 0.5 * square(options.ekf_rate_noise_rad_s_sqrt_hz),
-                sweep: square(options.ekf_sweep_sigma_rad),
-                position: square(options.ekf_position_sigma_m),
-                range: square(options.ekf_range_sigma_m),
-                barometer: square(options.ekf_barometer_sigma_m),
-                gate_sq: square(options.ekf_gate_sigmas),
+                acceleration: 0.5 * square(options.acceleration_noise_m_s2_sqrt_hz),
+                rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
+                sweep: square(options.sweep_sigma_rad),
+                position: square(options.position_sigma_m),
+                range: square(options.range_sigma_m),
+                barometer: square(options.barometer_sigma_m),
+                gate_sq: square(options.gate_sigmas),
             },
         }
     }
 
     /// Moves the state over a span with the mean of the body rates at its ends and the specific
     /// force along it.
-    #[inline(always)]
     fn predict(&mut self, rate_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>, tick_s: f64) {
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
         let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
@@ -109,7 +108,6 @@ impl Ekf {
         self.turn_rad += turn_rad;
     }
 
-    #[inline(always)]
     fn carry_covariance(&mut self, force_m_s2: &Vector3<f64>) {
         let lever = -self.world_from_body * force_m_s2.cross_matrix();
         let Trust { acceleration, rate, .. } = self.trust;
@@ -118,28 +116,23 @@ impl Ekf {
         self.turn_rad = Vector3::zeros();
     }
 
-    #[inline(always)]
     fn correct(&mut self, slope: Slope, innovation: f64, variance: f64) {
         let gate_sq = self.trust.gate_sq;
         self.covariance.correct(&mut self.errors, &slope, innovation, variance, gate_sq);
     }
 
-    #[inline(always)]
-    fn see_sweep(&mut self, sweep: &Sweep) {
-        let mut places_m = [self.position_m; 4];
-        for (place_m, lever) in places_m.iter_mut().zip(&DECK_SENSORS_M) {
-            *place_m += self.world_from_body * Vector3::from(*lever);
-        }
-        let crossings = self.stations[sweep.station].crossings(sweep.plane, &places_m);
-        for (i, lever) in DECK_SENSORS_M.iter().enumerate() {
-            let position = crossings[i].slope_rad_m;
-            let turn = Vector3::from(*lever).cross(&self.world_from_body.tr_mul(&position));
-            let innovation = sweep.angles_rad[i] - crossings[i].angle_rad;
+    fn correct_sweep(&mut self, sweep: &Sweep) {
+        for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
+            let place_m = self.position_m + self.world_from_body * lever;
+            let crossing = self.stations[sweep.station].crossing(sweep.plane, &place_m);
+            let position = crossing.slope_rad_m;
+            let turn = lever.cross(&self.world_from_body.tr_mul(&position));
+            let innovation = angle_rad - crossing.angle_rad;
             self.correct(Slope { position, turn }, innovation, self.trust.sweep);
         }
     }
 
-    fn hear_range(&mut self, range: &Range) {
+    fn correct_range(&mut self, range: &Range) {
         let away = |anchor: usize| self.position_m - self.anchors_m[anchor];
         let mut position = away(range.anchor);
         let mut expected_m = position.norm();
@@ -153,7 +146,7 @@ impl Ekf {
         self.correct(Slope { position, turn }, range.distance_m - expected_m, self.trust.range);
     }
 
-    fn see_position(&mut self, position_m: &Vector3<f64>) {
+    fn correct_position(&mut self, position_m: &Vector3<f64>) {
         for axis in 0..3 {
             let mut position = Vector3::zeros();
             position[axis] = 1.0;
@@ -163,7 +156,7 @@ impl Ekf {
         }
     }
 
-    fn see_floor(&mut self, distance_m: f64) {
+    fn correct_distance(&mut self, distance_m: f64) {
         let r = &self.world_from_body;
         let cos_tilt = r[(2, 2)];
         if cos_tilt < LEAST_COS_TILT {
@@ -176,13 +169,12 @@ impl Ekf {
         self.correct(Slope { position, turn }, distance_m - expected_m, sigma_m * sigma_m);
     }
 
-    fn feel_height(&mut self, height_m: f64) {
+    fn correct_height(&mut self, height_m: f64) {
         let slope = Slope { position: Vector3::z(), turn: Vector3::zeros() };
         self.correct(slope, height_m - self.position_m.z, self.trust.barometer);
     }
 
-    /// Puts what the measurements said into the state.
-    #[inline(always)]
+    /// Applies the corrections of this tick's measurements to the state.
     fn settle(&mut self) {
         let errors = std::mem::take(&mut self.errors);
         self.position_m += errors.position_m;
@@ -191,21 +183,8 @@ impl Ekf {
     }
 }
 
-/// One update, in the widest registers that the processor has.
-struct Update<'a, 'b>(&'a mut Ekf, &'a Readings<'b>, f64);
-
-impl pulp::NullaryFnOnce for Update<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        self.0.take_in(self.1, self.2);
-    }
-}
-
-impl Ekf {
-    #[inline(always)]
-    fn take_in(&mut self, readings: &Readings<'_>, tick_s: f64) {
+impl Estimator for Ekf {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = &readings.specific_force_m_s2;
         self.predict(&readings.rate_rad_s, force_m_s2, tick_s);
         let measured = !readings.sweeps.is_empty()
@@ -221,21 +200,12 @@ impl Ekf {
         if !measured {
             return;
         }
-        // A loop: a closure would be compiled for narrow registers.
-        for sweep in readings.sweeps {
-            self.see_sweep(sweep);
-        }
-        readings.ranges.iter().for_each(|range| self.hear_range(range));
-        readings.position_m.iter().for_each(|position_m| self.see_position(position_m));
-        readings.time_of_flight_m.iter().for_each(|distance_m| self.see_floor(*distance_m));
-        readings.barometer_m.iter().for_each(|height_m| self.feel_height(*height_m));
+        readings.sweeps.iter().for_each(|sweep| self.correct_sweep(sweep));
+        readings.ranges.iter().for_each(|range| self.correct_range(range));
+        readings.position_m.iter().for_each(|position_m| self.correct_position(position_m));
+        readings.time_of_flight_m.iter().for_each(|distance_m| self.correct_distance(*distance_m));
+        readings.barometer_m.iter().for_each(|height_m| self.correct_height(*height_m));
         self.settle();
-    }
-}
-
-impl Estimator for Ekf {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        pulp::Arch::new().dispatch(Update(self, readings, tick_s));
     }
 
     fn state(&self) -> State {

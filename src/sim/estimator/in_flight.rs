@@ -1,17 +1,21 @@
-//! The filter against sensors in flight: is it as sure as it is right, and is it as wrong as a real
-//! Lighthouse?
+//! The filter against sensors in flight: is its covariance consistent with its errors, and are these
+//! errors those of a real Lighthouse?
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
+use super::Estimator;
 use super::covariance::dense;
 use super::ekf::Ekf;
-use super::{Estimator, EstimatorKind, ObserverOptions};
 use crate::flight::{Flight, FlightSample};
 use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
-use crate::sim::sensors::{HeightSensor, Positioning, SensorOptions, Sensors};
-use crate::sim::vehicle::{Body, GRAVITY_M_S2, State};
+use crate::sim::options::{
+    BarometerOptions, EkfOptions, EstimatorKind, HeightSensor, LighthouseOptions, Positioning,
+    SensorOptions, UwbOptions,
+};
+use crate::sim::sensors::Sensors;
+use crate::sim::vehicle::{GRAVITY_M_S2, RigidBody, State};
 use crate::sim::{Drone, SimOptions, fly};
 
 const RATE_HZ: u32 = 500;
@@ -48,9 +52,9 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     (state, force)
 }
 
-/// Runs a filter along the motion and shows it after every tick.
+/// Runs a filter along the motion and passes it to `show` after every tick.
 fn follow(
-    observer: &ObserverOptions,
+    observer: &EkfOptions,
     sensors: &SensorOptions,
     seed: u64,
     seconds: u32,
@@ -61,38 +65,38 @@ fn follow(
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
         let (state, force) = truth(time_s);
-        ekf.update(&readers.read(&Body::of(&state), force), TICK_S);
+        ekf.update(&readers.read(&RigidBody::from_state(&state), force), TICK_S);
         show(time_s, &state, &ekf);
     }
 }
 
-/// A filter that believes of its sensors what is true of them.
-fn honest(sensors: &SensorOptions) -> ObserverOptions {
-    ObserverOptions {
-        kind: EstimatorKind::Ekf,
-        ekf_acceleration_noise_m_s2_sqrt_hz: sensors.accelerometer_noise_m_s2_sqrt_hz,
-        ekf_rate_noise_rad_s_sqrt_hz: sensors.gyro_noise_rad_s_sqrt_hz,
-        ekf_sweep_sigma_rad: sensors.sweep_noise_rad[1],
-        ekf_position_sigma_m: sensors.gnss_noise_m,
-        ekf_range_sigma_m: sensors.uwb_noise_m,
-        ekf_barometer_sigma_m: sensors.barometer_noise_m,
-        ekf_gate_sigmas: 8.0,
-        ..Default::default()
+/// A filter with the true errors of its sensors.
+fn honest(sensors: &SensorOptions) -> EkfOptions {
+    EkfOptions {
+        acceleration_noise_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
+        rate_noise_rad_s_sqrt_hz: sensors.imu.gyro_noise_rad_s_sqrt_hz,
+        sweep_sigma_rad: sensors.lighthouse.sweep_noise_rad[1],
+        position_sigma_m: sensors.gnss.noise_m,
+        range_sigma_m: sensors.uwb.noise_m,
+        barometer_sigma_m: sensors.barometer.noise_m,
+        gate_sigmas: 8.0,
     }
 }
 
-/// White noise as by default, and nothing that a filter without biases cannot know.
+/// Default white noise, without the biases that the filter does not model.
 fn white(positioning: Positioning) -> SensorOptions {
     SensorOptions {
         positioning,
-        lighthouse_distortion_m: 0.0,
-        station_position_error_m: 0.0,
-        station_rotation_error_rad: 0.0,
-        sweep_distortion_rad: 0.0,
-        sweep_noise_shared_frac: 0.0,
-        uwb_bias_m: 0.0,
-        uwb_outlier_frac: 0.0,
-        barometer_drift_m_sqrt_s: 0.0,
+        lighthouse: LighthouseOptions {
+            distortion_m: 0.0,
+            station_position_error_m: 0.0,
+            station_rotation_error_rad: 0.0,
+            sweep_distortion_rad: 0.0,
+            sweep_noise_shared_frac: 0.0,
+            ..Default::default()
+        },
+        uwb: UwbOptions { bias_m: 0.0, outlier_frac: 0.0, ..Default::default() },
+        barometer: BarometerOptions { drift_m_sqrt_s: 0.0, ..Default::default() },
         ..Default::default()
     }
 }
@@ -101,9 +105,9 @@ const FILTERED: [Positioning; 4] =
     [Positioning::Sweeps, Positioning::UwbTwr, Positioning::UwbTdoa, Positioning::Gnss];
 
 #[test]
-fn the_filter_is_as_sure_as_it_is_right() {
-    // Normalised squared error of nine states: χ² with nine degrees of freedom. Forty flights, each
-    // looked at ten times; were the looks of a flight one and the same, the mean would spread by
+fn the_filters_covariance_is_consistent_with_its_errors() {
+    // normalized squared error of nine states: χ² with nine degrees of freedom. Forty flights, each
+    // looked at ten times; if all samples of a flight were equal, the mean would spread by
     // √(18/40) = 0.67.
     for positioning in FILTERED {
         let heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
@@ -155,16 +159,17 @@ fn without_noise_the_filter_follows_the_truth() {
         follow(&options, &sensors, 1, 20, |_, truth, ekf| {
             worst = worst.max((ekf.state() - truth).norm());
         });
-        // What is left is the rule of integration: the motion bends within a tick.
+        // The rest is integration error: the motion bends within a tick.
         assert!(worst < 2e-4, "{positioning:?}: {worst:e} of state");
     }
 }
 
 #[test]
-fn strays_are_thrown_away() {
+fn outliers_are_rejected() {
     let error_m = |gate: f64| {
-        let sensors = SensorOptions { uwb_outlier_frac: 0.1, ..white(Positioning::UwbTwr) };
-        let options = ObserverOptions { ekf_gate_sigmas: gate, ..honest(&sensors) };
+        let mut sensors = white(Positioning::UwbTwr);
+        sensors.uwb.outlier_frac = 0.1;
+        let options = EkfOptions { gate_sigmas: gate, ..honest(&sensors) };
         let mut square = 0.0;
         follow(&options, &sensors, 3, 20, |_, truth, ekf| {
             square += (truth.fixed_rows::<3>(0) - ekf.position_m).norm_squared();
@@ -172,7 +177,7 @@ fn strays_are_thrown_away() {
         (square / f64::from(20 * RATE_HZ)).sqrt()
     };
     let (gated, open) = (error_m(4.0), error_m(1e6));
-    println!("strays: {gated:.4} m gated, {open:.4} m open");
+    println!("outliers: {gated:.4} m gated, {open:.4} m open");
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
@@ -199,7 +204,7 @@ fn rms(values: &[Vector3<f64>]) -> f64 {
 }
 
 #[test]
-fn lighthouse_errs_in_flight_as_it_does_in_truth() {
+fn lighthouse_errors_in_flight_are_those_measured() {
     // positioning_dataset: mean 12.9 to 13.6 mm, of which the mean over 1 s makes up 13.4 to 14.5
     // rms and the rest 5 to 6.4.
     for (positioning, kind) in [
@@ -234,7 +239,7 @@ fn lighthouse_errs_in_flight_as_it_does_in_truth() {
 }
 
 #[test]
-fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
+fn lighthouse_jitter_at_rest_is_that_measured() {
     // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams;
     // 0.59 mm by the filter in one log, in others with a spread of 0.7, 0.7 and 2.1 mm. The filter
     // trembles as two stations that disagree pull it to and fro, how much is the room's luck: the
@@ -247,15 +252,16 @@ fn lighthouse_jitters_at_rest_as_it_does_in_truth() {
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
         let mut readers = Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, 0);
-        let fixes = (0..5000).filter_map(|_| readers.read(&Body::of(&state), force).position_m);
+        let fixes = (0..5000)
+            .filter_map(|_| readers.read(&RigidBody::from_state(&state), force).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
         let mut readers = Sensors::new(&sensors, RATE_HZ, seed, 0);
-        let mut ekf = Ekf::new(&ObserverOptions::default(), &sensors, start_m);
+        let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
-            ekf.update(&readers.read(&Body::of(&state), force), TICK_S);
+            ekf.update(&readers.read(&RigidBody::from_state(&state), force), TICK_S);
             if tick >= 1000 && tick % 10 == 0 {
                 places.push(ekf.position_m);
             }

@@ -2,11 +2,11 @@
 //! inputs, yaw integrated.
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
-use pulp::{Arch, NullaryFnOnce};
 
-use super::{Estimator, ObserverOptions};
-use crate::control::{linearise, observer_gain};
+use super::Estimator;
+use crate::control::{linearize, observer_gain};
 use crate::error::{Error, Result};
+use crate::sim::options::LuenbergerOptions;
 use crate::sim::sensors::Readings;
 use crate::sim::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
 
@@ -17,10 +17,12 @@ const YAW: usize = 3;
 /// and `y` the last measured position, by Euler's rule as in the firmware.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
-    /// `A − L C`, `B` and `L` side by side: what each state, input and position adds to the slope.
-    columns: [[f64; 8]; 15],
+    /// `A − L C`.
+    a: SMatrix<f64, 8, 8>,
+    b: SMatrix<f64, 8, 4>,
+    l: SMatrix<f64, 8, 3>,
     measured_m: Vector3<f64>,
-    estimate: [f64; 8],
+    estimate: SVector<f64, 8>,
     yaw_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
@@ -31,20 +33,20 @@ impl Observer {
     /// # Errors
     ///
     /// [`Error::Infeasible`] where the weights have no gain.
-    pub(super) fn new(options: &ObserverOptions, position_m: Vector3<f64>) -> Result<Self> {
+    pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
         let (a, b, c) = model();
         let l = gain(options)?;
         let mut estimate = SVector::<f64, 8>::zeros();
         estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
-        let (yaw_rad, rate_rad_s) = (0.0, Vector3::zeros());
-        let measured_m = position_m;
-        let mut columns = [[0.0; 8]; 15];
-        let a_minus_lc = a - l * c;
-        let all = a_minus_lc.column_iter().chain(b.column_iter()).chain(l.column_iter());
-        for (column, of) in columns.iter_mut().zip(all) {
-            column.copy_from_slice(of.into_owned().as_slice());
-        }
-        Ok(Self { columns, measured_m, estimate: estimate.into(), yaw_rad, rate_rad_s })
+        Ok(Self {
+            a: a - l * c,
+            b,
+            l,
+            measured_m: position_m,
+            estimate,
+            yaw_rad: 0.0,
+            rate_rad_s: Vector3::zeros(),
+        })
     }
 }
 
@@ -52,8 +54,8 @@ impl Estimator for Observer {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         self.measured_m = readings.position_m.unwrap_or(self.measured_m);
-        let u = [w.x, w.y, w.z, readings.specific_force_m_s2.z - GRAVITY_M_S2];
-        Arch::new().dispatch(Step { observer: self, u, tick_s });
+        let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
+        self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
         self.rate_rad_s = w;
     }
@@ -66,50 +68,14 @@ impl Estimator for Observer {
     }
 }
 
-/// One step of Euler's rule, with a register for a column.
-struct Step<'a> {
-    observer: &'a mut Observer,
-    u: [f64; 4],
-    tick_s: f64,
-}
-
-impl NullaryFnOnce for Step<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Observer { columns, estimate, measured_m, .. } = self.observer;
-        let (of_states, rest) = columns.split_at(8);
-        let (of_inputs, of_positions) = rest.split_at(4);
-        let states = combine(of_states, estimate);
-        let inputs = combine(of_inputs, &self.u);
-        let positions = combine(of_positions, measured_m.as_slice());
-        for (i, value) in estimate.iter_mut().enumerate() {
-            *value += (states[i] + inputs[i] + positions[i]) * self.tick_s;
-        }
-    }
-}
-
-/// The sum of columns, each so many times.
-#[inline(always)]
-fn combine(columns: &[[f64; 8]], times: &[f64]) -> [f64; 8] {
-    let mut sum = [0.0; 8];
-    for (column, times) in columns.iter().zip(times) {
-        for (sum, value) in sum.iter_mut().zip(column) {
-            *sum += value * times;
-        }
-    }
-    sum
-}
-
 /// Gain `L` of the dual regulator: the model's σ² as its state weight, the measurement's σ² as its
 /// input weight.
-fn gain(options: &ObserverOptions) -> Result<SMatrix<f64, 8, 3>> {
+fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
     let (a, _, c) = model();
     let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
     let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
     observer_gain(&a, &c, &model, &measurement).map_err(|error| Error::Infeasible {
-        what: format!("observer.q and observer.r have no gain: {error}"),
+        what: format!("observer.luenberger.q and .r have no gain: {error}"),
         hint: error.hint().into(),
     })
 }
@@ -122,7 +88,7 @@ fn model() -> (SMatrix<f64, 8, 8>, SMatrix<f64, 8, 4>, SMatrix<f64, 3, 8>) {
 
 /// `A` and `B` of all nine rows of [`Motion`].
 fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
-    linearise(
+    linearize(
         |motion: &Motion, u: &Vector4<f64>| motion_derivative(motion, &u.xyz(), u[3]),
         &Motion::zeros(),
         &Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2),
@@ -133,9 +99,13 @@ fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
 mod tests {
     use super::*;
     use crate::control::observability_rank;
-    use crate::sim::vehicle::Body;
+    use crate::sim::vehicle::RigidBody;
 
-    fn at_rest(truth: &Body, position_m: Vector3<f64>, rate_rad_s: Vector3<f64>) -> Readings<'_> {
+    fn at_rest(
+        truth: &RigidBody,
+        position_m: Vector3<f64>,
+        rate_rad_s: Vector3<f64>,
+    ) -> Readings<'_> {
         Readings {
             truth,
             rate_rad_s,
@@ -161,7 +131,7 @@ mod tests {
             (6, 1, 135.86),
             (7, 2, 93.49),
         ];
-        let mut rest = gain(&ObserverOptions::default()).unwrap();
+        let mut rest = gain(&LuenbergerOptions::default()).unwrap();
         for (row, column, value) in want {
             assert!((rest[(row, column)] - value).abs() < 0.0051, "L[{row}, {column}] in {rest}");
             rest[(row, column)] = 0.0;
@@ -180,8 +150,8 @@ mod tests {
     #[test]
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
-        let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let start = Body::at(Vector3::zeros());
+        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let start = RigidBody::at(Vector3::zeros());
         let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
             observer.update(&readings, 0.002);
@@ -193,8 +163,8 @@ mod tests {
 
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
-        let mut observer = Observer::new(&ObserverOptions::default(), Vector3::zeros()).unwrap();
-        let start = Body::at(Vector3::zeros());
+        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let start = RigidBody::at(Vector3::zeros());
         let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {
             observer.update(&readings, 0.002);

@@ -5,17 +5,17 @@ use nalgebra::Vector3;
 
 use super::Estimator;
 use crate::sim::sensors::Readings;
-use crate::sim::vehicle::{Body, State};
+use crate::sim::vehicle::{RigidBody, State};
 
 /// The true motion at the last tick.
 #[derive(Debug)]
 pub(super) struct Truth {
-    body: Body,
+    body: RigidBody,
 }
 
 impl Truth {
     pub(super) fn new(position_m: Vector3<f64>) -> Self {
-        Self { body: Body::at(position_m) }
+        Self { body: RigidBody::at(position_m) }
     }
 }
 

@@ -7,8 +7,8 @@
 
 use super::{ends_at_hole, mean};
 use crate::flight::{Flight, FlightSample};
-use crate::sim::mixer::SIGNS;
 use crate::sim::options::VehicleOptions;
+use crate::sim::vehicle::SIGNS;
 
 /// Length of a span: short against a regulator's answer in yaw (0.1 to 0.3 s), long against the
 /// 10 to 20 ms between two samples of a radio log.
@@ -19,17 +19,17 @@ const STRETCHES: usize = 20;
 const FEWEST_SPANS: usize = 10 * STRETCHES;
 /// Student's t of 95 % with nineteen degrees of freedom.
 const T_95: f64 = 2.093;
-/// A figure that is known to a quarter is told; one that is not, is not.
+/// Largest relative half width of the confidence interval of a usable result.
 const LARGEST_DOUBT: f64 = 0.25;
 
-/// What the yaw of a flight says of a rotor's reaction torque.
+/// A rotor's reaction torque, estimated from the yaw of a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactionTorque {
     /// Torque of one motor about its axis per unit of its command, N m.
     pub k_m_n_m: f64,
     /// Half the width of its confidence interval of 95 %, N m.
     pub half_width_n_m: f64,
-    /// Correlation of the yaw's acceleration with what the motors ask for, −1 to 1.
+    /// Correlation of the yaw's acceleration with the commanded yaw torque, −1 to 1.
     pub correlation: f64,
 }
 
@@ -52,13 +52,13 @@ pub(super) fn reaction(
     if spans.len() < FEWEST_SPANS {
         return None;
     }
-    let all = Fit::of(spans.iter().copied());
+    let all = Fit::new(spans.iter().copied());
     #[expect(clippy::cast_precision_loss, reason = "twenty")]
     let n = STRETCHES as f64;
     let without = |stretch: usize| {
         let left = spans.iter().enumerate();
         let left = left.filter(|(i, _)| i * STRETCHES / spans.len() != stretch);
-        Fit::of(left.map(|(_, span)| *span)).slope
+        Fit::new(left.map(|(_, span)| *span)).slope
     };
     let slopes: Vec<f64> = (0..STRETCHES).map(without).collect();
     let middle = slopes.iter().sum::<f64>() / n;
@@ -110,14 +110,14 @@ struct Fit {
 }
 
 impl Fit {
-    fn of(points: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
+    fn new(points: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
         let middle = mean(points.clone().map(nalgebra::Vector2::from));
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for [x, y] in points {
             let (x, y) = (x - middle.x, y - middle.y);
             (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
         }
-        // Motors that never change say nothing: a slope of nought, and nothing explained.
+        // Without any change of the motors: slope 0, correlation 0.
         let part = |of: f64, by: f64| if by > 0.0 { of / by } else { 0.0 };
         Self { slope: part(xy, xx), correlation: part(xy, (xx * yy).sqrt()) }
     }
@@ -132,8 +132,8 @@ mod tests {
     use crate::sim::noise::Noise;
     use crate::sim::{Plant, SimOptions};
 
-    /// Half a minute of hovering while the yaw is pushed to and fro, as a log of 100 Hz tells it
-    /// with a gyroscope's noise.
+    /// Half a minute of hovering while the yaw is pushed to and fro, logged at 100 Hz with a
+    /// gyroscope's noise.
     fn pushed(options: &SimOptions, amplitude: f64) -> Flight {
         let vehicle = &options.vehicle;
         let hover = vehicle.mass_kg * 9.81 / (4.0 * vehicle.k_f_n);

@@ -6,8 +6,8 @@
 //!
 //! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) are read and
 //! checked, and have no effect: the firmware undoes them before it uses an angle
-//! (`lighthouse_calibration.c`), and angles here are those that come after. What they would change
-//! is the slant of second-generation planes, by the tilt of up to 0.05 rad about 30°: a tenth of the
+//! (`lighthouse_calibration.c`), and angles here are those after that. They would change
+//! the slant of second-generation planes, by the tilt of up to 0.05 rad about 30°: a tenth of the
 //! height's noise. A warning says so.
 
 use std::collections::BTreeMap;
@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use serde_saphyr::Spanned;
 
-use super::station::{Generation, Station};
 use crate::error::{Error, Result};
+use crate::sim::options::{Generation, Station};
 
 /// Largest file that is read; sixteen stations take some 20 kB.
 const MAX_FILE_BYTES: u64 = 1 << 20;
@@ -70,12 +70,12 @@ struct Geometry {
 /// Largest figure of a calibration, rad: phases lie within a turn, all others far below one.
 const LARGEST_CALIBRATION: f64 = 10.0;
 
-/// What a Lighthouse configuration file tells.
+/// Content of a Lighthouse configuration file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LighthouseConfig {
     /// The base stations whose geometry is known, in the order of their channels.
     pub stations: Vec<Station>,
-    /// What whoever uses them should know.
+    /// Warnings about them.
     pub warnings: Vec<String>,
 }
 
@@ -132,7 +132,7 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
             return Err(Error::input(
                 at,
                 format!("{:?}", origin.value),
-                "metres within ±1e4",
+                "meters within ±1e4",
                 HINT,
             ));
         }
@@ -195,20 +195,15 @@ fn placed(
     position_m: [f64; 3],
     world_from_station: &Matrix3<f64>,
 ) -> Station {
-    let [ahead, left, up]: [Vector3<f64>; 3] =
+    let [forward, left, up]: [Vector3<f64>; 3] =
         [0, 1, 2].map(|axis| world_from_station.column(axis).into_owned());
-    Station {
-        generation,
-        position_m,
-        yaw_rad: libm::atan2(ahead.y, ahead.x),
-        pitch_rad: -libm::atan2(ahead.z, libm::hypot(ahead.x, ahead.y)),
-        roll_rad: libm::atan2(left.z, up.z),
-    }
+    Station::facing(generation, position_m, &forward, libm::atan2(left.z, up.z))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::sensors::StationPose;
 
     /// Block style, as cflib writes it since 5.1 of its YAML library, with a line of flow style.
     const BLOCK: &str = "\
@@ -255,9 +250,9 @@ version: '1'
         assert_eq!((stations.len(), warnings.len()), (2, 1));
         assert!(warnings[0].contains("calibration of base station 0 has no"), "{warnings:?}");
         assert_eq!(stations[0].position_m[2], 3.152726888656616);
-        let turned = stations[0].pose().world_from_station * Vector3::x();
+        let turned = StationPose::new(&stations[0]).world_from_station * Vector3::x();
         assert!((turned - Vector3::y()).norm() < 1e-15, "x becomes y");
-        let pose = stations[1].pose().world_from_station;
+        let pose = StationPose::new(&stations[1]).world_from_station;
         let want = Matrix3::new(0.8, 0.0, 0.6, 0.0, 1.0, 0.0, -0.6, 0.0, 0.8);
         assert!((pose - want).norm() < 1e-15, "{pose}");
         assert!(stations[1].pitch_rad > 0.6, "looks down");
@@ -276,8 +271,8 @@ version: '1'
             let position_m = [0.0; 3];
             let generation = Generation::V2;
             let station = Station { generation, position_m, yaw_rad, pitch_rad, roll_rad };
-            let r = station.pose().world_from_station;
-            let again = placed(generation, position_m, &r).pose().world_from_station;
+            let r = StationPose::new(&station).world_from_station;
+            let again = StationPose::new(&placed(generation, position_m, &r)).world_from_station;
             assert!((again - r).norm() < 1e-13, "{station:?}");
         }
     }

@@ -9,7 +9,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
-use super::station::{Station, StationPose};
+use super::station::StationPose;
+use crate::sim::options::Station;
 
 /// Angles older than this are no longer crossed: a turn and a half of the slowest rotor, so that
 /// one lost sweep costs one fix.
@@ -31,7 +32,7 @@ struct Heard {
 impl CrossingBeams {
     pub(super) fn new(stations: &[Station]) -> Self {
         let heard = |station: &Station| Heard {
-            pose: station.pose(),
+            pose: StationPose::new(station),
             angles_rad: [[0.0; 4]; 2],
             times_s: [f64::NEG_INFINITY; 2],
         };
@@ -74,12 +75,11 @@ mod tests {
     use super::*;
     use crate::geometry::Attitude;
     use crate::sim::noise::Noise;
-    use crate::sim::sensors::SensorOptions;
+    use crate::sim::options::{Generation, LighthouseOptions, SensorOptions};
     use crate::sim::sensors::lighthouse::Lighthouse;
-    use crate::sim::sensors::station::Generation;
 
     /// Fixes of a second at rest.
-    fn fixes(options: &SensorOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {
+    fn fixes(options: &LighthouseOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {
         let attitude = Attitude { yaw_rad: 0.3, pitch_rad: 0.05, roll_rad: -0.1 }.world_from_body();
         let mut lighthouse = Lighthouse::new(options, |sensor| Noise::new(1, 0, sensor));
         let mut beams = CrossingBeams::new(&options.stations);
@@ -91,7 +91,7 @@ mod tests {
     fn position_is_exact_without_noise() {
         let place = Vector3::new(-0.3, 0.1, 0.6);
         for generation in [Generation::V1, Generation::V2] {
-            let mut options = SensorOptions::ideal();
+            let mut options = SensorOptions::ideal().lighthouse;
             options.stations.iter_mut().for_each(|s| s.generation = generation);
             let fixes = fixes(&options, place);
             assert!(fixes.len() > 50, "{} fixes in a second", fixes.len());
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn one_station_makes_no_fix() {
-        let mut options = SensorOptions::ideal();
+        let mut options = SensorOptions::ideal().lighthouse;
         options.stations[1].yaw_rad += 3.0;
         assert!(fixes(&options, Vector3::z()).is_empty(), "the second looks away");
     }

@@ -1,4 +1,4 @@
-//! How strong a recorded noise is at several frequencies: what the tests of the sensors ask.
+//! Noise densities of recorded series at several time scales, for the tests of the sensors.
 
 /// Values at a steady rate.
 pub(super) struct Series {

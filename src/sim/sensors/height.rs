@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::SensorOptions;
 use crate::sim::noise::Noise;
+use crate::sim::options::{BarometerOptions, GnssOptions};
 
 /// Readings per second: Crazyswarm's and the firmware's ranger (`zranger2.c`), the firmware's
 /// barometer (`sensors_bmi088_bmp3xx.c`), and the lab's satellite receiver.
@@ -80,13 +80,13 @@ pub(super) struct Barometer {
 }
 
 impl Barometer {
-    pub(super) fn new(options: &SensorOptions, noise: impl Fn(&str) -> Noise) -> Self {
+    pub(super) fn new(options: &BarometerOptions, noise: impl Fn(&str) -> Noise) -> Self {
         Self {
             clock: Clock::new(BAROMETER_HZ),
             noise: noise("barometer"),
-            noise_m: options.barometer_noise_m,
+            noise_m: options.noise_m,
             walk: noise("barometer drift"),
-            step_m: options.barometer_drift_m_sqrt_s / BAROMETER_HZ.sqrt(),
+            step_m: options.drift_m_sqrt_s / BAROMETER_HZ.sqrt(),
             drift_m: 0.0,
         }
     }
@@ -108,8 +108,8 @@ pub(super) struct Gnss {
 }
 
 impl Gnss {
-    pub(super) fn new(options: &SensorOptions, noise: impl Fn(&str) -> Noise) -> Self {
-        Self { clock: Clock::new(GNSS_HZ), noise: noise("gnss"), noise_m: options.gnss_noise_m }
+    pub(super) fn new(options: &GnssOptions, noise: impl Fn(&str) -> Noise) -> Self {
+        Self { clock: Clock::new(GNSS_HZ), noise: noise("gnss"), noise_m: options.noise_m }
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
@@ -126,7 +126,7 @@ mod tests {
         Noise::new(9, 0, sensor)
     }
 
-    /// What a sensor reads in `n` ticks of 500 Hz.
+    /// Readings of a sensor in `n` ticks of 500 Hz.
     fn series(rate_hz: f64, n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Series {
         let mut series = Series::new(rate_hz);
         for value in (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)) {
@@ -154,12 +154,12 @@ mod tests {
 
     #[test]
     fn barometer_is_white_and_drifts() {
-        let options = SensorOptions { barometer_drift_m_sqrt_s: 0.0, ..Default::default() };
+        let options = BarometerOptions { drift_m_sqrt_s: 0.0, ..Default::default() };
         let mut barometer = Barometer::new(&options, noise);
         for density in white_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
             assert!((density / (0.09 / 5.0) - 1.0).abs() < 0.15, "σ 0.09 m at 50 Hz: {density}");
         }
-        let options = SensorOptions { barometer_noise_m: 0.0, ..Default::default() };
+        let options = BarometerOptions { noise_m: 0.0, ..Default::default() };
         let mut barometer = Barometer::new(&options, noise);
         for walk in random_walk_density(&series(50.0, 1 << 19, |t| barometer.read(0.7, t))) {
             assert!((walk / f64::sqrt(2.0) / 0.012 - 1.0).abs() < 0.15, "after a second: {walk}");
@@ -168,8 +168,7 @@ mod tests {
 
     #[test]
     fn satellites_are_white_ten_times_a_second() {
-        let options = SensorOptions::default();
-        let mut gnss = Gnss::new(&options, noise);
+        let mut gnss = Gnss::new(&GnssOptions::default(), noise);
         let found = series(10.0, 1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
         for density in white_density(&found) {
             assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");

@@ -2,12 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::SensorOptions;
-use crate::sim::noise::Noise;
-use crate::sim::normals::Normals;
+use crate::sim::noise::{Noise, Normals};
+use crate::sim::options::ImuOptions;
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
-/// modelled: noise is white up to half the rate at which it is read.
+/// modeled: noise is white up to half the rate at which it is read.
 #[derive(Debug)]
 pub(super) struct Imu {
     gyro: Axes,
@@ -33,7 +32,7 @@ impl Axes {
     fn new(density: f64, walk: f64, rate_hz: u32, noise: Noise, steps: Noise) -> Self {
         let half_rate = (0.5 * f64::from(rate_hz)).sqrt();
         let step = walk * (0.5 / f64::from(rate_hz)).sqrt();
-        let (noise, steps) = (Normals::of(noise), Normals::of(steps));
+        let (noise, steps) = (Normals::new(noise), Normals::new(steps));
         Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
     }
 
@@ -46,11 +45,7 @@ impl Axes {
 }
 
 impl Imu {
-    pub(super) fn new(
-        options: &SensorOptions,
-        rate_hz: u32,
-        noise: impl Fn(&str) -> Noise,
-    ) -> Self {
+    pub(super) fn new(options: &ImuOptions, rate_hz: u32, noise: impl Fn(&str) -> Noise) -> Self {
         Self {
             gyro: Axes::new(
                 options.gyro_noise_rad_s_sqrt_hz,
@@ -66,7 +61,7 @@ impl Imu {
                 noise("accelerometer"),
                 noise("accelerometer bias"),
             ),
-            accelerometer_xy: Normals::of(noise("accelerometer xy")),
+            accelerometer_xy: Normals::new(noise("accelerometer xy")),
         }
     }
 
@@ -91,7 +86,7 @@ mod tests {
 
     const RATE_HZ: u32 = 500;
 
-    fn series(options: &SensorOptions, n: usize) -> [Series; 6] {
+    fn series(options: &ImuOptions, n: usize) -> [Series; 6] {
         let mut imu = Imu::new(options, RATE_HZ, |sensor| Noise::new(3, 0, sensor));
         let mut series: [Series; 6] = std::array::from_fn(|_| Series::new(f64::from(RATE_HZ)));
         for _ in 0..n {
@@ -107,7 +102,7 @@ mod tests {
     #[test]
     fn noise_has_its_density_at_every_frequency() {
         let want = [2.44e-4, 2.44e-4, 2.44e-4, 1.86e-3, 1.86e-3, 1.86e-3];
-        let series = series(&SensorOptions::default(), 1 << 17);
+        let series = series(&ImuOptions::default(), 1 << 17);
         for (axis, (series, want)) in series.iter().zip(want).enumerate() {
             for (band, found) in white_density(series).into_iter().enumerate() {
                 // 1024 blocks at the slowest: 2.2 % one sigma.
@@ -118,10 +113,11 @@ mod tests {
 
     #[test]
     fn bias_walks_with_its_density() {
-        let options = SensorOptions {
+        let options = ImuOptions {
             gyro_bias_walk_rad_s2_sqrt_hz: 1e-4,
             accelerometer_bias_walk_m_s3_sqrt_hz: 2e-3,
-            ..SensorOptions::ideal()
+            gyro_noise_rad_s_sqrt_hz: 0.0,
+            accelerometer_noise_m_s2_sqrt_hz: 0.0,
         };
         let series = series(&options, 1 << 17);
         for (axis, (series, want)) in

@@ -5,15 +5,14 @@
 //! the tick that follows it, and all four sensors of the deck are read together: the firmware
 //! throws away a sweep that one of them missed (`pulse_processor_v2.c`).
 //!
-//! Not modelled: the drone's motion within a tick, reflections, walls and people.
+//! Not modeled: the drone's motion within a tick, reflections, walls and people.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::SensorOptions;
-use super::station::{Generation, StationPose};
+use super::station::StationPose;
 use crate::geometry::Attitude;
-use crate::sim::noise::{Field, Noise};
-use crate::sim::normals::Normals;
+use crate::sim::noise::{Field, Noise, Normals};
+use crate::sim::options::{Generation, LighthouseOptions};
 
 /// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
 /// firmware, `lighthouse_position_est.c`.
@@ -30,7 +29,7 @@ const V2_PERIODS: [u32; 16] = [
 const V1_SWEEPS_HZ: f64 = 120.0;
 
 /// The room's distortion is looked up anew after this time: at 0.5 m/s it has changed by a tenth of
-/// a millimetre.
+/// a millimeter.
 const BEND_S: f64 = 0.02;
 /// A station that was not seen for so long is hidden: chance alone loses no five turns in a row.
 const BLIND_S: f64 = 0.1;
@@ -46,7 +45,7 @@ pub(in crate::sim) struct Sweep {
     pub(in crate::sim) angles_rad: [f64; 4],
 }
 
-/// All stations, as they really stand.
+/// All stations at their true places.
 #[derive(Debug)]
 pub(super) struct Lighthouse {
     rotors: Vec<Rotor>,
@@ -57,7 +56,7 @@ pub(super) struct Lighthouse {
     /// When that was looked up.
     bent_s: f64,
     loss_frac: f64,
-    /// What arrived at this tick.
+    /// Sweeps of this tick.
     sweeps: Vec<Sweep>,
     blind_ticks: u32,
 }
@@ -65,7 +64,7 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations of what the deck's sensors share, and of what each has for itself.
+    /// Standard deviations of the noise common to the deck's sensors, and of that of each.
     sigmas_rad: [f64; 2],
     /// Over the direction from the station, one component a plane.
     distortion: Field<2>,
@@ -82,15 +81,15 @@ struct Rotor {
 }
 
 impl Lighthouse {
-    pub(super) fn new(options: &SensorOptions, noise: impl Fn(&str) -> Noise) -> Self {
+    pub(super) fn new(options: &LighthouseOptions, noise: impl Fn(&str) -> Noise) -> Self {
         let n = options.stations.len();
         let rotor = |i: usize| Rotor::new(options, i, &noise);
         Self {
             rotors: (0..n).map(rotor).collect(),
             bend: Field::new(
                 &mut noise("lighthouse distortion"),
-                options.lighthouse_distortion_m,
-                options.lighthouse_distortion_length_m,
+                options.distortion_m,
+                options.distortion_length_m,
             ),
             bend_m: Vector3::zeros(),
             bent_s: f64::NEG_INFINITY,
@@ -139,10 +138,10 @@ impl Lighthouse {
 }
 
 impl Rotor {
-    fn new(options: &SensorOptions, i: usize, noise: impl Fn(&str) -> Noise) -> Self {
+    fn new(options: &LighthouseOptions, i: usize, noise: impl Fn(&str) -> Noise) -> Self {
         let station = &options.stations[i];
         let mut error = noise(&format!("station {i} pose"));
-        let mut truth = station.pose();
+        let mut truth = StationPose::new(station);
         truth.position_m += error.normals() * options.station_position_error_m;
         let turned = error.normals() * options.station_rotation_error_rad;
         let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
@@ -172,7 +171,7 @@ impl Rotor {
                 options.sweep_distortion_rad,
                 options.sweep_distortion_length_rad,
             ),
-            noise: Normals::of(noise(&format!("station {i} sweep angles"))),
+            noise: Normals::new(noise(&format!("station {i} sweep angles"))),
             chance,
             turn_hz,
             phases,
@@ -207,8 +206,9 @@ impl Rotor {
     ) -> [f64; 4] {
         let direction = self.truth.station_from_world(position_m).normalize();
         let distortion_rad = self.distortion.component(plane, &direction);
-        let places_m = DECK_SENSORS_M.map(|s| position_m + world_from_body * Vector3::from(s));
-        let crossings = self.truth.crossings(plane, &places_m);
-        std::array::from_fn(|i| crossings[i].angle_rad + distortion_rad + errors_rad[i])
+        std::array::from_fn(|i| {
+            let place_m = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[i]);
+            self.truth.crossing(plane, &place_m).angle_rad + distortion_rad + errors_rad[i]
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! Sensors: what the drone measures of its motion. One file a sensor.
+//! Sensors: measurements of the drone's motion. One file a sensor.
 //!
 //! In: the true state and the specific force at a tick. Out: [`Readings`]. Every sensor has its own
 //! streams of noise and draws a fixed number from them at each of its measurements, so that none
@@ -11,7 +11,6 @@ mod density;
 mod height;
 mod imu;
 mod lighthouse;
-mod options;
 mod position;
 mod station;
 mod uwb;
@@ -25,21 +24,20 @@ use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
-use super::vehicle::Body;
+use super::options::{HeightSensor, Positioning, SensorOptions};
+use super::vehicle::RigidBody;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
 pub(super) use self::height::time_of_flight_sigma_m;
 pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
-pub use self::options::{HeightSensor, Positioning, SensorOptions};
 pub(super) use self::station::StationPose;
-pub use self::station::{Generation, Station};
 pub(super) use self::uwb::Range;
 
-/// What arrived at one tick. Inertial readings come at every tick, the others when they are due.
+/// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readings<'a> {
-    /// The true motion, which no estimator but the one named `truth` looks at.
-    pub(super) truth: &'a Body,
+    /// The true motion, for the estimator `truth` alone.
+    pub(super) truth: &'a RigidBody,
     /// Gyroscope, body frame.
     pub(super) rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
@@ -67,7 +65,7 @@ pub(super) struct Sensors {
     ticks: u32,
 }
 
-/// What tells the drone where it is.
+/// Measurement of the position.
 #[derive(Debug)]
 enum Locator {
     Position(Box<PositionSensor>),
@@ -81,31 +79,33 @@ impl Sensors {
     /// Sensors of the drone with index `drone`, read `rate_hz` times a second.
     pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, drone: u64) -> Self {
         let noise = |sensor: &str| Noise::new(seed, drone, sensor);
+        let lighthouse = &options.lighthouse;
         let has = |sensor| options.heights.contains(&sensor);
         Self {
-            imu: Imu::new(options, rate_hz, noise),
+            imu: Imu::new(&options.imu, rate_hz, noise),
             locator: match options.positioning {
                 Positioning::Position => {
-                    Locator::Position(Box::new(PositionSensor::new(options, rate_hz, noise)))
+                    Locator::Position(Box::new(PositionSensor::new(lighthouse, rate_hz, noise)))
                 }
                 Positioning::CrossingBeams => Locator::CrossingBeams(
-                    Lighthouse::new(options, noise),
-                    CrossingBeams::new(&options.stations),
+                    Lighthouse::new(lighthouse, noise),
+                    CrossingBeams::new(&lighthouse.stations),
                 ),
-                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(options, noise)),
-                Positioning::UwbTwr => Locator::Uwb(Box::new(Uwb::new(options, false, noise))),
-                Positioning::UwbTdoa => Locator::Uwb(Box::new(Uwb::new(options, true, noise))),
-                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(options, noise))),
+                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, noise)),
+                Positioning::UwbTwr => Locator::Uwb(Box::new(Uwb::new(&options.uwb, false, noise))),
+                Positioning::UwbTdoa => Locator::Uwb(Box::new(Uwb::new(&options.uwb, true, noise))),
+                Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, noise))),
             },
             time_of_flight: has(HeightSensor::TimeOfFlight).then(|| TimeOfFlight::new(noise)),
-            barometer: has(HeightSensor::Barometer).then(|| Barometer::new(options, noise)),
+            barometer: has(HeightSensor::Barometer)
+                .then(|| Barometer::new(&options.barometer, noise)),
             tick_s: 1.0 / f64::from(rate_hz),
             ticks: 0,
         }
     }
 
-    /// Where a drone at rest is believed to be before its first reading: where it is, and for
-    /// positions with a distortion where they settle.
+    /// Initial estimate of the position of a drone at rest: the true one, and for positions with a
+    /// distortion the distorted one.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
@@ -116,7 +116,7 @@ impl Sensors {
     /// Reads every sensor that is due, once a tick.
     pub(super) fn read<'a>(
         &'a mut self,
-        body: &'a Body,
+        body: &'a RigidBody,
         specific_force_m_s2: Vector3<f64>,
     ) -> Readings<'a> {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
@@ -156,7 +156,7 @@ impl Sensors {
         readings
     }
 
-    /// What whoever reads the flight should know.
+    /// Warnings about the base stations.
     pub(super) fn warnings(&self) -> Vec<String> {
         match &self.locator {
             Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
@@ -173,19 +173,12 @@ impl Sensors {
 mod tests {
     use super::density::{Series, white_density};
     use super::*;
+    use crate::sim::options::Generation;
     use crate::sim::vehicle::GRAVITY_M_S2;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
-    const ALL: [Positioning; 6] = [
-        Positioning::Position,
-        Positioning::CrossingBeams,
-        Positioning::Sweeps,
-        Positioning::UwbTwr,
-        Positioning::UwbTdoa,
-        Positioning::Gnss,
-    ];
 
-    /// What is left of the readings when they are written down.
+    /// Readings as owned values.
     #[derive(Debug, PartialEq)]
     struct Written {
         inertial: [Vector3<f64>; 2],
@@ -196,7 +189,7 @@ mod tests {
     }
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
-        let (body, force) = (Body::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
+        let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
         let mut sensors = Sensors::new(options, 500, 1, 0);
         let read = |_| {
             let r = sensors.read(&body, force);
@@ -212,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn ideal_sensors_tell_the_truth() {
+    fn ideal_sensors_read_the_truth() {
         for reading in readings(&SensorOptions::ideal(), 20) {
             assert_eq!(reading.inertial, [Vector3::zeros(), Vector3::z() * GRAVITY_M_S2]);
             assert_eq!(reading.position_m, Some(PLACE_M));
@@ -220,12 +213,12 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_more_or_less_leaves_the_others_alone() {
+    fn a_further_sensor_leaves_the_others_as_they_are() {
         let with = |positioning, heights: &[HeightSensor]| {
             let heights = heights.to_vec();
             readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
         };
-        for positioning in ALL {
+        for &positioning in Positioning::ALL {
             let alone = with(positioning, &[]);
             let beside = with(positioning, &[HeightSensor::Barometer, HeightSensor::TimeOfFlight]);
             let gyro = with(Positioning::Position, &[]);
@@ -237,8 +230,9 @@ mod tests {
         }
         let mut options = SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
         let two = readings(&options, 200);
-        options.stations.push(options.stations[0].clone());
-        options.sweep_loss_frac = 0.5;
+        let lighthouse = &mut options.lighthouse;
+        lighthouse.stations.push(lighthouse.stations[0].clone());
+        lighthouse.sweep_loss_frac = 0.5;
         let first = |written: &[Written]| -> Vec<Sweep> {
             written.iter().flat_map(|w| w.sweeps.clone()).filter(|s| s.station == 0).collect()
         };
@@ -247,9 +241,10 @@ mod tests {
     }
 
     #[test]
-    fn silencing_one_sensor_leaves_the_others_alone() {
+    fn a_sensor_without_noise_leaves_the_others_as_they_are() {
         let loud = readings(&SensorOptions::default(), 20);
-        let options = SensorOptions { gyro_noise_rad_s_sqrt_hz: 0.0, ..Default::default() };
+        let mut options = SensorOptions::default();
+        options.imu.gyro_noise_rad_s_sqrt_hz = 0.0;
         for (quiet, loud) in readings(&options, 20).iter().zip(&loud) {
             assert_eq!(quiet.position_m, loud.position_m);
             assert_eq!(quiet.inertial[1], loud.inertial[1]);
@@ -259,15 +254,16 @@ mod tests {
 
     #[test]
     fn no_two_sensors_share_their_noise() {
-        let options = SensorOptions { lighthouse_distortion_m: 0.0, ..Default::default() };
+        let mut options = SensorOptions::default();
+        options.lighthouse.distortion_m = 0.0;
         let reading = &readings(&options, 1)[0];
         let sampled = f64::sqrt(250.0);
         let [rate, force] = reading.inertial;
         let first = [
-            (reading.position_m.unwrap().x - PLACE_M.x) / options.lighthouse_jitter_m,
-            rate.x / (options.gyro_noise_rad_s_sqrt_hz * sampled),
-            force.x / (options.accelerometer_noise_m_s2_sqrt_hz * sampled),
-            (force.z - GRAVITY_M_S2) / (options.accelerometer_noise_m_s2_sqrt_hz * sampled),
+            (reading.position_m.unwrap().x - PLACE_M.x) / options.lighthouse.jitter_m,
+            rate.x / (options.imu.gyro_noise_rad_s_sqrt_hz * sampled),
+            force.x / (options.imu.accelerometer_noise_m_s2_sqrt_hz * sampled),
+            (force.z - GRAVITY_M_S2) / (options.imu.accelerometer_noise_m_s2_sqrt_hz * sampled),
         ];
         for (i, j) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
             assert!((first[i] - first[j]).abs() > 1e-6, "{first:?}");
@@ -288,7 +284,8 @@ mod tests {
 
     #[test]
     fn distortion_stands_still_where_the_drone_does() {
-        let options = SensorOptions { lighthouse_jitter_m: 0.0, ..Default::default() };
+        let mut options = SensorOptions::default();
+        options.lighthouse.jitter_m = 0.0;
         let readings = readings(&options, 50);
         assert!(readings.iter().all(|r| r.position_m == readings[0].position_m));
         assert!((readings[0].position_m.unwrap() - PLACE_M).norm() > 1e-4, "is there");
@@ -301,7 +298,7 @@ mod tests {
         {
             let mut options =
                 SensorOptions { positioning: Positioning::Sweeps, ..Default::default() };
-            options.stations.iter_mut().for_each(|s| s.generation = generation);
+            options.lighthouse.stations.iter_mut().for_each(|s| s.generation = generation);
             let seconds = 240;
             let written = readings(&options, 500 * seconds);
             let angles: Vec<f64> = (written.iter().flat_map(|w| &w.sweeps))

@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::SensorOptions;
-use crate::sim::noise::{Field, Noise};
-use crate::sim::normals::Normals;
+use crate::sim::noise::{Field, Noise, Normals};
+use crate::sim::options::LighthouseOptions;
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
 /// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.
@@ -22,17 +21,17 @@ pub(super) struct PositionSensor {
 
 impl PositionSensor {
     pub(super) fn new(
-        options: &SensorOptions,
+        options: &LighthouseOptions,
         rate_hz: u32,
         noise: impl Fn(&str) -> Noise,
     ) -> Self {
         Self {
-            jitter_m: options.lighthouse_jitter_m,
-            jitter: Normals::of(noise("lighthouse jitter")),
+            jitter_m: options.jitter_m,
+            jitter: Normals::new(noise("lighthouse jitter")),
             distortion: Field::new(
                 &mut noise("lighthouse distortion"),
-                options.lighthouse_distortion_m,
-                options.lighthouse_distortion_length_m,
+                options.distortion_m,
+                options.distortion_length_m,
             ),
             distortion_m: Vector3::zeros(),
             ticks_per_fix: (rate_hz / FIX_RATE_HZ).max(1),

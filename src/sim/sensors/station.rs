@@ -1,20 +1,16 @@
-//! A Lighthouse base station: where it stands, what it sees, and the angle at which its planes of
-//! light meet a point.
+//! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of light
+//! cross a point.
 //!
 //! A station's frame is x forward (out of the front), y left, z up. Angles are those that the
 //! firmware has after it applied the factory calibration, which is why the calibrations of a
-//! configuration file have no effect; what they leave is the `sweep_distortion` of the sensors.
+//! configuration file have no effect; the remaining error is the `sweep_distortion` of the sensors.
 //! Model: `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware; fields of view:
 //! Bitcraze's documentation of the Lighthouse deck.
 
-use std::f64::consts::{FRAC_PI_2, PI};
-
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Serialize};
 
-use crate::error::{Result, within};
 use crate::geometry::Attitude;
-use crate::sim::lanes::{asin, atan2};
+use crate::sim::options::{Generation, Station};
 
 /// tan(π/6): slant of a second-generation station's planes.
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
@@ -24,74 +20,10 @@ const TAN_HALF_VIEW_V2: [f64; 2] = [3.732_050_807_568_877, 1.428_148_006_742_114
 /// Beyond this distance the deck no longer sees a sweep: 6 m, as documented.
 const RANGE_M: f64 = 6.0;
 /// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
-/// look up, still see it. An assumption: 6°. Bitcraze asks for half a metre above the drone.
+/// look up, still see it. An assumption: 6°. Bitcraze asks for half a meter above the drone.
 const LOWEST_SINE: f64 = 0.1;
 /// Largest sine that a slanted plane's lead may have; a station sees nothing that far up.
 const LARGEST_LEAD: f64 = 0.99;
-
-/// Generation of a base station.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Generation {
-    /// Two rotors, one with an upright plane of light and one with a flat one; 120° × 120°.
-    V1,
-    /// One rotor with two planes, slanted by ±30°; 150° × 110°.
-    #[default]
-    V2,
-}
-
-/// A base station where the drone believes it to stand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Station {
-    /// What it is.
-    pub generation: Generation,
-    /// Where it stands, world frame.
-    pub position_m: [f64; 3],
-    /// Turn about world z; 0 looks along world x.
-    pub yaw_rad: f64,
-    /// Tip about the yawed y axis; positive looks down.
-    pub pitch_rad: f64,
-    /// Turn about its own forward axis.
-    pub roll_rad: f64,
-}
-
-impl Station {
-    /// A station at `position_m` that looks at `target_m` with its horizon level.
-    ///
-    /// Looking straight up or down leaves the yaw at zero.
-    #[must_use]
-    pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
-        let ahead = Vector3::from(target_m) - Vector3::from(position_m);
-        Self {
-            generation,
-            position_m,
-            yaw_rad: libm::atan2(ahead.y, ahead.x),
-            pitch_rad: -libm::atan2(ahead.z, libm::hypot(ahead.x, ahead.y)),
-            roll_rad: 0.0,
-        }
-    }
-
-    /// Checks the ranges; `key` names the station in messages.
-    pub(super) fn check(&self, key: &str) -> Result<()> {
-        for value in self.position_m {
-            within(&format!("{key}.position_m"), value, -1e4, 1e4)?;
-        }
-        within(&format!("{key}.yaw_rad"), self.yaw_rad, -2.0 * PI, 2.0 * PI)?;
-        within(&format!("{key}.pitch_rad"), self.pitch_rad, -FRAC_PI_2, FRAC_PI_2)?;
-        within(&format!("{key}.roll_rad"), self.roll_rad, -2.0 * PI, 2.0 * PI)
-    }
-
-    /// Its pose, ready to compute with.
-    pub(in crate::sim) fn pose(&self) -> StationPose {
-        let Self { yaw_rad, pitch_rad, roll_rad, .. } = *self;
-        StationPose {
-            generation: self.generation,
-            position_m: self.position_m.into(),
-            world_from_station: Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body(),
-        }
-    }
-}
 
 /// A base station's pose, ready to compute with.
 #[derive(Clone, Debug)]
@@ -106,18 +38,28 @@ pub(in crate::sim) struct StationPose {
 pub(in crate::sim) struct Crossing {
     /// Angle of the rotor; 0 is straight ahead.
     pub(in crate::sim) angle_rad: f64,
-    /// How the angle changes with the point's place in the world.
+    /// Gradient of the angle with respect to the point, world frame.
     pub(in crate::sim) slope_rad_m: Vector3<f64>,
 }
 
 impl StationPose {
+    /// The pose of a station.
+    pub(in crate::sim) fn new(station: &Station) -> Self {
+        let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
+        Self {
+            generation: station.generation,
+            position_m: station.position_m.into(),
+            world_from_station: Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body(),
+        }
+    }
+
     /// A point of the world in the station's frame.
     pub(in crate::sim) fn station_from_world(&self, point_m: &Vector3<f64>) -> Vector3<f64> {
         self.world_from_station.tr_mul(&(point_m - self.position_m))
     }
 
     /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
-    /// its field of view, and above the deck. Walls and people are not modelled.
+    /// its field of view, and above the deck. Walls and people are not modeled.
     pub(in crate::sim) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
@@ -132,37 +74,20 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// Where plane 0 or 1 meets each of four points:
+    /// The crossing of plane 0 or 1 with a point:
     /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
-    #[inline(always)]
-    pub(in crate::sim) fn crossings(
-        &self,
-        plane: usize,
-        points_m: &[Vector3<f64>; 4],
-    ) -> [Crossing; 4] {
-        // Loops: a closure would be compiled for narrow registers.
-        let mut u = *points_m;
-        for u in &mut u {
-            *u = self.station_from_world(u);
-        }
-        let mut met = match (self.generation, plane) {
+    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
+        let u = self.station_from_world(point_m);
+        let Crossing { angle_rad, slope_rad_m } = match (self.generation, plane) {
             (Generation::V1, plane) => upright(&u, 1 + plane),
             (Generation::V2, 0) => slanted(&u, -TAN_TILT),
             (Generation::V2, _) => slanted(&u, TAN_TILT),
         };
-        for crossing in &mut met {
-            crossing.slope_rad_m = self.world_from_station * crossing.slope_rad_m;
-        }
-        met
+        Crossing { angle_rad, slope_rad_m: self.world_from_station * slope_rad_m }
     }
 
-    /// Where plane 0 or 1 meets one point.
-    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
-        self.crossings(plane, &[*point_m; 4])[0]
-    }
-
-    /// The direction in the world, a unit vector, in which both planes were met at these angles.
+    /// The direction in the world, a unit vector, in which both planes cross a point at these angles.
     pub(super) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
@@ -178,66 +103,51 @@ impl StationPose {
 }
 
 /// `atan2(y, x)` or `atan2(z, x)`, and its slope in the station's frame.
-#[inline(always)]
-fn upright(u: &[Vector3<f64>; 4], axis: usize) -> [Crossing; 4] {
-    let (mut ahead, mut aside) = ([0.0; 4], [0.0; 4]);
-    for i in 0..4 {
-        (ahead[i], aside[i]) = (u[i].x, u[i][axis]);
-    }
-    let angles_rad = atan2(&aside, &ahead);
-    let mut met = [Crossing { angle_rad: 0.0, slope_rad_m: Vector3::zeros() }; 4];
-    for i in 0..4 {
-        let square = ahead[i] * ahead[i] + aside[i] * aside[i];
-        met[i].angle_rad = angles_rad[i];
-        met[i].slope_rad_m.x = -aside[i] / square;
-        met[i].slope_rad_m[axis] = ahead[i] / square;
-    }
-    met
+fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
+    let (ahead, aside) = (u.x, u[axis]);
+    let square = ahead * ahead + aside * aside;
+    let mut slope_rad_m = Vector3::zeros();
+    (slope_rad_m.x, slope_rad_m[axis]) = (-aside / square, ahead / square);
+    Crossing { angle_rad: libm::atan2(aside, ahead), slope_rad_m }
 }
 
-/// Angles of a slanted plane, and their slopes in the station's frame.
-#[inline(always)]
-fn slanted(u: &[Vector3<f64>; 4], tan_tilt: f64) -> [Crossing; 4] {
-    let [mut x, mut y, mut square, mut radius, mut lead] = [[0.0; 4]; 5];
-    for i in 0..4 {
-        (x[i], y[i]) = (u[i].x, u[i].y);
-        square[i] = x[i] * x[i] + y[i] * y[i];
-        radius[i] = square[i].sqrt();
-        lead[i] = (u[i].z * tan_tilt / radius[i]).clamp(-LARGEST_LEAD, LARGEST_LEAD);
+/// Angle of a slanted plane, and its slope in the station's frame.
+fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
+    let square = u.x * u.x + u.y * u.y;
+    let radius = square.sqrt();
+    let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
+    let root = (1.0 - lead * lead).sqrt();
+    let outward = lead / (square * root);
+    Crossing {
+        angle_rad: libm::atan2(u.y, u.x) + libm::asin(lead),
+        slope_rad_m: Vector3::new(
+            -u.y / square - u.x * outward,
+            u.x / square - u.y * outward,
+            tan_tilt / (radius * root),
+        ),
     }
-    let (azimuths_rad, leads_rad) = (atan2(&y, &x), asin(&lead));
-    let mut met = [Crossing { angle_rad: 0.0, slope_rad_m: Vector3::zeros() }; 4];
-    for i in 0..4 {
-        let root = (1.0 - lead[i] * lead[i]).sqrt();
-        let outward = lead[i] / (square[i] * root);
-        met[i].angle_rad = azimuths_rad[i] + leads_rad[i];
-        met[i].slope_rad_m = Vector3::new(
-            -y[i] / square[i] - x[i] * outward,
-            x[i] / square[i] - y[i] * outward,
-            tan_tilt / (radius[i] * root),
-        );
-    }
-    met
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const BOTH: [Generation; 2] = [Generation::V1, Generation::V2];
 
+    fn looking(generation: Generation, from_m: [f64; 3], at_m: [f64; 3]) -> StationPose {
+        StationPose::new(&Station::looking(generation, from_m, at_m))
+    }
+
     fn station(generation: Generation) -> StationPose {
-        Station {
-            roll_rad: 0.1,
-            ..Station::looking(generation, [-2.0, -1.5, 2.2], [0.2, 0.1, 0.7])
-        }
-        .pose()
+        let level = Station::looking(generation, [-2.0, -1.5, 2.2], [0.2, 0.1, 0.7]);
+        StationPose::new(&Station { roll_rad: 0.1, ..level })
     }
 
     #[test]
     fn angles_are_those_of_geometry_by_hand() {
-        let level =
-            |generation| Station::looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]).pose();
+        let level = |generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]);
         // 2 m ahead, 2 m to the left, level: 45° on every plane of either generation.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
@@ -259,10 +169,10 @@ mod tests {
     }
 
     #[test]
-    fn a_met_point_lies_in_the_plane_of_light() {
+    fn a_crossed_point_lies_in_the_plane_of_light() {
         // The plane through the rotor's axis direction at angle α, tilted by t about its forward
         // direction, has the normal (−sin α, cos α, 0) cos t − z sin t … up to sign.
-        let station = Station::looking(Generation::V2, [0.0; 3], [1.0, 0.0, 0.0]).pose();
+        let station = looking(Generation::V2, [0.0; 3], [1.0, 0.0, 0.0]);
         let point = Vector3::new(2.0, -0.7, -1.1);
         for (plane, tilt) in [(0, -PI / 6.0), (1, PI / 6.0)] {
             let angle = station.crossing(plane, &point).angle_rad;
@@ -302,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_deck_sees_what_is_near_in_front_and_above_it() {
-        let station = Station::looking(Generation::V2, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]).pose();
+        let station = looking(Generation::V2, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]);
         let up = Vector3::z();
         let sees = |x: f64, y: f64, z: f64| station.sees(&Vector3::new(x, y, z), &up);
         assert!(sees(3.0, 0.0, 1.0), "in front");
@@ -313,8 +223,8 @@ mod tests {
         assert!(!sees(3.0, 0.0, 2.0), "level with the deck");
         let tipped = Attitude { pitch_rad: 0.5, ..Default::default() }.world_from_body() * up;
         let point = Vector3::new(3.0, 0.0, 1.0);
-        assert!(!station.sees(&point, &tipped), "the deck turned its back on it");
-        let v1 = Station::looking(Generation::V1, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]).pose();
+        assert!(!station.sees(&point, &tipped), "the deck faces away");
+        let v1 = looking(Generation::V1, [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]);
         assert!(!v1.sees(&Vector3::new(1.0, 2.0, 1.0), &up), "beyond 60° of the first generation");
         assert!(station.sees(&Vector3::new(1.0, 2.0, 1.0), &up), "within 75° of the second");
     }

@@ -2,12 +2,12 @@
 //!
 //! White noise, an error of each link that depends on the drone's place, and strays. Anchors are
 //! asked in turn; a difference is taken between an anchor and the next one in the list. Walls,
-//! antennas' patterns and collisions of packets are not modelled.
+//! antennas' patterns and collisions of packets are not modeled.
 
 use nalgebra::Vector3;
 
-use super::SensorOptions;
 use crate::sim::noise::{Field, Noise};
+use crate::sim::options::UwbOptions;
 
 /// Distance over which a link's error changes: an assumption, of the size of the furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
@@ -42,21 +42,21 @@ pub(super) struct Uwb {
 
 impl Uwb {
     pub(super) fn new(
-        options: &SensorOptions,
+        options: &UwbOptions,
         differences: bool,
         noise: impl Fn(&str) -> Noise,
     ) -> Self {
         let bias = |i: usize| {
             let mut noise = noise(&format!("uwb link {i}"));
-            Field::new(&mut noise, options.uwb_bias_m, BIAS_LENGTH_M)
+            Field::new(&mut noise, options.bias_m, BIAS_LENGTH_M)
         };
         let anchors_m: Vec<_> = options.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
         Self {
             differences,
-            rate_hz: options.uwb_rate_hz,
-            noise_m: options.uwb_noise_m,
-            outlier_frac: options.uwb_outlier_frac,
-            outlier_m: options.uwb_outlier_m,
+            rate_hz: options.rate_hz,
+            noise_m: options.noise_m,
+            outlier_frac: options.outlier_frac,
+            outlier_m: options.outlier_m,
             biases: (0..anchors_m.len()).map(bias).collect(),
             noise: noise("uwb noise"),
             strays: noise("uwb strays"),
@@ -105,7 +105,7 @@ mod tests {
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 
     /// Errors of ten minutes at rest, by link.
-    fn errors(options: &SensorOptions, differences: bool) -> Vec<Vec<f64>> {
+    fn errors(options: &UwbOptions, differences: bool) -> Vec<Vec<f64>> {
         let mut uwb = Uwb::new(options, differences, |sensor| Noise::new(4, 0, sensor));
         let anchors = uwb.anchors_m.clone();
         let mut errors = vec![Vec::new(); anchors.len()];
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn white_part_and_bias_have_their_size_and_links_their_turn() {
         for differences in [false, true] {
-            let options = SensorOptions { uwb_outlier_frac: 0.0, ..SensorOptions::default() };
+            let options = UwbOptions { outlier_frac: 0.0, ..UwbOptions::default() };
             let errors = errors(&options, differences);
             let mut bias_sq = 0.0;
             for link in &errors {
@@ -151,12 +151,12 @@ mod tests {
 
     #[test]
     fn strays_are_as_many_and_as_large_as_stated() {
-        let options = SensorOptions {
-            uwb_noise_m: 0.0,
-            uwb_bias_m: 0.0,
-            uwb_outlier_frac: 0.14,
-            uwb_outlier_m: 2.0,
-            ..SensorOptions::default()
+        let options = UwbOptions {
+            noise_m: 0.0,
+            bias_m: 0.0,
+            outlier_frac: 0.14,
+            outlier_m: 2.0,
+            ..UwbOptions::default()
         };
         for differences in [false, true] {
             let all: Vec<f64> = errors(&options, differences).concat();

@@ -4,19 +4,18 @@
 use nalgebra::Rotation3;
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
-use super::model::{GRAVITY_M_S2, State};
+use super::model::State;
 #[cfg(test)]
 use super::model::{attitude, rate, velocity};
-use super::options::VehicleOptions;
 use super::rotors::Load;
-use crate::sim::lanes::euler_angles;
+use crate::sim::options::{GRAVITY_M_S2, VehicleOptions};
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
 
 /// Where a rigid body is and how it moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body {
+pub struct RigidBody {
     /// Body origin, world frame.
     pub position_m: Vector3<f64>,
     /// World frame.
@@ -27,7 +26,7 @@ pub struct Body {
     pub rate_rad_s: Vector3<f64>,
 }
 
-impl Body {
+impl RigidBody {
     /// A level body at rest that looks along world x.
     #[must_use]
     pub fn at(position_m: Vector3<f64>) -> Self {
@@ -41,7 +40,7 @@ impl Body {
 
     /// The body in a state of the design model.
     #[cfg(test)]
-    pub(in crate::sim) fn of(state: &State) -> Self {
+    pub(in crate::sim) fn from_state(state: &State) -> Self {
         let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
         let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
         Self {
@@ -89,9 +88,10 @@ impl Body {
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
         let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
         let (p, v, w) = (&self.position_m, self.velocity_body_m_s(), &self.rate_rad_s);
-        let a = euler_angles(self.yaw(), sin_pitch, roll);
-        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
-        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
+        let yaw_rad = libm::atan2(self.yaw()[0], self.yaw()[1]);
+        let (pitch_rad, roll_rad) = (libm::asin(sin_pitch), libm::atan2(roll[0], roll[1]));
+        let angles = [yaw_rad, pitch_rad, roll_rad];
+        State::from([p.x, p.y, p.z, angles[0], angles[1], angles[2], v.x, v.y, v.z, w.x, w.y, w.z])
     }
 
     /// Velocity in the body frame.
@@ -155,7 +155,7 @@ impl Inertia {
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
-        body: &Body,
+        body: &RigidBody,
         load: &Load,
         wind_m_s: &Vector3<f64>,
     ) -> Vector3<f64> {
@@ -241,7 +241,7 @@ mod tests {
     use crate::sim::vehicle::model::{Vehicle, Wrench};
     use crate::sim::vehicle::{attitude, rate};
 
-    /// The reference team's drone, whose drag is nought.
+    /// The reference team's drone, which has no drag.
     fn plain() -> VehicleOptions {
         VehicleOptions::default()
     }
@@ -250,20 +250,26 @@ mod tests {
         Inertia::new(options)
     }
 
-    fn fly(options: &VehicleOptions, body: Body, load: Load, dt_s: f64, n: usize) -> Body {
+    fn fly(
+        options: &VehicleOptions,
+        body: RigidBody,
+        load: Load,
+        dt_s: f64,
+        n: usize,
+    ) -> RigidBody {
         let (inertia, mut row) = (inertia(options), body.row());
         for _ in 0..n {
             row = inertia.step(&row, &[load; 3], &Vector3::zeros(), dt_s);
         }
-        Body::from_row(&row)
+        RigidBody::from_row(&row)
     }
 
-    fn tumbling() -> Body {
-        Body {
+    fn tumbling() -> RigidBody {
+        RigidBody {
             velocity_m_s: Vector3::new(1.0, -2.0, 0.5),
             world_from_body: UnitQuaternion::new(Vector3::new(0.2, -0.3, 0.4)),
             rate_rad_s: Vector3::new(1.5, -1.0, 2.0),
-            ..Body::at(Vector3::new(0.1, -0.2, 50.0))
+            ..RigidBody::at(Vector3::new(0.1, -0.2, 50.0))
         }
     }
 
@@ -281,8 +287,8 @@ mod tests {
     fn torque_free_rotation_keeps_energy_and_momentum() {
         let options = plain();
         let j = Vector3::from(options.inertia_kg_m2);
-        let energy = |b: &Body| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
-        let momentum = |b: &Body| b.world_from_body * j.component_mul(&b.rate_rad_s);
+        let energy = |b: &RigidBody| 0.5 * b.rate_rad_s.component_mul(&b.rate_rad_s).dot(&j);
+        let momentum = |b: &RigidBody| b.world_from_body * j.component_mul(&b.rate_rad_s);
         let start = tumbling();
         let end = fly(&options, start, Load::default(), 0.001, 1000);
         assert!((end.rate_rad_s - start.rate_rad_s).norm() > 0.1, "it does tumble");
@@ -349,7 +355,7 @@ mod tests {
     #[test]
     fn a_falling_body_reaches_its_terminal_velocity() {
         let options = VehicleOptions { body_drag_n_s_m: [0.0, 0.0, 0.1], ..Default::default() };
-        let end = fly(&options, Body::at(Vector3::zeros()), Load::default(), 0.01, 2000);
+        let end = fly(&options, RigidBody::at(Vector3::zeros()), Load::default(), 0.01, 2000);
         let want = -options.mass_kg * 9.81 / 0.1;
         assert!((end.velocity_m_s.z / want - 1.0).abs() < 1e-9, "{}", end.velocity_m_s.z);
     }
@@ -360,11 +366,11 @@ mod tests {
         let inertia = inertia(&options);
         let hover = Load { thrust_n: inertia.weight_n(), ..Load::default() };
         let wind = Vector3::new(0.3, -0.2, 0.0);
-        let mut row = Body::at(Vector3::zeros()).row();
+        let mut row = RigidBody::at(Vector3::zeros()).row();
         for _ in 0..20_000 {
             row = inertia.step(&row, &[hover; 3], &wind, 0.002);
         }
-        let velocity_m_s = Body::from_row(&row).velocity_m_s;
+        let velocity_m_s = RigidBody::from_row(&row).velocity_m_s;
         assert!((velocity_m_s - wind).norm() < 1e-9, "{velocity_m_s}");
     }
 
@@ -372,7 +378,7 @@ mod tests {
     fn a_moving_drone_rears_up_against_its_motion() {
         let options = VehicleOptions { airspeed_moment_n_s: 4.7e-4, ..Default::default() };
         let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
-        let body = Body { velocity_m_s, ..Body::at(Vector3::zeros()) };
+        let body = RigidBody { velocity_m_s, ..RigidBody::at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
         let slope = inertia(&options).slope(&body.row(), &Load::default(), &wind_m_s);
         // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
@@ -384,7 +390,7 @@ mod tests {
     #[test]
     fn spinning_rotors_answer_a_roll_with_a_pitch_torque() {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
-        let body = Body { rate_rad_s: Vector3::x(), ..Body::at(Vector3::zeros()) };
+        let body = RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::at(Vector3::zeros()) };
         let slope = inertia(&plain()).slope(&body.row(), &load, &Vector3::zeros());
         assert!((slope[11] * plain().inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
     }

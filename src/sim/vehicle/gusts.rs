@@ -1,12 +1,11 @@
-//! Air that moves: a steady wind and gusts about it, which push the drone and turn it.
+//! Wind: a steady part and gusts, which push the drone and turn it.
 
 use nalgebra::Vector3;
 
-use super::options::{AirOptions, Gusts};
-use crate::sim::noise::Noise;
-use crate::sim::normals::Normals;
+use crate::sim::noise::{Noise, Normals};
+use crate::sim::options::{AirOptions, Gusts};
 
-/// Metres per foot: the specification's formulas are in feet.
+/// Meters per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
 /// Lowest height that the low-altitude model is given for, feet. Flights below it use its figures.
 const LOWEST_FT: f64 = 10.0;
@@ -23,7 +22,7 @@ pub(super) struct Wind {
     torque_noise: Normals,
 }
 
-/// What the air does during one step.
+/// Wind and torque during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gust {
     /// World frame.
@@ -38,29 +37,28 @@ impl Wind {
         let mean_m_s = Vector3::from(options.wind_m_s);
         let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
         let mut axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-        let filters = match options.gusts {
-            Gusts::None => None,
-            Gusts::OrnsteinUhlenbeck => Some(
-                options
-                    .gust_sigma_m_s
-                    .map(|sigma_m_s| Filter::new([sigma_m_s, 0.0], options.gust_time_s, dt_s)),
-            ),
+        let (mut filters, mut torques) = (None, None);
+        match &options.gusts {
+            Gusts::OrnsteinUhlenbeck(room) => {
+                let filter = |sigma, time_s| Filter::new([sigma, 0.0], time_s, dt_s);
+                filters = Some(room.sigma_m_s.map(|sigma| filter(sigma, room.time_s)));
+                let torque = |sigma| filter(sigma, room.torque_time_s);
+                torques = Some(room.torque_sigma_n_m.map(torque));
+            }
             Gusts::Dryden if level_m_s > 0.0 => {
                 let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
                 axes = [along, Vector3::z().cross(&along), Vector3::z()];
-                Some(dryden(level_m_s, dt_s))
+                filters = Some(dryden(level_m_s, dt_s));
             }
-            Gusts::Dryden => None,
-        };
-        let torque = |sigma| Filter::new([sigma, 0.0], options.gust_torque_time_s, dt_s);
-        let turns = options.gusts == Gusts::OrnsteinUhlenbeck;
+            Gusts::Dryden | Gusts::None => {}
+        }
         let mut wind = Self {
             mean_m_s,
             axes,
             filters,
-            noise: Normals::of(Noise::new(seed, drone, "gusts")),
-            torques: turns.then(|| options.gust_torque_sigma_n_m.map(torque)),
-            torque_noise: Normals::of(Noise::new(seed, drone, "gust torque")),
+            noise: Normals::new(Noise::new(seed, drone, "gusts")),
+            torques,
+            torque_noise: Normals::new(Noise::new(seed, drone, "gust torque")),
         };
         for filter in wind.filters.iter_mut().flatten() {
             filter.settle(&mut wind.noise);
@@ -119,10 +117,10 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
 struct Filter {
     parts: [f64; 2],
     stages: [f64; 2],
-    /// What stays of each stage, and what the first gives to the second.
+    /// Decay of each stage in one step, and the coupling of the first into the second.
     stays: f64,
     gives: f64,
-    /// Cholesky factor of what the noise adds in one step: by stationarity `P − F P Fᵀ` with
+    /// Cholesky factor of the noise added in one step: by stationarity `P − F P Fᵀ` with
     /// `P = [[1, ½], [½, ½]]`.
     adds: [f64; 3],
 }
@@ -140,7 +138,7 @@ impl Filter {
         Self { parts, stages: [0.0; 2], stays, gives, adds }
     }
 
-    /// Draws the stages as they stand after a long time.
+    /// Draws the stages from their stationary distribution.
     fn settle(&mut self, noise: &mut Normals) {
         let first = noise.next();
         self.stages = [first, 0.5 * (first + noise.next())];
@@ -164,12 +162,17 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
+    use crate::sim::options::GustOptions;
 
     const DT_S: f64 = 0.02;
     const N: usize = 2048;
     const SEGMENTS: usize = 400;
     /// Periods in a segment.
     const BINS: [f64; 5] = [4.0, 10.0, 30.0, 80.0, 200.0];
+
+    fn indoors(room: GustOptions) -> AirOptions {
+        AirOptions { gusts: Gusts::OrnsteinUhlenbeck(room), ..Default::default() }
+    }
 
     /// One-sided densities of the wind's three components, less the steady wind.
     fn spectra(options: &AirOptions) -> [[f64; BINS.len()]; 3] {
@@ -214,13 +217,9 @@ mod tests {
 
     #[test]
     fn indoor_gusts_have_their_density() {
-        let options = AirOptions {
-            gusts: Gusts::OrnsteinUhlenbeck,
-            gust_sigma_m_s: [0.1, 0.2, 0.05],
-            gust_time_s: 0.8,
-            ..Default::default()
-        };
-        for (found, sigma) in spectra(&options).iter().zip(options.gust_sigma_m_s) {
+        let (sigma_m_s, time_s) = ([0.1, 0.2, 0.05], 0.8);
+        let room = GustOptions { sigma_m_s, time_s, ..Default::default() };
+        for (found, sigma) in spectra(&indoors(room)).iter().zip(sigma_m_s) {
             // One-sided, per Hz: 4 σ² τ / (1 + ω²τ²). Above the Nyquist frequency it folds back
             // by less than a tenth at these bins.
             assert_density(found, |w| 4.0 * sigma * sigma * 0.8 / (1.0 + 0.64 * w * w));
@@ -229,22 +228,17 @@ mod tests {
 
     #[test]
     fn torques_have_their_density() {
-        let options = AirOptions {
-            gusts: Gusts::OrnsteinUhlenbeck,
-            gust_torque_sigma_n_m: [1e-4, 2e-4, 3e-5],
-            gust_torque_time_s: 1.5,
-            ..Default::default()
-        };
-        let found = spectra_of(&options, |gust| gust.torque_n_m);
-        for (found, sigma) in found.iter().zip(options.gust_torque_sigma_n_m) {
+        let torque_sigma_n_m = [1e-4, 2e-4, 3e-5];
+        let room = GustOptions { torque_sigma_n_m, torque_time_s: 1.5, ..Default::default() };
+        let found = spectra_of(&indoors(room), |gust| gust.torque_n_m);
+        for (found, sigma) in found.iter().zip(torque_sigma_n_m) {
             assert_density(found, |w| 4.0 * sigma * sigma * 1.5 / (1.0 + 2.25 * w * w));
         }
     }
 
     #[test]
     fn drydens_gusts_have_the_densities_of_the_specification() {
-        let options =
-            AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
+        let options = AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0] };
         let found = spectra(&options);
         // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
@@ -260,8 +254,7 @@ mod tests {
 
     #[test]
     fn gusts_have_their_variance_from_the_start() {
-        let options =
-            AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0], ..Default::default() };
+        let options = AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0] };
         let n = 20_000_u32;
         let mut square = Vector3::zeros();
         for seed in 0..n {
@@ -278,7 +271,7 @@ mod tests {
     #[test]
     fn still_air_is_still_and_a_seed_decides() {
         assert_eq!(Wind::new(&AirOptions::default(), DT_S, 1, 0).advance(), Gust::default());
-        let options = AirOptions { gusts: Gusts::OrnsteinUhlenbeck, ..Default::default() };
+        let options = indoors(GustOptions::default());
         let first = |seed, drone| Wind::new(&options, DT_S, seed, drone).advance();
         assert_eq!(first(1, 0), first(1, 0));
         assert_ne!(first(1, 0), first(2, 0));

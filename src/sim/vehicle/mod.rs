@@ -5,12 +5,12 @@
 //! reference for the plant in tests.
 //!
 //! Method: rotor speeds follow their commands by their exact exponential; position, velocity, unit
-//! quaternion and body rate take one classical Runge–Kutta step of order 4. What changes slowly
-//! (voltage, ground effect, gust) is held through a step.
+//! quaternion and body rate take one classical Runge–Kutta step of order 4. Slow quantities
+//! (voltage, ground effect, gust) are held through a step.
 //!
 //! Sources: equations of the reference flight (AE483, 2022); each option names the rest.
 //!
-//! Not modelled: blade flapping, lift and inflow of moving air, vortex ring state, ceiling and
+//! Not modeled: blade flapping, lift and inflow of moving air, vortex ring state, ceiling and
 //! walls, downwash between drones, recovery of a resting battery, its temperature; sliding,
 //! bouncing and tipping on the floor.
 
@@ -18,17 +18,15 @@ mod battery;
 mod body;
 mod floor;
 mod gusts;
+mod mixer;
 mod model;
-mod options;
 mod plant;
 mod rotors;
 
-pub use self::body::Body;
+pub use self::body::RigidBody;
+pub(super) use self::mixer::{Mixer, SIGNS};
 pub(super) use self::model::{
-    GRAVITY_M_S2, Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate,
-    velocity,
-};
-pub use self::options::{
-    AirOptions, BatteryOptions, Compensation, GroundEffect, Gusts, VehicleOptions,
+    Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate, velocity,
 };
 pub use self::plant::Plant;
+pub(super) use super::options::GRAVITY_M_S2;

@@ -3,16 +3,13 @@
 
 use nalgebra::{SVector, Vector3, Vector4};
 
-use super::options::VehicleOptions;
 use crate::geometry::Attitude;
-
-/// Standard of the reference flight's model.
-pub(in crate::sim) const GRAVITY_M_S2: f64 = 9.81;
+use crate::sim::options::{GRAVITY_M_S2, VehicleOptions};
 
 /// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
 /// and angular velocity in the body frame.
 pub(in crate::sim) type State = SVector<f64, 12>;
-/// First nine rows of [`State`]: what moves when the body rate is given.
+/// First nine rows of [`State`]: the motion for a given body rate.
 pub(in crate::sim) type Motion = SVector<f64, 9>;
 /// `[τ_x τ_y τ_z f_z]` on the body.
 pub(in crate::sim) type Wrench = Vector4<f64>;
@@ -42,7 +39,7 @@ impl Vehicle {
     }
 
     #[cfg(test)]
-    /// What the motors' wrench does about the centre of mass: the thrust acts at `−(x, y)` of it.
+    /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
     pub(in crate::sim) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
         let ([x, y], f) = (self.center_of_mass_m, motors[3]);
         motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
@@ -75,7 +72,7 @@ impl Vehicle {
 }
 
 /// First nine rows of `ṡ`, given the body rate and the specific force along body z (thrust per
-/// mass, which is also what the accelerometer reads).
+/// mass, which is also the accelerometer's reading).
 pub(in crate::sim) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
@@ -172,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn thrust_beside_the_centre_of_mass_turns_the_drone() {
+    fn thrust_beside_the_center_of_mass_turns_the_drone() {
         let vehicle = Vehicle::new(&VehicleOptions::default());
         let wrench = vehicle.about_center_of_mass(&vehicle.hover());
         assert!((wrench[0] + 1.3e-4).abs() < 1e-6, "τ_x {}", wrench[0]);

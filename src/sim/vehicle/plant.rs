@@ -3,12 +3,11 @@
 use nalgebra::{Vector3, Vector4};
 
 use super::battery::Battery;
-use super::body::{Body, Inertia, Row};
+use super::body::{Inertia, RigidBody, Row};
 use super::floor::Floor;
 use super::gusts::Wind;
-use super::model::GRAVITY_M_S2;
 use super::rotors::{Load, Rotors};
-use crate::sim::options::SimOptions;
+use crate::sim::options::{GRAVITY_M_S2, SimOptions};
 
 /// One drone in the air or on the floor (z = 0), driven by motor commands in steps of fixed length.
 ///
@@ -55,7 +54,7 @@ impl Plant {
         let vehicle = &options.vehicle;
         let carried = if position_m.z > 0.0 { 0.25 * GRAVITY_M_S2 } else { 0.0 };
         Self {
-            row: Body::at(position_m).row(),
+            row: RigidBody::at(position_m).row(),
             rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
             battery: Battery::new(&options.battery),
             inertia: Inertia::new(vehicle),
@@ -73,7 +72,7 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // What changes slowly is held through the step: the ground effect at its middle height.
+        // The ground effect changes slowly: it is held through the step, at its middle height.
         let ground = self.floor.thrust_ratio(self.row[2] + self.row[5] * (0.5 * self.dt_s));
         let mut loads = self.rotors.advance(&thrusts_n, ground);
         if !self.wind.is_steady() {
@@ -95,8 +94,8 @@ impl Plant {
     /// Pose and motion of the drone.
     #[must_use]
     #[inline(always)]
-    pub fn body(&self) -> Body {
-        Body::from_row(&self.row)
+    pub fn body(&self) -> RigidBody {
+        RigidBody::from_row(&self.row)
     }
 
     /// Voltage of the battery under load; `None` for a drone whose battery never sags.
@@ -177,7 +176,7 @@ impl Plant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::{GRAVITY_M_S2, VehicleOptions};
+    use crate::sim::options::{GustOptions, Gusts, VehicleOptions};
 
     fn plant(options: &SimOptions, height_m: f64) -> Plant {
         Plant::new(options, 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
@@ -207,7 +206,7 @@ mod tests {
         falling.row[3] = 1.0;
         advance(&mut falling, 0.0, 200);
         let place = falling.body().position_m;
-        assert_eq!(falling.body(), Body::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
+        assert_eq!(falling.body(), RigidBody::at(Vector3::new(place.x, 0.0, 0.0)), "stops");
         assert!(place.x > 0.4, "flew on while it fell");
         let mut sinking = plant(&options, 1e-3);
         sinking.row[5] = -1.0;
@@ -257,9 +256,9 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bits() {
         let mut options = SimOptions::cf21();
-        options.air.gusts = crate::sim::Gusts::OrnsteinUhlenbeck;
-        // Nobody steers: the torque of a room would turn it over.
-        options.air.gust_torque_sigma_n_m = [1e-7; 3];
+        // Without a controller the torque of a room would turn it over.
+        let gusts = GustOptions { torque_sigma_n_m: [1e-7; 3], ..GustOptions::default() };
+        options.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         let end = |seed| {
             let mut drone = Plant::new(&options, 0.002, seed, 0, Vector3::z());
             advance(&mut drone, hover(&options), 500);

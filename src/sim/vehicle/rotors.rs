@@ -2,8 +2,8 @@
 
 use nalgebra::{Vector3, Vector4};
 
-use super::options::VehicleOptions;
-use crate::sim::mixer::SIGNS;
+use super::mixer::SIGNS;
+use crate::sim::options::VehicleOptions;
 
 /// Action of the rotors on the body at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -128,8 +128,8 @@ impl Rotors {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mixer::Mixer;
     use super::*;
-    use crate::sim::mixer::Mixer;
     use crate::sim::vehicle::model::Vehicle;
 
     fn bearing(options: &VehicleOptions, thrust_n: f64, dt_s: f64) -> Rotors {
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn without_lag_the_load_is_the_mixers_wrench_about_the_centre_of_mass() {
+    fn without_lag_the_load_is_the_mixers_wrench_about_the_center_of_mass() {
         let options = VehicleOptions::default();
         let commands = Vector4::new(43490.0, 42753.0, 46860.0, 41332.0);
         let mut rotors = bearing(&options, 0.0, 0.002);

@@ -1,0 +1,255 @@
+//! Settings of the camera, and its pose in front of the word.
+
+use nalgebra::Vector3;
+
+use super::{BodyModel, Camera, LensModel, WhiteBalance};
+use crate::error::{Error, Result};
+use crate::geometry::{camera_from_orientation, camera_from_world};
+use crate::settings::{Described, settings};
+
+/// Largest width and height of a picture.
+pub const MAX_SIDE_PX: u32 = 16_384;
+
+/// Most pixels of a picture: 768 MiB of film at 12 bytes a pixel.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+settings! {
+    /// The camera.
+    ///
+    /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
+    /// light painting; blur is half the usual circle of confusion of 30 µm.
+    pub struct CameraOptions {
+        /// Width of the picture in pixels.
+        width_px: u32 = 1920, in 1.0..=16_384.0;
+        /// Height of the picture in pixels.
+        height_px: u32 = 1080, in 1.0..=16_384.0;
+        /// Aperture number.
+        f_number: f64 = 8.0, in 0.5..=256.0;
+        /// Sensitivity; a pixel saturates at 78 / ISO lx s.
+        iso: f64 = 100.0, in 1.0..=1e7;
+        /// Time of flight at which the shutter opens.
+        shutter_open_s: f64 = 0.0, in 0.0..=1e6;
+        /// Time of flight at which the shutter closes; the end of the flight if left out.
+        shutter_close_s: Option<f64> = None, in 0.0..=1e6;
+        /// Distance in focus; everything is sharp if left out.
+        focus_m: Option<f64> = None, in 0.01..=1e6;
+        /// Standard deviation of the blur of the lens on the sensor, without diffraction.
+        blur_m: f64 = 15e-6, in 0.0..=0.01;
+        /// Share of light that the lens transmits.
+        transmission: f64 = 0.9, in 0.001..=1.0;
+        /// Share of light lost by vignetting at the corner of the picture.
+        vignetting: f64 = 0.0, in 0.0..=1.0;
+        /// White balance: gains of red, green and blue, or the color temperature in kelvin.
+        white_balance: WhiteBalance = WhiteBalance::default();
+        /// Pose of the camera.
+        framing: Framing = Framing::default();
+        /// Camera body.
+        body: BodyModel = BodyModel::default();
+        /// Lens.
+        lens: LensModel = LensModel::default();
+    }
+
+    /// Pose of the camera.
+    pub enum Framing tagged {
+        /// Square in front of the middle of the word, at the distance at which the word has its
+        /// share of the picture.
+        "word" => Word(WordFraming),
+        /// As given.
+        "fixed" => Fixed(FixedPose),
+    }
+
+    /// A camera square in front of the word.
+    pub struct WordFraming {
+        /// Share of the width or height of the picture that the word fills, whichever comes first.
+        fill_frac: f64 = 0.5, in 0.01..=1.0;
+    }
+
+    /// A camera at a given pose.
+    pub struct FixedPose {
+        /// Entrance pupil, in the world.
+        position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
+        /// Point of the world in the middle of the picture.
+        target_m: [f64; 3] = [0.15, 0.0, 0.75], in -1e4..=1e4;
+        /// Attitude in the world, in place of the target: a unit quaternion w, x, y, z. As in a
+        /// .skyc file, a camera that is not rotated looks along -z with x to its right.
+        orientation_wxyz: Option<[f64; 4]> = None, in -1.05..=1.05;
+    }
+}
+
+impl CameraOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn check(&self) -> Result<()> {
+        check_size(self.width_px, self.height_px)?;
+        Described::check(self, "camera", None)?;
+        let least = self.lens.min_f_number();
+        if self.f_number < least {
+            let hint = "stop the lens down, or choose a faster one";
+            let wanted = format!("at least {least} with this lens");
+            return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
+        }
+        if let Some(close_s) = self.shutter_close_s.filter(|close_s| *close_s < self.shutter_open_s)
+        {
+            let wanted =
+                format!("a time not before camera.shutter_open_s, {}", self.shutter_open_s);
+            let hint = "let the shutter close after it opens";
+            return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
+        }
+        match &self.framing {
+            Framing::Fixed(pose) => pose.check_direction(),
+            Framing::Word(_) => Ok(()),
+        }
+    }
+
+    /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
+    /// word) and a flight that ends at `end_s`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
+        self.check()?;
+        let (position_m, camera_from_world) = match &self.framing {
+            Framing::Word(framing) => {
+                let [left, bottom, right, top] = bounds_m;
+                let aspect = f64::from(self.width_px) / f64::from(self.height_px);
+                let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
+                let distance_m = width_m * self.lens.focal_length_m() / self.body.sensor_width_m();
+                let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
+                let position_m = middle - Vector3::y() * distance_m;
+                (position_m, camera_from_world(middle - position_m))
+            }
+            Framing::Fixed(FixedPose { position_m, target_m, orientation_wxyz }) => {
+                let toward_target = Vector3::from(*target_m) - Vector3::from(*position_m);
+                let camera_from_world = orientation_wxyz
+                    .map_or_else(|| camera_from_world(toward_target), camera_from_orientation);
+                ((*position_m).into(), camera_from_world)
+            }
+        };
+        Ok(Camera {
+            position_m,
+            camera_from_world,
+            focal_length_m: self.lens.focal_length_m(),
+            sensor_width_m: self.body.sensor_width_m(),
+            focus_m: self.focus_m,
+            distortion: self.lens.distortion(),
+            vignetting: self.vignetting,
+            white_balance: self.white_balance.gains(),
+            f_number: self.f_number,
+            transmission: self.transmission,
+            blur_m: self.blur_m,
+            iso: self.iso,
+            shutter_open_s: self.shutter_open_s,
+            shutter_close_s: self.shutter_close_s.unwrap_or(end_s).max(self.shutter_open_s),
+            width_px: self.width_px,
+            height_px: self.height_px,
+        })
+    }
+}
+
+impl FixedPose {
+    /// Checks that the pose has a direction.
+    fn check_direction(&self) -> Result<()> {
+        let Some(orientation) = self.orientation_wxyz else {
+            if self.position_m != self.target_m {
+                return Ok(());
+            }
+            let hint = "place the camera some meters in front of its target";
+            let found = format!("{:?}, the position of the camera", self.target_m);
+            let wanted = "a point away from it";
+            return Err(Error::input("camera.framing.target_m", found, wanted, hint));
+        };
+        let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
+        if (0.95..=1.05).contains(&length) {
+            return Ok(());
+        }
+        let key = "camera.framing.orientation_wxyz";
+        let found = format!("a quaternion of length {length}");
+        Err(Error::input(key, found, "a unit quaternion", "divide it by its length"))
+    }
+}
+
+/// Checks the size of a picture.
+///
+/// # Errors
+///
+/// [`Error::Input`] with the limits.
+pub(crate) fn check_size(width_px: u32, height_px: u32) -> Result<()> {
+    let sides = [width_px, height_px];
+    let pixels = u64::from(width_px) * u64::from(height_px);
+    if sides.iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) && pixels <= MAX_PIXELS {
+        return Ok(());
+    }
+    Err(Error::input(
+        "camera.width_px and camera.height_px",
+        format!("{width_px}x{height_px}"),
+        format!("sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels"),
+        "choose a size such as 1920x1080; a film takes 12 bytes a pixel",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOOR_M: [f64; 4] = [-0.6, 0.5, 0.9, 1.0];
+
+    #[test]
+    fn the_word_fills_its_share_of_the_picture() {
+        let image = |bounds_m, x, z| {
+            let camera = CameraOptions::default().camera(bounds_m, 57.0).unwrap();
+            let image = camera.image_from_world(Vector3::new(x, 0.0, z)).unwrap();
+            [image.x_px, image.y_px].map(f64::round)
+        };
+        assert_eq!(image(NOOR_M, -0.6, 0.75), [480.0, 540.0], "left edge, middle of the height");
+        assert_eq!(image(NOOR_M, 0.9, 0.75), [1440.0, 540.0], "right edge");
+        assert_eq!(image([0.0, 0.0, 0.1, 1.0], 0.05, 1.0), [960.0, 270.0], "a tall word");
+    }
+
+    #[test]
+    fn impossible_cameras_are_refused_by_key() {
+        let refused = |change: &dyn Fn(&mut CameraOptions)| {
+            let mut options = CameraOptions::default();
+            change(&mut options);
+            options.camera(NOOR_M, 57.0).unwrap_err().to_string()
+        };
+        for size_px in [(0, 0), (0, 1080), (100_000, 100_000), (16_384, 16_384)] {
+            let error = refused(&|c| (c.width_px, c.height_px) = size_px);
+            assert!(error.contains(&format!("{}x{}", size_px.0, size_px.1)), "{error}");
+        }
+        let error = refused(&|c| (c.shutter_open_s, c.shutter_close_s) = (5.0, Some(3.0)));
+        assert!(error.contains("camera.shutter_close_s"), "{error}");
+        let error = refused(&|c| (c.lens, c.f_number) = (LensModel::Kit16, 2.0));
+        assert!(error.contains("camera.f_number"), "{error}");
+        let pose = FixedPose { target_m: [0.15, -3.0, 0.75], ..FixedPose::default() };
+        let error = refused(&|c| c.framing = Framing::Fixed(pose.clone()));
+        assert!(error.contains("camera.framing.target_m"), "{error}");
+    }
+
+    #[test]
+    fn a_quaternion_of_a_quarter_turn_about_x_looks_along_y() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let [turned, aimed] = [Some([half, half, 0.0, 0.0]), None].map(|orientation_wxyz| {
+            let pose = FixedPose { orientation_wxyz, ..FixedPose::default() };
+            let options =
+                CameraOptions { framing: Framing::Fixed(pose), ..CameraOptions::default() };
+            options.camera(NOOR_M, 1.0).unwrap().camera_from_world
+        });
+        assert!((turned - aimed).norm() < 1e-12, "{turned}");
+    }
+
+    #[test]
+    fn a_body_and_a_lens_by_name_set_sensor_and_focal_length() {
+        let options = CameraOptions {
+            body: BodyModel::A6400,
+            lens: LensModel::Kit16,
+            ..CameraOptions::default()
+        };
+        let camera = options.camera(NOOR_M, 1.0).unwrap();
+        assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
+        assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,194 @@
+//! Polynomials of degree 7: the Crazyflie's uncompressed trajectory, and the CSV of
+//! `uav_trajectories` and Crazyswarm2.
+//!
+//! Form on board (firmware `pptraj.h`, `struct poly4d`): 33 float32 a piece: 8 coefficients each of
+//! x, y, z and yaw in ascending powers of the time in s, then the duration in s. The CSV has the
+//! same 33 numbers with the duration first (`uav_trajectory.py` of Crazyswarm2 skips one line of
+//! header).
+//!
+//! A piece is the quintic through position, velocity and acceleration of the design at both ends,
+//! and two further coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use super::pieces::{Stretch, longest};
+use crate::error::{Error, Result};
+use crate::plan::Plan;
+
+/// Coefficients of one axis.
+type Polynomial = [f64; 8];
+
+/// Bytes of a piece on board.
+const PIECE_BYTES: usize = 33 * 4;
+/// Most pieces that the trajectory memory holds.
+pub const MAX_PIECES: usize = super::compressed::MEMORY_BYTES / PIECE_BYTES;
+/// Header of the CSV.
+const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
+                      z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
+
+/// A trajectory of polynomial pieces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Poly4d {
+    pieces: Vec<Piece>,
+}
+
+/// One piece: coefficients of x, y and z in ascending powers of the time since its start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece {
+    duration_s: f64,
+    axes: [Polynomial; 3],
+}
+
+impl Poly4d {
+    /// Fits the letters of a plan within a distance of its design.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a plan without letters.
+    pub fn fit(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+        let stretch = Stretch::new(plan)?;
+        let (mut pieces, mut at) = (Vec::new(), 0);
+        while at < stretch.last() {
+            let fits = |to| error_m(&stretch, at, to) <= tolerance_m;
+            let to = longest(at, stretch.last(), fits);
+            pieces.push(Piece::fit(&stretch, at, to));
+            at = to;
+        }
+        Ok(Self { pieces })
+    }
+
+    /// Number of pieces.
+    #[must_use]
+    pub fn n_pieces(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Position at a time since the start, m; the end stays.
+    #[must_use]
+    pub fn position_m(&self, time_s: f64) -> Vector3<f64> {
+        let (mut left_s, last) = (time_s.max(0.0), self.pieces.len() - 1);
+        for (index, piece) in self.pieces.iter().enumerate() {
+            if left_s < piece.duration_s || index == last {
+                return piece.position_m(left_s.min(piece.duration_s));
+            }
+            left_s -= piece.duration_s;
+        }
+        Vector3::zeros()
+    }
+
+    /// The bytes that the drone stores.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for more pieces than its memory holds.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        if self.pieces.len() > MAX_PIECES {
+            return Err(Error::Infeasible {
+                what: format!(
+                    "{} pieces of degree 7, the drone's memory holds {MAX_PIECES}",
+                    self.pieces.len()
+                ),
+                hint:
+                    "use the compressed form, a larger distance from the design, or fewer letters"
+                        .into(),
+            });
+        }
+        let numbers = self.pieces.iter().flat_map(|piece| {
+            let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
+            axes.chain([piece.duration_s])
+        });
+        #[expect(clippy::cast_possible_truncation, reason = "the drone computes in f32")]
+        Ok(numbers.flat_map(|number| (number as f32).to_le_bytes()).collect())
+    }
+
+    /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let row = |piece: &Piece| {
+            let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
+            let numbers = [piece.duration_s].into_iter().chain(axes);
+            numbers.map(|number| format!("{number:?}")).collect::<Vec<_>>().join(",")
+        };
+        let rows = self.pieces.iter().map(row);
+        [HEADER.to_owned()].into_iter().chain(rows).map(|line| line + "\n").collect()
+    }
+}
+
+impl Piece {
+    fn fit(stretch: &Stretch<'_>, from: usize, to: usize) -> Self {
+        let duration_s = stretch.time_s(to) - stretch.time_s(from);
+        let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
+        let quintics = [0, 1, 2].map(|axis| {
+            let ends = [start, end]
+                .map(|s| [s.position_m[axis], s.velocity_m_s[axis], s.acceleration_m_s2[axis]]);
+            quintic(ends, duration_s)
+        });
+        let mut piece = Self { duration_s, axes: quintics };
+        // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
+        let bumps = |t: f64| {
+            let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
+            let bump = 64.0 * share * share * share * rest * rest * rest;
+            [bump, bump * (2.0 * share - 1.0)]
+        };
+        let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
+        for time_s in stretch.check_times_s(from, to) {
+            let t = time_s - stretch.time_s(from);
+            let row = Vector2::from(bumps(t));
+            let off_m = stretch.position_m(time_s) - piece.position_m(t);
+            normal += row * row.transpose();
+            for axis in 0..3 {
+                sides[axis] += row * off_m[axis];
+            }
+        }
+        if let Some(inverse) = normal.try_inverse() {
+            for (axis, side) in piece.axes.iter_mut().zip(sides) {
+                add_bumps(axis, inverse * side, duration_s);
+            }
+        }
+        piece
+    }
+
+    fn position_m(&self, t: f64) -> Vector3<f64> {
+        let value = |c: Polynomial| c.iter().rev().fold(0.0, |sum, c| sum * t + c);
+        Vector3::from(self.axes.map(value))
+    }
+}
+
+/// The quintic with position, velocity and acceleration given at both ends.
+fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
+    let d = q - p - v * t - 0.5 * a * t * t;
+    let e = (w - v - a * t) * t;
+    let f = (b - a) * t * t;
+    let (t3, t4, t5) = (t * t * t, t * t * t * t, t * t * t * t * t);
+    [
+        p,
+        v,
+        0.5 * a,
+        (10.0 * d - 4.0 * e + 0.5 * f) / t3,
+        (-15.0 * d + 7.0 * e - f) / t4,
+        (6.0 * d - 3.0 * e + 0.5 * f) / t5,
+        0.0,
+        0.0,
+    ]
+}
+
+/// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial of t.
+fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
+    // s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ + 7s⁶ − 2s⁷.
+    let even = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0, 0.0];
+    let odd = [0.0, 0.0, 0.0, -1.0, 5.0, -9.0, 7.0, -2.0];
+    let mut power = 1.0;
+    for ((coefficient, even), odd) in axis.iter_mut().zip(even).zip(odd) {
+        *coefficient += 64.0 * (c.x * even + c.y * odd) / power;
+        power *= duration_s;
+    }
+}
+
+/// Largest distance of the piece between two setpoints from the design, m.
+fn error_m(stretch: &Stretch<'_>, from: usize, to: usize) -> f64 {
+    let piece = Piece::fit(stretch, from, to);
+    let off_m = |time_s: f64| {
+        (piece.position_m(time_s - stretch.time_s(from)) - stretch.position_m(time_s)).norm()
+    };
+    stretch.check_times_s(from, to).map(off_m).fold(0.0, f64::max)
+}

@@ -1,0 +1,176 @@
+//! Parts of records on the tiles of a sheet, in chunks for a graphics device.
+//!
+//! A workgroup of the shader is a tile and goes through all parts on it, so that no two threads add
+//! to one pixel. The curves of the records are drawn here, while the device adds up those before.
+
+use std::ops::Range;
+
+use super::curves::Curves;
+use super::record::{Record, SPOTS};
+use super::{Latent, Tint};
+
+/// Side of a tile.
+pub(super) const TILE_PX: u32 = 64;
+
+/// Numbers along and across in a chunk, or a few more: 4 MB.
+const CHUNK: usize = 1 << 18;
+
+/// Most iterations of all loops of one workgroup: llvmpipe leaves every loop after 65,535 together.
+const TURNS: u32 = 60_000;
+
+/// The part of a record on a tile, as the shader reads it: `Record` in `splat.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Part {
+    pub(super) place: u32,
+    pub(super) columns: u32,
+    pub(super) rows: u32,
+    pub(super) along: u32,
+    pub(super) across: u32,
+    pub(super) shift: u32,
+    pub(super) dither: u32,
+    pub(super) unused: u32,
+}
+
+/// Parts of records, and their curves.
+#[derive(Debug, Default)]
+pub(super) struct Chunk {
+    /// With the index of their tile in the sheet.
+    pub(super) parts: Vec<(usize, Part)>,
+    pub(super) curves: Vec<[u32; SPOTS]>,
+}
+
+/// Number of tiles across the picture, and the tiles that the records of a color touch.
+pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<usize>) {
+    let across = width.div_ceil(TILE_PX) as usize;
+    let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
+    for record in &tint.records {
+        let [columns, rows] = record.inside(width, &(0..height)).map(tiles);
+        for row in rows {
+            lit[row * across + columns.start..row * across + columns.end].fill(true);
+        }
+    }
+    (across, (0..lit.len()).filter(|&tile| lit[tile]).collect())
+}
+
+/// The tiles of some pixels along one axis.
+#[inline(always)]
+fn tiles(pixels: Range<u32>) -> Range<usize> {
+    (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
+}
+
+/// Draws the curves of a color, and sends them with the parts of its records on some tiles, chunk by
+/// chunk.
+pub(super) fn chunks(
+    tint: &Tint,
+    latent: &Latent,
+    lit: &[usize],
+    mut send: impl FnMut(&mut Chunk),
+) {
+    let [width, height] = latent.size_px;
+    let across = width.div_ceil(TILE_PX) as usize;
+    let mut places = vec![None; across * height.div_ceil(TILE_PX) as usize];
+    lit.iter().enumerate().for_each(|(place, &tile)| places[tile] = Some(place));
+
+    let (mut drawn, mut chunk) = (Curves::default(), Chunk::default());
+    for record in &tint.records {
+        let inside = record.inside(width, &(0..height));
+        drawn.draw(record, latent.counts_per_lx_s());
+        let curves = chunk.push_curves(record, &drawn);
+        let [columns, rows] = inside.clone().map(tiles);
+        for row in rows {
+            for column in columns.clone() {
+                if let Some(place) = places[row * across + column] {
+                    let part = part(record, drawn.shift, curves, &inside, [column, row], place);
+                    chunk.parts.push((place, part));
+                }
+            }
+        }
+        if chunk.curves.len() > CHUNK {
+            send(&mut chunk);
+            chunk.parts.clear();
+            chunk.curves.clear();
+        }
+    }
+    if !chunk.parts.is_empty() {
+        send(&mut chunk);
+    }
+}
+
+/// The part of a record on a tile, which has an index in the sheet.
+#[expect(clippy::cast_possible_truncation, reason = "a sheet has fewer than 2^32 pixels")]
+fn part(
+    record: &Record,
+    shift: u32,
+    [along, across]: [u32; 2],
+    inside: &[Range<u32>; 2],
+    tile: [usize; 2],
+    place: usize,
+) -> Part {
+    let corner = tile.map(|tile| tile as u32 * TILE_PX);
+    let on_tile = |axis: usize| {
+        let Range { start, end } = inside[axis];
+        start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
+    };
+    let [columns, rows] = [on_tile(0), on_tile(1)];
+    let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
+    Part {
+        place: (place as u32 * TILE_PX + j) * TILE_PX + i,
+        columns: columns.end - columns.start,
+        rows: rows.end - rows.start,
+        along: along.wrapping_add(columns.start).wrapping_sub(record.x.cast_unsigned()),
+        across: across.wrapping_add(rows.start).wrapping_sub(record.y.cast_unsigned()),
+        shift,
+        dither: record.dither_at(columns.start, rows.start),
+        unused: 0,
+    }
+}
+
+impl Chunk {
+    /// Adds the curves of a record; returns the start of those along and of those across.
+    fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
+        let (width, height) = (record.width as usize, record.height as usize);
+        let first = self.curves.len();
+        self.curves.resize(first + width + height, [0; SPOTS]);
+        let (along, across) = self.curves[first..].split_at_mut(width);
+        for k in 0..record.spots as usize {
+            for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
+                to[k] = *from;
+            }
+            let [high, low] = drawn.across(k, 0..height);
+            for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
+                to[k] = high << 16 | low;
+            }
+        }
+        [first, first + width].map(|first| u32::try_from(first).unwrap_or(u32::MAX))
+    }
+
+    /// Start and end of the parts of each tile, in rounds within [`TURNS`], and the parts in that
+    /// order.
+    pub(super) fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
+        self.parts.sort_by_key(|&(place, _)| place);
+        let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
+        for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
+            let (mut start, mut turns, mut round) = (end, 0, 0);
+            for (_, part) in tile {
+                if turns + part.turns() > TURNS {
+                    rounds.resize(rounds.len().max(round + 1), Vec::new());
+                    rounds[round].push([start, end]);
+                    (start, turns, round) = (end, 0, round + 1);
+                }
+                turns += part.turns();
+                end += 1;
+            }
+            rounds.resize(rounds.len().max(round + 1), Vec::new());
+            rounds[round].push([start, end]);
+        }
+        (rounds, self.parts.iter().map(|&(_, part)| part).collect())
+    }
+}
+
+impl Part {
+    /// Upper bound on the iterations of the shader's loops.
+    fn turns(&self) -> u32 {
+        2 + (self.columns / 16 + 1) * (self.rows + 2)
+    }
+}

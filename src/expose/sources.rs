@@ -1,0 +1,215 @@
+//! Point sources of the light on the floor, in trees.
+//!
+//! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form a
+//! tree (Barnes and Hut 1986), in which a branch that is small for its distance counts as one source.
+
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::light::{Emitter, LightSample, LightTrace};
+
+/// Least height of a lamp above the floor: half the thickness of an LED package. The zero of a
+/// flight may be off by centimeters, and no lamp shines below the floor.
+const LOWEST_M: f64 = 0.002;
+
+/// Largest ratio of a branch's radius to its distance. At 0.3 an evenly filled branch errs by 4 %
+/// straight below it, and by less elsewhere.
+const OPENING: f64 = 0.3;
+
+/// Red, green, blue.
+pub(super) type Rgb = [f64; 3];
+
+/// Sources of one beam shape and about one axis.
+pub(super) struct Tree<'a> {
+    pub(super) emitter: &'a Emitter,
+    pub(super) branches: Vec<Branch>,
+}
+
+/// A branch of a tree; its own branches follow it.
+pub(super) struct Branch {
+    pub(super) source: Source,
+    /// Half the diagonal of the box around its sources.
+    radius_m: f64,
+    /// Index of the first branch that is not its own.
+    next: usize,
+}
+
+/// A point source.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Source {
+    pub(super) position_m: Vector3<f64>,
+    axis: Vector3<f64>,
+    /// Light on the axis.
+    light_cd_s: Rgb,
+}
+
+/// The light of a trace while the shutter is open.
+pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
+    // Axes whose doubled coordinates round alike are about one axis.
+    #[expect(clippy::cast_possible_truncation, reason = "-2 to 2")]
+    let rough = |axis: Vector3<f64>| axis.map(|value| (2.0 * value).round() as i32);
+    let shape = |emitter: &Emitter| [emitter.beam_exponent, emitter.spill, emitter.visible_cos];
+    let mut groups: Vec<(&Emitter, Vector3<i32>, Vec<Source>)> = Vec::new();
+    for lamp in &trace.lamps {
+        let emitter = &lamp.emitter;
+        let light_cd = emitter.rgb.map(|share| share * emitter.intensity_cd);
+        for LightSample { position_m, axis, level, .. } in moments(&lamp.samples, camera, floor_z_m)
+        {
+            let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
+            let rough = rough(axis);
+            let alike = groups.iter_mut().rev().find(|(other, other_axis, _)| {
+                shape(other) == shape(emitter) && *other_axis == rough
+            });
+            match alike {
+                Some((.., sources)) => sources.push(source),
+                None => groups.push((emitter, rough, vec![source])),
+            }
+        }
+    }
+    let tree = |(emitter, _, sources)| {
+        let mut branches = Vec::new();
+        grow(sources, floor_z_m, &mut branches);
+        Tree { emitter, branches }
+    };
+    groups.into_iter().map(tree).collect()
+}
+
+/// A lamp's light as moments during which it moves little for its height. The level of a moment is
+/// multiplied by its duration.
+fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
+    let mut moments: Vec<LightSample> = Vec::new();
+    let mut start_m: Option<Vector3<f64>> = None;
+    for pair in samples.windows(2) {
+        let (a, b) = (&pair[0], &pair[1]);
+        let from_s = a.time_s.max(camera.shutter_open_s);
+        let to_s = b.time_s.min(camera.shutter_close_s);
+        if to_s <= from_s || (a.level == 0.0 && b.level == 0.0) {
+            continue;
+        }
+        let height_m = (a.position_m.z.min(b.position_m.z) - floor_z_m).max(LOWEST_M);
+        let step_m = 0.25 * OPENING * height_m;
+        let length_m = (b.position_m - a.position_m).norm();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 1000")]
+        let n = (length_m / step_m).ceil().clamp(1.0, 1000.0) as u32;
+        for i in 0..n {
+            let time_s = from_s + (to_s - from_s) * (f64::from(i) + 0.5) / f64::from(n);
+            let mut next = a.toward(b, time_s);
+            next.position_m.z = next.position_m.z.max(floor_z_m + LOWEST_M);
+            next.level = next.level * (to_s - from_s) / f64::from(n);
+            match moments.last_mut().zip(start_m) {
+                Some((last, start_m)) if (next.position_m - start_m).norm() < step_m => {
+                    let share = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
+                    last.position_m += (next.position_m - last.position_m) * share;
+                    last.axis += (next.axis - last.axis) * share;
+                    last.level += next.level;
+                }
+                _ => {
+                    moments.push(next);
+                    start_m = Some(next.position_m);
+                }
+            }
+        }
+    }
+    moments
+}
+
+/// Adds the branch of some sources to a tree, and its own branches after it.
+fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
+    let Some(first) = sources.first() else { return };
+    let (mut low, mut high) = (first.position_m, first.position_m);
+    let (mut sum, mut all) = (Source::default(), 0.0);
+    for source in &sources {
+        (low, high) = (low.inf(&source.position_m), high.sup(&source.position_m));
+        let weight: f64 = source.light_cd_s.iter().sum();
+        sum.position_m += weight * source.position_m;
+        sum.axis += weight * source.axis;
+        all += weight;
+        for (sum, light) in sum.light_cd_s.iter_mut().zip(source.light_cd_s) {
+            *sum += light;
+        }
+    }
+    sum.position_m = if all > 0.0 { sum.position_m / all } else { first.position_m };
+    sum.axis /= sum.axis.norm().max(f64::MIN_POSITIVE);
+    let (size, own) = (high - low, branches.len());
+    let radius_m = 0.5 * size.norm();
+    branches.push(Branch { source: sum, radius_m, next: 0 });
+    if radius_m > OPENING * (low.z - floor_z_m) {
+        let axis = size.imax();
+        let middle = low[axis] + 0.5 * size[axis];
+        let halves: (Vec<_>, Vec<_>) =
+            sources.into_iter().partition(|source| source.position_m[axis] < middle);
+        if !halves.0.is_empty() && !halves.1.is_empty() {
+            grow(halves.0, floor_z_m, branches);
+            grow(halves.1, floor_z_m, branches);
+        }
+    }
+    branches[own].next = branches.len();
+}
+
+/// Exposure of a point of the floor.
+pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
+    let mut sum = [0.0; 3];
+    for Tree { emitter, branches } in trees {
+        let mut index = 0;
+        while let Some(Branch { source, radius_m, next }) = branches.get(index) {
+            let to_point_m = point_m - source.position_m;
+            let square = to_point_m.norm_squared();
+            if *next > index + 1 && radius_m * radius_m > OPENING * OPENING * square {
+                index += 1;
+                continue;
+            }
+            let per_m = 1.0 / square.sqrt();
+            let cos_beam = source.axis.dot(&to_point_m) * per_m;
+            let share = emitter.share(cos_beam) * -to_point_m.z * per_m / square;
+            for (sum, light) in sum.iter_mut().zip(source.light_cd_s) {
+                *sum += share * light;
+            }
+            index = *next;
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::floor::tests::{hanging, looking_down};
+    use super::*;
+
+    #[test]
+    fn the_tree_of_a_flight_is_within_5_percent_of_the_sum_over_its_samples() {
+        let mut trace = hanging([0.0; 3]);
+        let samples = (0..160).map(|i| {
+            let s = f64::from(i) / 40.0;
+            LightSample {
+                time_s: s,
+                position_m: Vector3::new(
+                    0.7 * libm::sin(s),
+                    2.0 + 0.1 * libm::cos(3.0 * s),
+                    0.01 + 0.3 * s,
+                ),
+                axis: Vector3::new(0.1 * libm::sin(f64::from(i)), 0.0, -1.0).normalize(),
+                level: 1.0,
+            }
+        });
+        trace.lamps[0].samples = samples.collect();
+        let trees = trees(&trace, &looking_down(), 0.0);
+        let n = trees.iter().map(|tree| tree.branches.len()).sum::<usize>();
+        assert!(n < 1000, "{n} branches");
+        for x in -10..=10 {
+            let point_m = Vector3::new(f64::from(x) * 0.1, 2.0, 0.0);
+            let mut wanted = 0.0;
+            for pair in trace.lamps[0].samples.windows(2) {
+                for part in 0..20 {
+                    let share = (f64::from(part) + 0.5) / 20.0;
+                    let to_point_m = point_m - pair[0].position_m.lerp(&pair[1].position_m, share);
+                    let axis = pair[0].axis.lerp(&pair[1].axis, share).normalize();
+                    let cos_beam = axis.dot(&to_point_m.normalize()).max(0.0);
+                    let cos_floor = -to_point_m.z / to_point_m.norm();
+                    wanted += 1.8 * cos_beam * cos_floor / to_point_m.norm_squared() / 800.0;
+                }
+            }
+            let found = exposure_lx_s(&trees, point_m)[0];
+            assert!((found / wanted - 1.0).abs() < 0.05, "{found} at {x}, wanted {wanted}");
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Polylines in a plane, in any unit of length.
+
+/// The box around points: left, bottom, right, top; inverted and infinite where there are none.
+pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
+    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    points.into_iter().fold(none, |[left, bottom, right, top], [x, y]| {
+        [left.min(x), bottom.min(y), right.max(x), top.max(y)]
+    })
+}
+
+/// Distance of two points.
+#[must_use]
+pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    libm::hypot(b[0] - a[0], b[1] - a[1])
+}
+
+/// Distance of a point from a segment.
+#[must_use]
+pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
+    let (dx, dy) = (bx - ax, by - ay);
+    let square = dx * dx + dy * dy;
+    let share = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    libm::hypot(x - ax - share * dx, y - ay - share * dy)
+}
+
+/// Distance of each point from the first one along the line; empty for an empty line.
+#[must_use]
+pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
+    let mut along = 0.0;
+    let later = line.windows(2).map(|leg| {
+        along += distance(leg[0], leg[1]);
+        along
+    });
+    line.first().map(|_| 0.0).into_iter().chain(later).collect()
+}
+
+/// Length of a polyline.
+#[must_use]
+pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
+    points_m.windows(2).map(|leg| distance(leg[0], leg[1])).sum()
+}
+
+/// Indices of the points that stay when those nearer than `error` to the line through the others
+/// are left out (Ramer, Douglas and Peucker).
+#[must_use]
+pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
+    if line.len() < 3 {
+        return (0..line.len()).collect();
+    }
+    let mut keep = vec![false; line.len()];
+    (keep[0], keep[line.len() - 1]) = (true, true);
+    let mut spans = vec![(0, line.len() - 1)];
+    while let Some((first, last)) = spans.pop() {
+        let inner = first + 1..last;
+        let inner = inner.map(|i| (i, segment_distance(line[i], [line[first], line[last]])));
+        let Some((index, off)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        if off > error {
+            keep[index] = true;
+            spans.extend([(first, index), (index, last)]);
+        }
+    }
+    (0..line.len()).filter(|index| keep[*index]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_simplified_line_keeps_within_the_error_and_a_straight_one_its_ends() {
+        let line: Vec<_> = (0..=100).map(|k| [f64::from(k), 0.0]).collect();
+        assert_eq!(simplify(&line, 1e-6), [0, 100]);
+        assert_eq!(arc_lengths(&line)[100], 100.0);
+        let arc = (0..=100).map(|k| <[f64; 2]>::from(libm::sincos(f64::from(k) * 0.01)));
+        let arc: Vec<[f64; 2]> = arc.collect();
+        let kept = simplify(&arc, 1e-3);
+        assert!(kept.len() < 20, "{kept:?}");
+        let off = |p: [f64; 2]| {
+            let legs = kept.windows(2).map(|leg| [arc[leg[0]], arc[leg[1]]]);
+            legs.map(|leg| segment_distance(p, leg)).fold(1.0, f64::min)
+        };
+        assert!(arc.iter().all(|p| off(*p) <= 1e-3), "within the error");
+    }
+}

@@ -1,0 +1,134 @@
+//! The medial axis of an outline, as a graph.
+//!
+//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink are
+//! the nodes, joined where triangles share a side. As samples become dense this is the set of centers
+//! of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of a node's
+//! disc is half the stroke's width there.
+
+use spade::{DelaunayTriangulation, Point2, Triangulation};
+
+use super::super::outline::Ink;
+use super::super::vector::direction;
+use crate::geometry::distance;
+
+/// Grid of the samples, in cap heights: nearer ones are one.
+const WELD: f64 = 1e-6;
+
+/// A graph of disc centers. Nodes that were cut off remain, without neighbors.
+#[derive(Debug, Default)]
+pub(super) struct Axis {
+    pub(super) middles: Vec<[f64; 2]>,
+    pub(super) radii: Vec<f64>,
+    pub(super) neighbors: Vec<Vec<usize>>,
+}
+
+/// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
+pub(super) type Branch = Vec<usize>;
+
+impl Axis {
+    /// The axis of the ink within a rim; empty where there is none.
+    pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Ink) -> Self {
+        // Contours that run along each other would have samples a rounding error apart.
+        let weld = |x: f64| (x / WELD).round() * WELD;
+        let samples = rim.iter().flatten().map(|[x, y]| Point2::new(weld(*x), weld(*y))).collect();
+        let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
+            return Self::default();
+        };
+        let mut axis = Self::default();
+        let mut node_of = vec![None; mesh.num_all_faces()];
+        for face in mesh.inner_faces() {
+            let (middle, square) = face.circumcircle();
+            // Samples on a straight side are not quite in line: their slivers' discs lie far off.
+            let middle = [middle.x, middle.y];
+            let center = face.center();
+            if ink.holds([center.x, center.y]) && ink.holds(middle) {
+                node_of[face.fix().index()] = Some(axis.middles.len());
+                axis.middles.push(middle);
+                axis.radii.push(square.sqrt());
+            }
+        }
+        axis.neighbors = vec![Vec::new(); axis.middles.len()];
+        for side in mesh.undirected_edges() {
+            let faces = [side.as_directed().face(), side.as_directed().rev().face()];
+            if let [Some(a), Some(b)] = faces.map(|face| node_of[face.fix().index()]) {
+                axis.neighbors[a].push(b);
+                axis.neighbors[b].push(a);
+            }
+        }
+        axis
+    }
+
+    pub(super) fn degree(&self, node: usize) -> usize {
+        self.neighbors[node].len()
+    }
+
+    pub(super) fn length(&self, way: &[usize]) -> f64 {
+        way.windows(2).map(|step| self.distance(step[0], step[1])).sum()
+    }
+
+    pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
+        distance(self.middles[a], self.middles[b])
+    }
+
+    /// The way from a node through a neighbor, up to a node for which `ends` is true.
+    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Branch {
+        let mut way = vec![from, through];
+        loop {
+            let (before, at) = (way[way.len() - 2], way[way.len() - 1]);
+            if ends(at) || at == from {
+                return way;
+            }
+            match self.neighbors[at].iter().find(|next| **next != before) {
+                Some(next) => way.push(*next),
+                None => return way,
+            }
+        }
+    }
+
+    /// Direction from a node to the point of the way through a neighbor after a length, or its end.
+    pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
+        let way = self.way(from, through, &|node| self.degree(node) != 2);
+        let mut gone = 0.0;
+        let step = way.windows(2).find(|step| {
+            gone += self.distance(step[0], step[1]);
+            gone >= length
+        });
+        let end = self.middles[step.map_or(way[way.len() - 1], |step| step[1])];
+        direction(self.middles[from], end)
+    }
+
+    /// All branches between nodes for which `ends` is true, and all loops without such a node.
+    pub(super) fn branches(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Branch> {
+        let mut seen = vec![false; self.middles.len()];
+        let mut branches = Vec::new();
+        for node in (0..self.middles.len()).filter(|node| ends(*node)) {
+            seen[node] = true;
+            for next in &self.neighbors[node] {
+                let way = self.way(node, *next, ends);
+                way[1..way.len() - 1].iter().for_each(|inner| seen[*inner] = true);
+                let end = way[way.len() - 1];
+                // Each is found from both of its ends, and a loop through both of its sides.
+                let back = (end, way[way.len() - 2]);
+                if (node, *next) <= back {
+                    branches.push(way);
+                }
+            }
+        }
+        for node in 0..self.middles.len() {
+            if !seen[node] && self.degree(node) == 2 {
+                let way = self.way(node, self.neighbors[node][0], &|_| false);
+                way.iter().for_each(|inner| seen[*inner] = true);
+                branches.push(way);
+            }
+        }
+        branches
+    }
+
+    /// Cuts a way off: all its links, so that its first node loses a neighbor.
+    pub(super) fn cut(&mut self, way: &[usize]) {
+        for step in way.windows(2) {
+            self.neighbors[step[0]].retain(|node| *node != step[1]);
+            self.neighbors[step[1]].retain(|node| *node != step[0]);
+        }
+    }
+}

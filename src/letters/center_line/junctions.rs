@@ -1,0 +1,221 @@
+//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke; here the
+//! lines are extended straight until they meet.
+
+use super::super::outline::Ink;
+use super::super::vector::{ahead, dot, mean};
+use super::axis::{Axis, Branch};
+use super::limbs::{Arm, Connection, Knot, Limb, chain};
+use crate::geometry::distance;
+
+/// Two junctions nearer than this by the larger radius are one: a crossing appears as two. The
+/// second value is for two bends, which are one where a tip is cut off flat (v, M).
+const ONE_JUNCTION: f64 = 1.0;
+const ONE_BEND: f64 = 2.5;
+
+/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on;
+/// and at a bend of a single stroke, 25°.
+const THROUGH: f64 = 0.26;
+const THROUGH_BEND: f64 = 0.906;
+
+/// Sine of the largest angle off the vertical or horizontal at which an arm counts as such: 3°.
+const UPRIGHT: f64 = 0.05;
+
+/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that is
+/// cut off flat.
+const FAR: f64 = 10.0;
+
+/// Farthest that a meeting point may lie from its junction, by the junction's radius.
+const REACH: f64 = 3.0;
+
+/// Lines through the junctions of an axis, straight strokes joined.
+pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink) -> Vec<Vec<Knot>> {
+    let is_key = |node: usize| {
+        let degree = axis.degree(node);
+        degree != 2 && degree != 0 || degree == 2 && bends[node]
+    };
+    let branches = axis.branches(&is_key);
+    let (cluster_of, inner) = clusters(axis, &branches);
+    let mut limbs: Vec<Limb> = Vec::new();
+    // Ends of limbs at each cluster: the limb, and whether its tail.
+    let mut ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
+    for (branch, _) in branches.iter().zip(&inner).filter(|(_, inner)| !**inner) {
+        let (first, last) = (branch[0], branch[branch.len() - 1]);
+        if first != last || is_key(first) {
+            ends[cluster_of[first]].push((limbs.len(), false));
+            ends[cluster_of[last]].push((limbs.len(), true));
+        }
+        let points = branch.iter().map(|node| axis.middles[*node]).collect();
+        limbs.push(Limb::new(points, branch.iter().map(|node| axis.radii[*node]).collect()));
+    }
+    for (cluster, ends) in ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
+        let members = (0..axis.middles.len()).filter(|node| cluster_of[*node] == cluster);
+        let members: Vec<usize> = members.filter(|node| is_key(*node)).collect();
+        let middles: Vec<[f64; 2]> = members.iter().map(|node| axis.middles[*node]).collect();
+        let radius = members.iter().map(|m| axis.radii[*m]).fold(0.0, f64::max);
+        let arms = ends.iter().map(|(limb, tail)| limbs[*limb].trim(*limb, *tail, radius));
+        let arms: Vec<Arm> = arms.collect();
+        meet(&mut limbs, &arms, &Joint { middle: mean(&middles), radius, ink });
+    }
+    chain(&mut limbs)
+}
+
+/// For each node the junction it belongs to, by its smallest node; and which branches lie within one.
+fn clusters(axis: &Axis, branches: &[Branch]) -> (Vec<usize>, Vec<bool>) {
+    let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
+    let root = |cluster_of: &[usize], mut node: usize| {
+        while cluster_of[node] != node {
+            node = cluster_of[node];
+        }
+        node
+    };
+    let mut inner = vec![false; branches.len()];
+    for (branch, inner) in branches.iter().zip(&mut inner) {
+        let (a, b) = (branch[0], branch[branch.len() - 1]);
+        let joints = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
+        let radius = axis.radii[a].max(axis.radii[b]);
+        let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
+        if joints && axis.length(branch) < reach * radius {
+            *inner = true;
+            let (a, b) = (root(&cluster_of, a), root(&cluster_of, b));
+            cluster_of[a.max(b)] = a.min(b);
+        }
+    }
+    let all = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
+    (all, inner)
+}
+
+/// A place where arms meet.
+struct Joint<'a> {
+    middle: [f64; 2],
+    radius: f64,
+    ink: &'a Ink,
+}
+
+impl Joint<'_> {
+    fn is_near(&self, point: [f64; 2], reach: f64) -> bool {
+        distance(point, self.middle) <= reach * self.radius
+    }
+
+    /// The point where the arms' lines meet, but no farther than a pen as wide as they stays in the
+    /// ink: a tip that is cut off flat is not extended to a point. A vertical or horizontal arm keeps
+    /// its line there; others share the turn.
+    fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
+        let end = |arm: &Arm| {
+            let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
+            let inked = |s: &f64| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius));
+            let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
+            ahead(arm.from, arm.away, steps.find(inked).unwrap_or(0.0))
+        };
+        let straight = |arm: &&Arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT;
+        let mut ends: Vec<[f64; 2]> = arms.iter().filter(straight).map(end).collect();
+        if ends.is_empty() {
+            ends = arms.iter().map(end).collect();
+        }
+        let mean = mean(&ends);
+        if self.is_near(mean, REACH) { mean } else { self.middle }
+    }
+}
+
+/// Connects the arms of a junction.
+fn meet(limbs: &mut [Limb], arms: &[Arm], joint: &Joint<'_>) {
+    let middle = joint.middle;
+    let mut free: Vec<usize> = (0..arms.len()).collect();
+    let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
+    let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
+    while let Some((a, b)) = straightest(arms, &free, limit) {
+        let way = curve(&arms[a], &arms[b]);
+        let knot = |at: &[f64; 2]| Knot { at: *at, corner: false };
+        let (there, back) = (way[..=8].iter().map(knot), way[8..].iter().rev().map(knot));
+        join(limbs, [&arms[a], &arms[b]], [there.collect(), back.collect()]);
+        through.push(way);
+        free.retain(|arm| *arm != a && *arm != b);
+    }
+    let corner = |at| vec![Knot { at, corner: true }];
+    if through.is_empty() {
+        let crossing = crossing(arms).filter(|p| {
+            let onward = |arm: &Arm| dot(minus(*p, arm.from), arm.away) < 0.0;
+            joint.is_near(*p, FAR) && arms.iter().all(onward)
+        });
+        let point = crossing.map_or(middle, |crossing| joint.meeting_point(arms, crossing));
+        for arm in arms {
+            limbs[arm.limb].aim(arm.tail, crossing.unwrap_or(point), point);
+        }
+        // The two that turn least continue as one stroke with a corner.
+        if let Some((a, b)) = straightest(arms, &free, -2.0) {
+            join(limbs, [&arms[a], &arms[b]], [corner(point), corner(point)]);
+            free.retain(|arm| *arm != a && *arm != b);
+        }
+        for arm in free {
+            limbs[arms[arm].limb].ends[usize::from(arms[arm].tail)].knots = corner(point);
+        }
+    } else {
+        for arm in free.into_iter().map(|arm| &arms[arm]) {
+            let hits = through.iter().filter_map(|way| first_hit(arm, way));
+            let off = |p: &[f64; 2]| distance(arm.from, *p);
+            let hit = hits.min_by(|a, b| off(a).total_cmp(&off(b)));
+            let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
+            limbs[arm.limb].ends[usize::from(arm.tail)].knots = corner(point);
+        }
+    }
+}
+
+/// Two arms become one line: each is extended by its knots and continues in the other.
+fn join(limbs: &mut [Limb], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
+    for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
+        let next = Some((other.limb, other.tail));
+        limbs[arm.limb].ends[usize::from(arm.tail)] = Connection { knots, next };
+    }
+}
+
+/// The pair of arms that are most nearly opposite, where they turn by less than a limit (its cosine).
+fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
+    let straight = |(a, b): (usize, usize)| -dot(arms[a].away, arms[b].away);
+    let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
+    let best = pairs.max_by(|x, y| straight(*x).total_cmp(&straight(*y)));
+    best.filter(|pair| straight(*pair) > limit)
+}
+
+/// A cubic from one arm into another in their directions, in 16 pieces.
+fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
+    let third = distance(a.from, b.from) / 3.0;
+    let point = |t: f64| {
+        let s = 1.0 - t;
+        [0, 1].map(|i| {
+            let (c, d) = (a.from[i] - third * a.away[i], b.from[i] - third * b.away[i]);
+            s * s * s * a.from[i]
+                + 3.0 * s * s * t * c
+                + 3.0 * s * t * t * d
+                + t * t * t * b.from[i]
+        })
+    };
+    (0..=16).map(|k| point(f64::from(k) / 16.0)).collect()
+}
+
+/// The point nearest to the lines of all arms.
+fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
+    let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for arm in arms {
+        let [nx, ny] = [-arm.away[1], arm.away[0]];
+        let off = nx * arm.from[0] + ny * arm.from[1];
+        (a, b, c) = (a + nx * nx, b + nx * ny, c + ny * ny);
+        (d, e) = (d + nx * off, e + ny * off);
+    }
+    let determinant = a * c - b * b;
+    (determinant > 1e-3).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
+}
+
+/// The point where an arm, extended straight, first meets a line.
+fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let [ux, uy] = [-arm.away[0], -arm.away[1]];
+    let hits = line.windows(2).filter_map(|leg| {
+        let ([px, py], [dx, dy]) = (minus(leg[0], arm.from), minus(leg[1], leg[0]));
+        let cross = ux * dy - uy * dx;
+        let (t, s) = ((px * dy - py * dx) / cross, (px * uy - py * ux) / cross);
+        (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)
+    });
+    hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, [ux, uy], t))
+}
+
+fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}

@@ -1,0 +1,161 @@
+//! Limbs: branches of the axis while their ends at junctions are repaired, and their chains.
+
+use crate::geometry::{arc_lengths, distance};
+use crate::statistics::median;
+
+use super::super::vector::direction;
+
+/// A branch is used from where its radius has fallen to this, by its median radius.
+const SETTLED: f64 = 1.06;
+
+/// Least and greatest distance from the junction at which it is used, by the junction's radius, and
+/// the largest share of a branch that is left out.
+const SKIPPED: [f64; 2] = [0.7, 2.2];
+const SKIPPED_SHARE: f64 = 0.4;
+
+/// A limb is straight where its chord is this share of its length.
+const STRAIGHT: f64 = 0.94;
+
+/// A point of a line, and whether the line has a corner there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Knot {
+    pub(super) at: [f64; 2],
+    pub(super) corner: bool,
+}
+
+/// A branch's end at a junction.
+#[derive(Debug)]
+pub(super) struct Arm {
+    pub(super) limb: usize,
+    /// Whether it is the branch's end, not its beginning.
+    pub(super) tail: bool,
+    /// First point of its usable center line, and the direction there away from the junction.
+    pub(super) from: [f64; 2],
+    pub(super) away: [f64; 2],
+    /// Its median radius.
+    pub(super) radius: f64,
+}
+
+/// A branch while its ends are repaired.
+#[derive(Default)]
+pub(super) struct Limb {
+    pub(super) points: Vec<[f64; 2]>,
+    /// Radius at each point.
+    pub(super) radii: Vec<f64>,
+    /// Connections at its first and after its last point.
+    pub(super) ends: [Connection; 2],
+    used: bool,
+}
+
+/// The way from a limb's end to where it meets others, and the limb that continues there: whether
+/// by its tail.
+#[derive(Default)]
+pub(super) struct Connection {
+    pub(super) knots: Vec<Knot>,
+    pub(super) next: Option<(usize, bool)>,
+}
+
+impl Limb {
+    pub(super) fn new(points: Vec<[f64; 2]>, radii: Vec<f64>) -> Self {
+        Self { points, radii, ..Self::default() }
+    }
+
+    /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
+    pub(super) fn trim(&mut self, limb: usize, tail: bool, radius: f64) -> Arm {
+        if tail {
+            self.points.reverse();
+            self.radii.reverse();
+        }
+        let along = arc_lengths(&self.points);
+        let n = self.points.len();
+        let length = along[n - 1];
+        let usual = median(self.radii.iter().copied()).unwrap_or(0.0);
+        let latest = (SKIPPED[1] * radius).min(SKIPPED_SHARE * length);
+        let earliest = (SKIPPED[0] * radius).min(latest);
+        let settled = (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * usual);
+        let first = settled.filter(|i| along[*i] <= latest);
+        let first = first.unwrap_or_else(|| along.partition_point(|s| *s < latest).min(n - 2));
+        // The direction over about a radius.
+        let until = along[first] + radius.min(0.5 * (length - along[first])).max(1e-9);
+        let last = along.partition_point(|s| *s < until).clamp(first + 1, n - 1);
+        let from = self.points[first];
+        let away = direction(from, self.points[last]);
+        self.points.drain(..first);
+        self.radii.drain(..first);
+        if tail {
+            self.points.reverse();
+            self.radii.reverse();
+        }
+        Arm { limb, tail, from, away, radius: usual }
+    }
+
+    /// Turns a straight limb about its other end, so that it leads to `to` instead of `from`.
+    pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
+        if tail {
+            self.points.reverse();
+        }
+        let mut before = from;
+        let mut length = 0.0;
+        let along = self.points.iter().map(|point| {
+            length += distance(before, *point);
+            before = *point;
+            length
+        });
+        let along: Vec<f64> = along.collect();
+        let chord = self.points.last().map_or(0.0, |last| distance(from, *last));
+        if chord >= STRAIGHT * length {
+            for (point, along) in self.points.iter_mut().zip(along) {
+                let share = 1.0 - along / length.max(f64::MIN_POSITIVE);
+                for axis in 0..2 {
+                    point[axis] += share * (to[axis] - from[axis]);
+                }
+            }
+        }
+        if tail {
+            self.points.reverse();
+        }
+    }
+}
+
+/// Follows limbs from end to end.
+pub(super) fn chain(limbs: &mut [Limb]) -> Vec<Vec<Knot>> {
+    let mut lines = Vec::new();
+    // From loose ends first; the rest are closed lines.
+    for from_loose in [true, false] {
+        for begin in 0..limbs.len() {
+            for tail in [false, true] {
+                let loose = limbs[begin].ends[usize::from(tail)].next.is_none();
+                if !limbs[begin].used && (loose || !from_loose) {
+                    lines.push(follow(limbs, begin, tail));
+                }
+            }
+        }
+    }
+    lines
+}
+
+fn follow(limbs: &mut [Limb], begin: usize, tail: bool) -> Vec<Knot> {
+    let mut line: Vec<Knot> = Vec::new();
+    let (mut at, mut enters_by_tail) = (begin, tail);
+    loop {
+        let limb = &mut limbs[at];
+        limb.used = true;
+        let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));
+        line.extend(limb.ends[entry].knots.iter().rev());
+        if enters_by_tail {
+            limb.points.reverse();
+        }
+        line.extend(limb.points.iter().map(|at| Knot { at: *at, corner: false }));
+        line.extend(limb.ends[exit].knots.iter());
+        match limb.ends[exit].next.filter(|(next, _)| !limbs[*next].used) {
+            Some(next) => (at, enters_by_tail) = next,
+            None => break,
+        }
+    }
+    line.dedup_by(|a, b| {
+        let same = distance(a.at, b.at) <= 1e-9;
+        b.corner |= same && a.corner;
+        same
+    });
+    line
+}

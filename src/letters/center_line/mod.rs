@@ -1,0 +1,189 @@
+//! Center lines: the strokes of a pen that would leave an outline's ink.
+//!
+//! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions the
+//! center lines are extended straight until they meet, and two that are nearly in line are one stroke
+//! ([`junctions`]); between corners lines are smoothed within a stated error. A blob without a line,
+//! such as a full stop, becomes a small ring.
+
+use super::outline::{Contour, Ink, mean_stroke_width, rim};
+use super::smooth::{simplified, smooth};
+use crate::geometry::distance;
+use crate::statistics::median;
+use axis::Axis;
+use limbs::Knot;
+
+mod axis;
+mod junctions;
+mod limbs;
+mod prune;
+
+/// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
+const ERROR: f64 = 0.004;
+
+/// Largest distance of the resulting polyline from the line, in cap heights.
+pub(super) const FLATNESS: f64 = 0.0015;
+
+/// Spacing of the points that are smoothed, in cap heights.
+const SPACING: f64 = 0.008;
+
+/// Largest spacing of samples of the rim, in mean widths of a stroke, and in cap heights.
+const SAMPLING: [f64; 2] = [0.15, 0.01];
+
+/// A part with less length than this by its radius is a dot.
+const BLOB: f64 = 0.8;
+
+/// Radius of the smallest ring for a dot, in cap heights, as in the Hershey fonts.
+const DOT: f64 = 0.035;
+
+/// Center lines, and the median half width of the strokes.
+#[derive(Debug)]
+pub(super) struct CenterLines {
+    pub(super) lines: Vec<Vec<[f64; 2]>>,
+    pub(super) half_width: f64,
+}
+
+/// The center lines of an outline in cap heights.
+pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
+    let ink = Ink::new(contours);
+    let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
+    let mut axis = Axis::new(&rim(contours, &ink, spacing), &ink);
+    let parts = parts(&axis);
+    let bends = prune::prune(&mut axis);
+    let lines = junctions::lines(&axis, &bends, &ink);
+    let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line)).collect();
+    let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
+    let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
+    for part in parts {
+        let by_radius = |a: &&usize, b: &&usize| axis.radii[**a].total_cmp(&axis.radii[**b]);
+        let fattest = *part.iter().max_by(by_radius).expect("a part has nodes");
+        let (middle, radius) = (axis.middles[fattest], axis.radii[fattest]);
+        let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
+        let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
+        if length < BLOB * radius && radius > 0.1 * half_width {
+            lines.retain(|line| !line.iter().all(|p| distance(middle, *p) < radius));
+            lines.push(ring(middle, DOT.max(0.5 * radius)));
+        }
+    }
+    CenterLines { lines, half_width }
+}
+
+/// A ring of four sides, which stands for a dot.
+pub(super) fn ring([x, y]: [f64; 2], r: f64) -> Vec<[f64; 2]> {
+    vec![[x, y + r], [x - r, y], [x, y - r], [x + r, y], [x, y + r]]
+}
+
+/// Connected sets of nodes.
+fn parts(axis: &Axis) -> Vec<Vec<usize>> {
+    let mut seen = vec![false; axis.middles.len()];
+    let mut parts = Vec::new();
+    for start in 0..axis.middles.len() {
+        if seen[start] {
+            continue;
+        }
+        seen[start] = true;
+        let mut part = vec![start];
+        let mut next = 0;
+        while next < part.len() {
+            for node in &axis.neighbors[part[next]] {
+                if !seen[*node] {
+                    seen[*node] = true;
+                    part.push(*node);
+                }
+            }
+            next += 1;
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+/// A line smoothed between its corners, and simplified.
+fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
+    let closed = line.len() > 3 && line[0].at == line[line.len() - 1].at;
+    let mut line = line.to_vec();
+    if closed {
+        // A closed line begins at a corner if it has one.
+        line.pop();
+        if let Some(corner) = line.iter().position(|knot| knot.corner) {
+            line.rotate_left(corner);
+        }
+        line.push(line[0]);
+    }
+    let corners = (1..line.len() - 1).filter(|i| line[*i].corner);
+    let cuts: Vec<usize> = std::iter::once(0).chain(corners).chain([line.len() - 1]).collect();
+    let mut fitted: Vec<[f64; 2]> = Vec::new();
+    for span in cuts.windows(2) {
+        let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
+        let piece = simplified(&smooth(&points, SPACING, ERROR), FLATNESS);
+        fitted.extend(piece.iter().skip(usize::from(!fitted.is_empty())));
+    }
+    fitted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from its
+    /// lower left end, a closed one from its lower left corner.
+    fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
+        let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
+        let contours: Vec<Contour> = rectangles.iter().map(contour).collect();
+        let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
+        for line in center_lines(&contours).lines {
+            #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
+            let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
+            let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
+            line.dedup();
+            if line[0] == line[line.len() - 1] {
+                line.pop();
+                let least = (0..line.len()).min_by_key(|i| line[*i]).unwrap();
+                line.rotate_left(least);
+                if line[1] > line[line.len() - 1] {
+                    line[1..].reverse();
+                }
+                line.push(line[0]);
+            } else if line[0] > line[line.len() - 1] {
+                line.reverse();
+            }
+            lines.push(line);
+        }
+        lines.sort();
+        lines
+    }
+
+    #[test]
+    fn strokes_end_half_their_width_before_the_rim() {
+        assert_eq!(traced(&[[0.0, 0.0, 0.2, 1.0]]), [[[10, 10], [10, 90]]]);
+        assert_eq!(traced(&[[0.0, 0.0, 1.0, 0.06]]), [[[3, 3], [97, 3]]]);
+    }
+
+    #[test]
+    fn overlapping_strokes_meet_where_their_center_lines_do() {
+        let stem = [0.0, 0.0, 0.2, 1.0];
+        let foot = [0.0, 0.0, 0.8, 0.2];
+        assert_eq!(traced(&[stem, foot]), [[[10, 90], [10, 10], [70, 10]]], "L: a sharp corner");
+        let tee = traced(&[[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]]);
+        assert_eq!(
+            tee,
+            [[[10, 90], [90, 90]], [[50, 10], [50, 90]]],
+            "T: the bar runs straight on"
+        );
+        let cross = traced(&[[0.4, 0.0, 0.6, 1.0], [0.0, 0.4, 1.0, 0.6]]);
+        assert_eq!(cross, [[[10, 50], [90, 50]], [[50, 10], [50, 90]]], "+: two strokes, not four");
+        let sides = [stem, foot, [0.6, 0.0, 0.8, 1.0], [0.0, 0.8, 0.8, 1.0]];
+        let around = [[10, 10], [10, 90], [70, 90], [70, 10], [10, 10]];
+        assert_eq!(traced(&sides), [around], "a frame is one closed line with four corners");
+    }
+
+    #[test]
+    fn a_dot_becomes_a_ring_and_no_ink_no_line() {
+        let dot = traced(&[[0.4, 0.4, 0.6, 0.6]]);
+        assert_eq!(dot, [[[45, 50], [50, 45], [55, 50], [50, 55], [45, 50]]]);
+        assert!(center_lines(&[]).lines.is_empty());
+        assert!(
+            center_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]).lines.is_empty(),
+            "no ink"
+        );
+    }
+}

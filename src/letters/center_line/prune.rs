@@ -1,0 +1,101 @@
+//! Spurs: branches of the medial axis into corners and ripples of the rim, which no pen would draw.
+
+use super::super::vector::dot;
+use super::axis::{Axis, Branch};
+use crate::statistics::median;
+
+/// Protrusion of a spur by the radius at its root, below which it is a ripple of the rim, and below
+/// which it is a stroke's end: a square end has 0.41, a round end 0.
+const RIPPLE: f64 = 0.02;
+const BLUNT: f64 = 0.46;
+
+/// A spur whose radius falls below this share of its root's radius ends in a corner of the rim.
+const SHARP: f64 = 0.45;
+
+/// Longest spur into a corner, by the radius at its root: 1 / sin of half the corner's angle. At
+/// this value it is 32°: sharper than a slanted stroke that is cut level (K, X: 35° to 50°), blunter
+/// than a stroke that tapers.
+const LONGEST: f64 = 3.6;
+
+/// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
+const BENDS: f64 = 0.1;
+
+/// A branch's end is a tip where its radius falls below the first value, by the branch's median
+/// radius; it is cut off up to where the radius has risen to the second.
+const TIP: [f64; 2] = [0.6, 0.92];
+
+/// Longest stub between a crotch and the tip above it (A, M, N, V, W), by the radius at its root;
+/// and the cosine of the widest angle between the legs of such a crotch, 75°. At wider ones an arch
+/// leaves a stem (n, u), and the stub is the stem's end.
+const STUB: f64 = 1.8;
+const CROTCH: f64 = 0.26;
+
+/// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
+/// the line bends.
+pub(super) fn prune(axis: &mut Axis) -> Vec<bool> {
+    let mut bends = vec![false; axis.middles.len()];
+    // Ripples first: they split branches.
+    while cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
+    while cut_spurs(axis, &mut bends, is_spur) {}
+    while cut_spurs(axis, &mut bends, is_stub) {}
+    cut_tips(axis);
+    bends
+}
+
+/// Cuts off the tips of branches that run out into a corner without a fork, as they do where a
+/// stroke's end is rounded on one side.
+fn cut_tips(axis: &mut Axis) {
+    let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
+    let tips = ends.filter_map(|end| {
+        let way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        let usual = median(way.iter().map(|node| axis.radii[*node]))?;
+        let whole = way.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
+        let tip = way[..=whole].to_vec();
+        let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
+        (cut && whole + 1 < way.len()).then_some(tip)
+    });
+    for tip in tips.collect::<Vec<Branch>>() {
+        axis.cut(&tip);
+    }
+}
+
+/// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
+fn cut_spurs(
+    axis: &mut Axis,
+    bends: &mut [bool],
+    unwanted: impl Fn(&Axis, &Branch) -> bool,
+) -> bool {
+    let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
+    let spurs = ends.filter_map(|end| {
+        let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        way.reverse();
+        (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
+    });
+    let spurs: Vec<Branch> = spurs.collect();
+    for spur in &spurs {
+        bends[spur[0]] |= protrusion(axis, spur) > BENDS;
+        axis.cut(spur);
+    }
+    !spurs.is_empty()
+}
+
+fn protrusion(axis: &Axis, spur: &Branch) -> f64 {
+    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
+    (axis.length(spur) + end - root) / root
+}
+
+fn is_spur(axis: &Axis, spur: &Branch) -> bool {
+    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
+    let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
+    corner || protrusion(axis, spur) < BLUNT
+}
+
+/// A stub is the tip of two legs that meet at its root.
+fn is_stub(axis: &Axis, spur: &Branch) -> bool {
+    let (root, radius) = (spur[0], axis.radii[spur[0]]);
+    let end = axis.radii[spur[spur.len() - 1]];
+    let legs = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
+    let legs: Vec<[f64; 2]> = legs.map(|leg| axis.heading(root, *leg, 2.5 * radius)).collect();
+    let [a, b] = &legs[..] else { return false };
+    end < radius && axis.length(spur) < STUB * radius && dot(*a, *b) > CROTCH
+}

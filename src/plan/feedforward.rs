@@ -1,0 +1,120 @@
+//! Feedforward: setpoints sent ahead of the design, so that a drone that lags flies the design.
+//!
+//! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
+//! positions to send. Method: the zero-phase inverse of [`StepResponse`] over the whole flight, per
+//! axis. A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight is
+//! sent through the inverse once more ([`learn`]).
+
+use nalgebra::Vector3;
+
+use super::{Plan, Setpoint};
+use crate::control::StepResponse;
+use crate::flight::Flight;
+use crate::flight::table::on_grid;
+
+/// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
+const RIDGE: f64 = 0.02;
+
+/// Sends the inputs for which the loop's output is the design, per axis.
+///
+/// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
+///
+/// # Panics
+///
+/// If the plan's times do not rise.
+#[must_use]
+pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
+    let inputs = [0, 1, 2].map(|axis| {
+        let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
+        if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
+            return vec![first; plan.setpoints.len()];
+        }
+        let design = |time_s: f64| plan.design_m(time_s)[axis];
+        responses[axis].inverse(&times_s(plan), design, RIDGE)
+    });
+    sending(plan, |row, setpoint| {
+        if setpoint.on_floor() {
+            return setpoint.position_m;
+        }
+        let input = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row].max(0.0));
+        input + (plan.sent_m(row) - setpoint.position_m)
+    })
+}
+
+/// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
+/// iterative learning, and the correction that a controller with feedforward of its own still needs.
+///
+/// # Panics
+///
+/// If the plan's times do not rise.
+#[must_use]
+pub fn learn(plan: &Plan, flight: &Flight, responses: &[StepResponse; 3]) -> Plan {
+    let inputs = [0, 1, 2].map(|axis| {
+        let error = |time_s: f64| {
+            let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
+            let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
+            let sample = flight.samples.get(next.max(1) - 1).filter(|_| !on_floor);
+            sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
+        };
+        responses[axis].inverse(&times_s(plan), error, RIDGE)
+    });
+    sending(plan, |row, setpoint| {
+        let more = Vector3::new(inputs[0][row], inputs[1][row], inputs[2][row]);
+        let more = if setpoint.on_floor() { Vector3::zeros() } else { more };
+        plan.sent_m(row) + more
+    })
+}
+
+/// Moves the positions that are sent against a mean error `flown − design` of earlier flights.
+#[must_use]
+pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
+    sending(plan, |row, setpoint| {
+        let shift = if setpoint.on_floor() { Vector3::zeros() } else { mean_error_m };
+        plan.sent_m(row) - shift
+    })
+}
+
+fn times_s(plan: &Plan) -> Vec<f64> {
+    plan.setpoints.iter().map(|setpoint| setpoint.time_s).collect()
+}
+
+/// The plan with other positions to send.
+fn sending(plan: &Plan, sent_m: impl Fn(usize, &Setpoint) -> Vector3<f64>) -> Plan {
+    let rows = plan.setpoints.iter().enumerate();
+    let sent_m = rows.map(|(row, setpoint)| sent_m(row, setpoint).map(on_grid)).collect();
+    Plan { sent_m, ..plan.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, plan};
+
+    fn noor() -> Plan {
+        let strokes = write("NO", &LetterOptions::default()).unwrap();
+        plan(&strokes, &PlanOptions::even()).unwrap()
+    }
+
+    #[test]
+    fn a_loop_without_lag_is_sent_the_design() {
+        // A held setpoint is exact in its middle: half an interval of lead remains.
+        let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
+        let sent = feedforward(&noor(), &[at_once.clone(), at_once.clone(), at_once]);
+        for (row, setpoint) in sent.setpoints.iter().enumerate() {
+            assert!((sent.sent_m(row) - setpoint.position_m).norm() < 0.06, "row {row}");
+        }
+    }
+
+    #[test]
+    fn an_offset_leaves_the_floor_and_the_design_alone() {
+        let plan = noor();
+        let moved = offset(&plan, Vector3::new(-0.07, 0.02, 0.0));
+        assert_eq!(moved.setpoints, plan.setpoints);
+        for (row, setpoint) in plan.setpoints.iter().enumerate() {
+            let shift = moved.sent_m(row) - setpoint.position_m;
+            let want = if setpoint.on_floor() { 0.0 } else { 0.07 };
+            assert!((shift.x - want).abs() < 2e-6, "row {row}: {shift}");
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The two moving averages that round the corners of a stroke.
+//!
+//! A pen at constant speed along the drawn line has a velocity that jumps at every corner. Two
+//! moving averages over time, one after the other, make it flyable: over the longer one, `T1`, a
+//! change of velocity Δv becomes an acceleration of Δv/T1; the shorter one, `T2`, limits the jerk to
+//! Δv/(T1 T2). Straight lines at constant speed are unchanged, and a corner is cut by at most
+//! `Δv (T1/8 + T2²/(24 T1))`. Acceleration, jerk and corner error determine T1, T2 and the largest
+//! change of velocity within T1.
+
+use super::EvenStyle;
+
+/// Lengths of the two averages, and the change of velocity that they allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Smoothing {
+    pub(super) long_s: f64,
+    pub(super) short_s: f64,
+    /// Largest change of velocity within the longer one.
+    pub(super) turn_m_s: f64,
+}
+
+impl Smoothing {
+    pub(super) fn new(stroke_speed_m_s: f64, style: &EvenStyle) -> Self {
+        let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
+        let error_m = style.corner_error_m;
+        let short_s = a / j;
+        // With T1 = T2 = T the jerk alone counts, and the corner is cut by j T³ / 6.
+        let equal_s = libm::cbrt(6.0 * error_m / j);
+        if equal_s <= short_s {
+            let turn_m_s = j * equal_s * equal_s;
+            return Self { long_s: equal_s, short_s: equal_s, turn_m_s };
+        }
+        let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
+        // No pen turns by more than twice its speed: a longer average would only cut corners more.
+        let enough_s = (2.0 * stroke_speed_m_s / a).max(short_s);
+        let long_s = by_error_s.min(enough_s);
+        Self { long_s, short_s, turn_m_s: a * long_s }
+    }
+
+    /// Acceleration in a corner: the limit, or less where the jerk decides.
+    pub(super) fn acceleration_m_s2(&self) -> f64 {
+        self.turn_m_s / self.long_s
+    }
+
+    /// Time before and after an instant over which the pen is averaged.
+    pub(super) fn reach_s(&self) -> f64 {
+        0.5 * (self.long_s + self.short_s)
+    }
+}

@@ -1,0 +1,84 @@
+//! Figure of a flight at constant altitude: truth, estimates with their bands, innovations.
+
+use plotters::style::RGBColor;
+
+use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
+use crate::sim::altitude::{Hold, HoldSample, Sensor};
+
+/// Height of a panel.
+const PANEL_PX: f64 = 150.0;
+const TRUTH: Pen = Pen { color: BLACK, width_px: 1.0 };
+const ESTIMATE: Pen = Pen { color: BLUE, width_px: 1.5 };
+const SECOND: Pen = Pen { color: VERMILION, width_px: 1.5 };
+const THIRD: Pen = Pen { color: RGBColor(0, 158, 115), width_px: 1.0 };
+const BAND: Pen = Pen { color: GRAY, width_px: 1.0 };
+
+/// Five panels over the time: altitude, vertical velocity, thrust map, biases, innovations in standard
+/// deviations. Bands are two standard deviations; readings beyond the ranger's gate leave a gap.
+pub fn hold_figure(flight: &Hold, scenario: &str) -> String {
+    let curve = |pen, value: &dyn Fn(&HoldSample) -> f64| Curve {
+        pen,
+        pieces: vec![flight.samples.iter().map(|s| (s.time_s, value(s))).collect()],
+    };
+    let state = |index: usize, pen: Pen| {
+        let mut curves = vec![
+            curve(BAND, &|s| s.estimate[index] + 2.0 * s.sigma[index]),
+            curve(BAND, &|s| s.estimate[index] - 2.0 * s.sigma[index]),
+            curve(TRUTH, &|s| s.truth[index]),
+        ];
+        curves.push(curve(pen, &|s| s.estimate[index]));
+        curves
+    };
+    let innovations =
+        [(Sensor::Gnss, ESTIMATE), (Sensor::TimeOfFlight, SECOND), (Sensor::Barometer, THIRD)]
+            .map(|(sensor, pen)| innovation(flight, sensor, pen));
+    let thrust = vec![
+        curve(TRUTH, &|s| s.hover_throttle),
+        curve(ESTIMATE, &|s| -s.estimate[2] / s.estimate[3]),
+        curve(SECOND, &|s| 0.01 * s.estimate[3]),
+        curve(TRUTH, &|s| 0.01 * s.truth[3]),
+    ];
+    let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
+    let panel = |y: [f64; 2], y_name, curves| Panel {
+        x: 0.0..end_s,
+        y: y[0]..y[1],
+        height_px: PANEL_PX,
+        y_name,
+        curves,
+        marks: Vec::new(),
+    };
+    Figure {
+        title: format!("altitude hold: {scenario}"),
+        legend: vec![
+            ("truth".to_owned(), TRUTH),
+            ("z, v, hover throttle, barometer, GNSS".to_owned(), ESTIMATE),
+            ("α1/100, ranger".to_owned(), SECOND),
+        ],
+        x_name: "time (s)",
+        panels: vec![
+            panel([-0.3, 0.3], "z (m)", state(0, ESTIMATE)),
+            panel([-0.5, 0.5], "v (m/s)", state(1, ESTIMATE)),
+            panel([0.2, 0.5], "throttle", thrust),
+            panel([-1.0, 1.6], "bias (m)", [state(4, SECOND), state(5, ESTIMATE)].concat()),
+            panel([-5.0, 5.0], "innovation (σ)", innovations.into()),
+        ],
+    }
+    .svg()
+}
+
+/// Innovations of a sensor that were taken in, in standard deviations; interrupted elsewhere.
+fn innovation(flight: &Hold, sensor: Sensor, pen: Pen) -> Curve {
+    let mut pieces = vec![Vec::new()];
+    for sample in &flight.samples {
+        let reading = sample.readings.iter().find(|reading| reading.sensor == sensor);
+        match reading.filter(|reading| reading.taken) {
+            Some(reading) => {
+                let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
+                pieces.last_mut().expect("never empty").push((sample.time_s, sigmas));
+            }
+            None => pieces.push(Vec::new()),
+        }
+    }
+    pieces.retain(|piece| piece.len() > 1);
+    Curve { pen, pieces }
+}

@@ -1,0 +1,170 @@
+//! Gains of the linear-quadratic regulators.
+//!
+//! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
+//! second. Where the rotors lag, this one is designed on the model to which the four lagging inputs
+//! are added as states, and where the position is integrated, the three integrals as well (Anderson,
+//! Moore, "Optimal Control", 1990, chapters 3 and 4).
+
+use nalgebra::{Const, DimMin, Matrix4, SMatrix, SVector};
+
+use crate::control::{lqr, with_input_lag};
+use crate::error::{Error, Result};
+use crate::sim::options::{MotorLag, SimOptions};
+
+/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
+#[derive(Clone, Debug)]
+pub(in crate::sim) struct Gain<const N: usize> {
+    pub(in crate::sim) k: SMatrix<f64, 4, N>,
+    /// Zero for immediate rotors.
+    pub(in crate::sim) k_rotor: Matrix4<f64>,
+}
+
+impl Gain<12> {
+    /// The gain for the model `ẋ = A x + B u`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the weights have no gain.
+    pub(in crate::sim) fn new(
+        options: &SimOptions,
+        a: &SMatrix<f64, 12, 12>,
+        b: &SMatrix<f64, 12, 4>,
+    ) -> Result<Self> {
+        Self::solve::<16>(options, a, b, &SVector::from(options.controller.lqr.q))
+    }
+}
+
+impl Gain<15> {
+    /// The gain with integrals for a model from [`with_integrals`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] where the weights have no gain.
+    pub(in crate::sim) fn new(
+        options: &SimOptions,
+        a: &SMatrix<f64, 15, 15>,
+        b: &SMatrix<f64, 15, 4>,
+    ) -> Result<Self> {
+        let weights = &options.controller.lqr;
+        let mut q = SVector::<f64, 15>::zeros();
+        q.fixed_rows_mut::<12>(0).copy_from(&SVector::from(weights.q));
+        q.fixed_rows_mut::<3>(12).copy_from(&SVector::from(weights.q_integral));
+        Self::solve::<19>(options, a, b, &q)
+    }
+}
+
+impl<const N: usize> Gain<N>
+where
+    Const<N>: DimMin<Const<N>, Output = Const<N>>,
+{
+    /// Gain for the weights Q (diagonal) of the states and those of the options for the inputs. `P`
+    /// is `N + 4`.
+    fn solve<const P: usize>(
+        options: &SimOptions,
+        a: &SMatrix<f64, N, N>,
+        b: &SMatrix<f64, N, 4>,
+        q: &SVector<f64, N>,
+    ) -> Result<Self>
+    where
+        Const<P>: DimMin<Const<P>, Output = Const<P>>,
+    {
+        let r = SVector::from(options.controller.lqr.r);
+        let Some(lag_s) = modeled_lag_s(options) else {
+            let (q, r) = (SMatrix::from_diagonal(q), SMatrix::from_diagonal(&r));
+            let k = lqr(a, b, &q, &r).map_err(without_gain)?;
+            return Ok(Self { k, k_rotor: Matrix4::zeros() });
+        };
+        // Inputs in units that cost 1, so that newtons and millinewton meters are of one size.
+        let size = SMatrix::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
+        let per_size = SMatrix::from_diagonal(&r.map(f64::sqrt));
+        let (a, b, _) = with_input_lag::<N, 4, P>(a, &(b * size), &SMatrix::zeros(), lag_s);
+        let q = SMatrix::from_diagonal(&q.fixed_resize::<P, 1>(0.0));
+        let k = lqr(&a, &b, &q, &Matrix4::identity()).map_err(without_gain)?;
+        Ok(Self {
+            k: size * k.fixed_columns::<N>(0),
+            k_rotor: size * k.fixed_columns::<4>(N) * per_size,
+        })
+    }
+}
+
+/// The model with the integrals of its position as states 12 to 14.
+pub(in crate::sim) fn with_integrals(
+    a: &SMatrix<f64, 12, 12>,
+    b: &SMatrix<f64, 12, 4>,
+) -> (SMatrix<f64, 15, 15>, SMatrix<f64, 15, 4>) {
+    let mut a = a.fixed_resize::<15, 15>(0.0);
+    a.fixed_view_mut::<3, 3>(12, 0).fill_with_identity();
+    (a, b.fixed_resize::<15, 4>(0.0))
+}
+
+/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate motors
+/// and where the lag is ignored.
+pub(in crate::sim) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
+    let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
+    (lag_s > 0.0 && options.controller.lqr.motor_lag == MotorLag::Modeled).then_some(lag_s)
+}
+
+/// Names the weights that have no gain.
+fn without_gain(error: Error) -> Error {
+    Error::Infeasible {
+        what: format!("controller.lqr.q and .r have no gain: {error}"),
+        hint: error.hint().into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::linearize;
+    use crate::sim::vehicle::{State, Vehicle};
+
+    fn gain(options: &SimOptions) -> Gain<12> {
+        let vehicle = Vehicle::new(&options.vehicle);
+        let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
+        Gain::<12>::new(options, &a, &b).unwrap()
+    }
+
+    #[test]
+    fn gain_is_the_published_one() {
+        let want = [
+            (0, [(1, -0.003982), (5, 0.004536), (7, -0.001970), (9, 0.000557)].as_slice()),
+            (1, &[(0, 0.004877), (4, 0.004880), (6, 0.002247), (10, 0.000568)]),
+            (2, &[(3, 0.001018), (11, 0.000306)]),
+            (3, &[(2, 0.364018), (8, 0.165290)]),
+        ];
+        let mut k = gain(&SimOptions::default()).k;
+        for (row, entries) in want {
+            for &(column, value) in entries {
+                let found = std::mem::replace(&mut k[(row, column)], 0.0);
+                assert!((found - value).abs() < 5.1e-7, "K[{row}, {column}] is {found}");
+            }
+        }
+        assert!(k.norm() < 1e-9, "all others are zero: {k}");
+    }
+
+    #[test]
+    fn gain_for_lagging_rotors_is_that_of_scipy() {
+        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121 s,
+        // the team's weights.
+        let team = SimOptions::default().controller;
+        let found = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
+        for (found, want) in [
+            (found.k[(1, 0)], 0.004_876_789_371_787_908),
+            (found.k[(1, 4)], 0.006_612_203_428_033_52),
+            (found.k[(3, 2)], 0.364_017_628_587_216_3),
+            (found.k_rotor[(1, 1)], 2.885_381_350_569_77),
+            (found.k_rotor[(3, 3)], 0.568_869_269_857_286_6),
+        ] {
+            assert!((found / want - 1.0).abs() < 1e-8, "{found} against {want}");
+        }
+    }
+
+    #[test]
+    fn an_ignored_lag_leaves_the_plain_gain() {
+        let mut options = SimOptions::cf21();
+        options.controller.lqr.motor_lag = MotorLag::Ignored;
+        let plain = gain(&options);
+        assert_eq!(plain.k_rotor, Matrix4::zeros());
+        assert!((gain(&SimOptions::cf21()).k - plain.k).norm() > 1e-3);
+    }
+}

@@ -1,0 +1,24 @@
+//! A simulated drone: its model, its truth and its noise.
+
+use super::options::SimOptions;
+
+/// A simulated drone.
+#[derive(Clone, Copy, Debug)]
+pub struct Drone<'a> {
+    /// The model that controller and estimator are designed for.
+    pub believed: &'a SimOptions,
+    /// The true body, motors, battery, air and sensors.
+    pub actual: &'a SimOptions,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// Index among the drones that fly together. Each index has its own noise, in sensors and air.
+    pub index: u64,
+}
+
+impl<'a> Drone<'a> {
+    /// The drone of index 0, exactly as its controller believes it to be.
+    #[must_use]
+    pub fn new(options: &'a SimOptions, seed: u64) -> Self {
+        Self { believed: options, actual: options, seed, index: 0 }
+    }
+}

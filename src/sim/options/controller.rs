@@ -1,0 +1,92 @@
+//! Settings of the controller.
+
+use crate::settings::settings;
+
+settings! {
+    /// The controller. The weights of one that does not fly are kept, for the design of gains and
+    /// for a change of the kind.
+    pub struct ControllerOptions {
+        /// The controller that flies.
+        kind: ControllerKind = ControllerKind::Lqr;
+        /// Linear-quadratic regulators.
+        lqr: LqrOptions = LqrOptions::default();
+        /// The geometric controller.
+        geometric: GeometricOptions = GeometricOptions::default();
+    }
+
+    /// A controller.
+    pub enum ControllerKind {
+        /// The reference team's linear-quadratic regulator, on held position setpoints.
+        "lqr" => Lqr,
+        /// The same gain about the moving design: velocity and acceleration fed forward.
+        "lqr-feedforward" => LqrFeedforward,
+        /// Regulator with the integral of the position error, about the moving design.
+        "lqr-integral" => LqrIntegral,
+        /// The firmware's default cascade of PID loops, on held position setpoints.
+        "pid" => Pid,
+        /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010), about the moving design.
+        "geometric" => Geometric,
+    }
+
+    /// Linear-quadratic regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
+    ///
+    /// Default: the team's weights, from Bryson's rule and then by hand; integrals that remove a
+    /// standing error in about two seconds.
+    pub struct LqrOptions {
+        /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
+        /// and body rate x y z (s²/rad²). More holds tighter and moves the motors more.
+        q: [f64; 12] =
+            [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], in 0.0..=1e12;
+        /// Weights of torque x y z (1/(N m)²) and thrust (1/N²). More spares the motors.
+        r: [f64; 4] = [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0], in 1e-6..=1e12;
+        /// Weights of the integral of the position error x y z (1/(m s)²), for lqr-integral.
+        ///
+        /// More removes a standing error sooner, and swings further past a corner.
+        q_integral: [f64; 3] = [20.0; 3], in 0.0..=1e12;
+        /// Model of the motors in the design of the gain.
+        motor_lag: MotorLag = MotorLag::Modeled;
+    }
+
+    /// Model of the motors in the design of a regulator's gain.
+    pub enum MotorLag {
+        /// The vehicle's lag: the gain is designed for it, and feeds back the modeled rotors.
+        ///
+        /// Without a lag in the vehicle, as [`Self::Ignored`].
+        "modeled" => Modeled,
+        /// Immediate motors, as the reference team's design.
+        "ignored" => Ignored,
+    }
+
+    /// Geometric controller.
+    ///
+    /// Default: gains that are those of the team's regulator for small angles (its gains over the
+    /// inertia, and over that of the pitch times gravity), with integrals slow beside them. The
+    /// firmware's own (`controller_lee.c`, commit 0640f1c: 9, 7, 5, over Förster's inertia 332, 78,
+    /// 724) tolerate more motor lag, and round the corners of letters two and a half times as much.
+    pub struct GeometricOptions {
+        /// Acceleration per position error, 1/s².
+        k_position: f64 = 9.8, in 0.0..=1e4;
+        /// Acceleration per velocity error, 1/s.
+        k_velocity: f64 = 4.5, in 0.0..=1e4;
+        /// Acceleration per integral of the position error, 1/s³.
+        k_position_integral: f64 = 2.0, in 0.0..=1e4;
+        /// Angular acceleration per attitude error about body x y z, 1/s².
+        k_attitude: [f64; 3] = [366.0, 384.0, 30.7], in 0.0..=1e6;
+        /// Angular acceleration per error of the body rate x y z, 1/s.
+        k_rate: [f64; 3] = [45.0, 44.7, 9.2], in 0.0..=1e6;
+        /// Angular acceleration per integral of the attitude error, 1/s³.
+        k_attitude_integral: [f64; 3] = [300.0, 300.0, 30.0], in 0.0..=1e6;
+    }
+}
+
+impl ControllerKind {
+    /// Whether the controller follows the design's velocity and acceleration, and not held
+    /// positions.
+    #[must_use]
+    pub fn follows_design(self) -> bool {
+        match self {
+            Self::Lqr | Self::Pid => false,
+            Self::LqrFeedforward | Self::LqrIntegral | Self::Geometric => true,
+        }
+    }
+}

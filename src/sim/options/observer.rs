@@ -1,0 +1,86 @@
+//! Settings of the estimator: the section `observer` of a scene.
+
+use super::sensors::SensorOptions;
+use crate::error::{Error, Result};
+use crate::settings::settings;
+
+settings! {
+    /// The estimator. The weights of one that does not fly are kept, for the design of gains.
+    pub struct ObserverOptions {
+        /// The estimator that flies.
+        kind: EstimatorKind = EstimatorKind::Luenberger;
+        /// Luenberger observer.
+        luenberger: LuenbergerOptions = LuenbergerOptions::default();
+        /// Extended Kalman filter.
+        ekf: EkfOptions = EkfOptions::default();
+    }
+
+    /// An estimator of the drone's motion.
+    pub enum EstimatorKind {
+        /// The reference flight's Luenberger observer, on positions.
+        "luenberger" => Luenberger,
+        /// Extended Kalman filter, on any measurement.
+        "ekf" => Ekf,
+        /// The true state.
+        "truth" => Truth,
+    }
+
+    /// Luenberger observer, its gain by the dual regulator.
+    ///
+    /// Default: 1/σ² of the spread in the team's flight logs.
+    pub struct LuenbergerOptions {
+        /// Trust in the measured position x y z: 1/σ² (1/m²).
+        ///
+        /// More follows the measurement faster and passes more of its noise.
+        q: [f64; 3] = [111_111.0, 62_500.0, 250_000.0], in 1e-6..=1e12;
+        /// Trust in the model of position x y z, pitch, roll and body velocity x y z: 1/σ² of each
+        /// derivative. More follows the gyroscope and the accelerometer.
+        r: [f64; 8] = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6], in 1e-6..=1e12;
+    }
+
+    /// Extended Kalman filter: assumed errors of its sensors.
+    ///
+    /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
+    /// `tdoaEngine.h`): 0.5 m/s² and 0.1 rad/s a tick of 1 ms, which are densities of 0.022 and
+    /// 0.0045; sweeps 1 mrad, positions 1 cm, ranges 15 cm, air pressure 2 m. The gate is ours: at
+    /// 5 the error in flight is a fifth larger.
+    pub struct EkfOptions {
+        /// Noise density of the measured acceleration, (m/s²)/√Hz.
+        ///
+        /// More follows the positioning faster.
+        acceleration_noise_m_s2_sqrt_hz: f64 = 0.022, in 1e-6..=100.0;
+        /// Noise density of the measured body rate, (rad/s)/√Hz.
+        rate_noise_rad_s_sqrt_hz: f64 = 0.0045, in 1e-7..=10.0;
+        /// Standard deviation of a sweep angle.
+        sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0;
+        /// Standard deviation of a measured position per axis.
+        position_sigma_m: f64 = 0.01, in 1e-5..=100.0;
+        /// Standard deviation of an ultra-wideband range.
+        range_sigma_m: f64 = 0.15, in 1e-4..=100.0;
+        /// Standard deviation of a barometric height.
+        ///
+        /// That of the time-of-flight ranger follows its distance, as in the firmware.
+        barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0;
+        /// Gate: standard deviations of its innovation beyond which a measurement is rejected.
+        ///
+        /// χ² with one degree of freedom. If it is too low, one of two stations that disagree, as
+        /// real ones do by several times the σ above, is ignored.
+        gate_sigmas: f64 = 10.0, in 1.0..=1e6;
+    }
+}
+
+impl ObserverOptions {
+    /// Checks that the estimator can use the measurements of the sensors.
+    pub(super) fn check_inputs(&self, sensors: &SensorOptions) -> Result<()> {
+        if self.kind != EstimatorKind::Luenberger || sensors.positioning.gives_positions() {
+            return Ok(());
+        }
+        Err(Error::input(
+            "observer.kind",
+            "luenberger, which takes positions, with a positioning that gives none",
+            "ekf",
+            "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
+             gnss",
+        ))
+    }
+}

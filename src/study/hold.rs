@@ -1,0 +1,200 @@
+//! Altitude hold over many seeds: the figures of each scenario, and their bounds.
+
+use rayon::prelude::*;
+
+use super::statistics::{bootstrap, mean};
+use crate::error::{Error, Result};
+use crate::sim::altitude::{AltitudeOptions, Hold, HoldSample, Scenario, hold};
+
+/// Time that a flight lasts, s.
+pub const DURATION_S: f64 = 60.0;
+/// Time from which a flight counts: the filter has settled, s.
+const FROM_S: f64 = 5.0;
+/// Time about an event in which innovations do not count, s.
+const EVENT_S: f64 = 0.5;
+/// Most runs of a scenario.
+const MAX_RUNS: u32 = 10_000;
+
+/// Figures of a scenario over its runs. Root mean squares are over time and runs.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct HoldFigures {
+    /// Name of the scenario.
+    pub scenario: &'static str,
+    /// Number of flights.
+    pub runs: u32,
+    /// Error of the estimated altitude, root mean square with its 95 % interval, m.
+    pub estimate_m: Interval,
+    /// Distance from the held altitude, root mean square with its 95 % interval, m.
+    pub hold_m: Interval,
+    /// Share of the time in which the altitude is inside its 95 % band.
+    pub inside: f64,
+    /// Error of the estimated hover throttle, root mean square.
+    pub hover_throttle: f64,
+    /// Normalized innovation squared of satellites, ranger and barometer, away from events.
+    pub nis: [Option<f64>; 3],
+    /// Steps of the floor found in a flight, on average.
+    pub steps: f64,
+    /// Promises; none of the scenario that stays hard.
+    pub bounds: Option<Bounds>,
+    /// Promises that were not kept.
+    pub missed: Vec<String>,
+}
+
+/// An estimate with its 95 % bootstrap interval over runs.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Interval {
+    /// Over all runs.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// What a scenario promises.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Bounds {
+    /// Error of the estimated altitude, root mean square, m.
+    pub estimate_m: f64,
+    /// Distance from the held altitude, root mean square, m.
+    pub hold_m: f64,
+    /// Share of the time inside the 95 % band, least and most.
+    pub inside: [f64; 2],
+    /// Normalized innovation squared, least and most.
+    pub nis: [f64; 2],
+    /// Steps of the floor in a flight.
+    pub steps: f64,
+}
+
+impl Bounds {
+    /// The promises of a scenario; none for a step of the floor while the satellites are silent, when
+    /// only the barometer knows the altitude.
+    fn new(scenario: Scenario) -> Option<Self> {
+        let (estimate_m, hold_m) = match scenario {
+            Scenario::Calm | Scenario::Drift => (0.027, 0.056),
+            Scenario::Step => (0.028, 0.056),
+            Scenario::Silent => (0.038, 0.070),
+            Scenario::Drain => (0.027, 0.068),
+            Scenario::StepSilent => return None,
+        };
+        let steps = if scenario.has_step() { 2.0 } else { 0.0 };
+        Some(Self { estimate_m, hold_m, inside: [0.94, 0.98], nis: [0.8, 1.15], steps })
+    }
+}
+
+/// Flies a scenario with seeds 0 to `runs`.
+///
+/// # Errors
+///
+/// [`Error::Input`] for options out of range, or for no or more than 10 000 runs.
+pub fn hold_figures(
+    options: &AltitudeOptions,
+    scenario: Scenario,
+    runs: u32,
+) -> Result<HoldFigures> {
+    if !(1..=MAX_RUNS).contains(&runs) {
+        let wanted = format!("from 1 to {MAX_RUNS}");
+        return Err(Error::input("runs", runs, wanted, "choose another number of runs"));
+    }
+    let one =
+        |seed: u32| Ok(Run::new(&hold(options, scenario, DURATION_S, seed.into())?, scenario));
+    let flown: Result<Vec<Run>> = (0..runs).into_par_iter().map(one).collect();
+    Ok(summary(&flown?, scenario, runs))
+}
+
+/// Means of one flight.
+#[derive(Debug)]
+struct Run {
+    estimate_m2: f64,
+    hold_m2: f64,
+    inside: f64,
+    hover_throttle_sq: f64,
+    /// Sum of the normalized innovations squared, and their number.
+    nis: [(f64, f64); 3],
+    steps: f64,
+}
+
+impl Run {
+    fn new(flight: &Hold, scenario: Scenario) -> Self {
+        let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
+        let over = |f: &dyn Fn(&HoldSample) -> f64| {
+            mean(&samples.iter().map(|s| f(s)).collect::<Vec<_>>())
+        };
+        let error_m = |s: &HoldSample| s.estimate[0] - s.truth[0];
+        let mut nis = [(0.0, 0.0); 3];
+        for sample in samples.iter().filter(|s| !scenario.is_event(s.time_s, EVENT_S)) {
+            for reading in sample.readings.iter().filter(|reading| reading.taken) {
+                let (sum, n) = &mut nis[reading.sensor as usize];
+                *sum += reading.innovation.nis();
+                *n += 1.0;
+            }
+        }
+        Self {
+            estimate_m2: over(&|s| error_m(s) * error_m(s)),
+            hold_m2: over(&|s| s.truth[0] * s.truth[0]),
+            inside: over(&|s| f64::from(u8::from(error_m(s).abs() < 1.96 * s.sigma[0]))),
+            hover_throttle_sq: over(&|s| {
+                let error = -s.estimate[2] / s.estimate[3] - s.hover_throttle;
+                error * error
+            }),
+            nis,
+            steps: flight.steps.into(),
+        }
+    }
+}
+
+fn summary(flown: &[Run], scenario: Scenario, runs: u32) -> HoldFigures {
+    let column = |f: fn(&Run) -> f64| flown.iter().map(f).collect::<Vec<_>>();
+    let root = |squares: &[f64]| mean(squares).sqrt();
+    let interval = |squares: Vec<f64>| {
+        let found = bootstrap(&[squares], 0.95, |squares| root(squares));
+        Interval { value: found.value, low: found.low, high: found.high }
+    };
+    let mut figures = HoldFigures {
+        scenario: scenario.name(),
+        runs,
+        estimate_m: interval(column(|run| run.estimate_m2)),
+        hold_m: interval(column(|run| run.hold_m2)),
+        inside: mean(&column(|run| run.inside)),
+        hover_throttle: root(&column(|run| run.hover_throttle_sq)),
+        nis: [0, 1, 2].map(|sensor| {
+            let sums = flown.iter().map(|run| run.nis[sensor]);
+            let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
+            (n > 0.0).then(|| sum / n)
+        }),
+        steps: mean(&column(|run| run.steps)),
+        bounds: Bounds::new(scenario),
+        missed: Vec::new(),
+    };
+    figures.missed = figures.misses();
+    figures
+}
+
+impl HoldFigures {
+    fn misses(&self) -> Vec<String> {
+        let mut missed = Vec::new();
+        let Some(Bounds { estimate_m, hold_m, inside, nis, steps }) = self.bounds else {
+            return missed;
+        };
+        let mut promise = |kept: bool, text: String| {
+            if !kept {
+                missed.push(text);
+            }
+        };
+        let (found, cm) = (self.estimate_m.value, |m: f64| format!("{:.1} cm", 100.0 * m));
+        promise(found <= estimate_m, format!("estimate {} above {}", cm(found), cm(estimate_m)));
+        let found = self.hold_m.value;
+        promise(found <= hold_m, format!("hold {} above {}", cm(found), cm(hold_m)));
+        let [least, most] = inside;
+        let kept = (least..=most).contains(&self.inside);
+        promise(kept, format!("inside {:.3}, not {least} to {most}", self.inside));
+        let [least, most] = nis;
+        for found in self.nis.into_iter().flatten() {
+            let kept = (least..=most).contains(&found);
+            promise(kept, format!("NIS {found:.2}, not {least} to {most}"));
+        }
+        let kept = (self.steps - steps).abs() <= 0.1;
+        promise(kept, format!("{:.2} steps found of {steps}", self.steps));
+        missed
+    }
+}
