@@ -11,7 +11,7 @@ pub(super) type Segment = [[f64; 2]; 2];
 
 /// Distance of a point from the nearest of some segments.
 pub(super) fn distance(point: [f64; 2], segments: &[Segment]) -> f64 {
-    let from_one = |[from, to]: &Segment| segment_distance(point, *from, *to);
+    let from_one = |segment: &Segment| segment_distance(point, *segment);
     segments.iter().map(from_one).fold(f64::INFINITY, f64::min)
 }
 

@@ -412,7 +412,7 @@ mod tests {
             let (photo, full) = ready.read(&flight, seed, f64::INFINITY).unwrap();
             assert_eq!((photo.width_px, photo.height_px), (1920, 1080), "the scene's own");
             assert_eq!(small.read, full.read);
-            let off = small.probability - full.probability;
+            let off = small.probability - full.readability;
             assert!(off.abs() < 0.05, "seed {seed}: {} small, {off} more", small.probability);
         }
     }
