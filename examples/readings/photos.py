@@ -3,8 +3,9 @@
     python3 photos.py PROGRAM OUT FACES... [--first 0 --count 640 --negatives 104]
 
 OUT/photos/pNNNN.png are plain pictures in shuffled order, without the scene inside; OUT/truth.json
-holds the word, the scene and the half (choose or test) of each, and OUT/scenes/pNNNN.toml the scene
-that `score` needs. FACES are typefaces (*.ttf, *.otf) under free licences.
+holds the word, the fault and the half (choose or test) of each, and OUT/scenes/pNNNN.toml the scene
+that `score` needs. FACES are typefaces (*.ttf, *.otf) under free licences. PROGRAM is the one of
+commit 2cc4af9, whose scene files these are; the photos of readings.tsv are its.
 """
 
 import argparse
@@ -189,6 +190,18 @@ def toml(scene):
     return text
 
 
+def scene_of_score(scene):
+    """Letters and camera of a scene, in today's form: what `readings verdicts` needs."""
+    camera, letters = scene["camera"], dict(scene["letters"])
+    part = lambda table, *keys: {key: table[key] for key in keys if key in table}
+    framing = part(camera, "position_m", "target_m") if "position_m" in camera else part(camera, "fill_frac")
+    kind = "fixed" if "position_m" in camera else "word"
+    return toml({"": part(scene[""], "word"), "letters": letters,
+                 "camera": part(camera, "width_px", "height_px", "blur_m", "shutter_close_s"),
+                 "camera.framing": {"kind": kind, **framing},
+                 "camera.lens": {"kind": "custom", **part(camera, "focal_length_m", "distortion")}})
+
+
 def fixtures(program, preset, color, stops, folder):
     """The lamps of a preset, the writing ones in a color and all dimmer by some stops."""
     import tomllib
@@ -332,7 +345,7 @@ def shoot(program, draw, photo, scene_out, seed, svg=None, cut=None):
         call("expose", in_folder("flight.csv"), "--scene", in_folder("scene.toml"), "--backend", "cpu", "-o",
              in_folder("photo.png"))
         strip(in_folder("photo.png"), photo)
-        open(scene_out, "w").write(toml({key: scene[key] for key in ("", "letters", "camera")}))
+        open(scene_out, "w").write(scene_of_score(scene))
 
 
 def draws(first, count, negatives, faces, only_random):
