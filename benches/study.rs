@@ -4,13 +4,14 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use noctograph::study::{Conditions, Contender, Prepared};
+use noctograph::scene::Scene;
+use noctograph::study::{Conditions, Prepared};
 
 fn scored_flight(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("NOOR");
     group.sample_size(20);
     for name in ["team", "pid", "geometric"] {
-        let contender = Contender::find(name).expect("known by name");
+        let contender = Scene::find(name, &[]).expect("known by name");
         let ready = Prepared::new(&contender, "NOOR", &Conditions::default()).expect("it flies");
         let mut seed = 0;
         let mut next = || {

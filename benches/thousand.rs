@@ -5,9 +5,9 @@
 //! preset `cf21`: 1 kHz Runge–Kutta with rotor lag, drag, battery and ground effect, Lighthouse
 //! sweeps, inertial sensors at 1 kHz, regulator at 500 Hz, log at 250 Hz.
 //!
-//! Measured in November 2026 on two busy cores with AVX-512 (load 7), each against what came before
-//! the lanes in the same minute: eight together take 0.54 (beams, observer: 7.9 to 10.1 ms) and 0.69
-//! (sweeps, EKF: 11.7 to 14.5 ms) of its time.
+//! Measured in November 2026 on two busy cores with AVX-512 (load 12): 19 ms a flight (sweeps, EKF),
+//! 14 ms (beams, observer). Drones that shared the widest registers took 0.67 to 0.85 of that, which
+//! saved 3 % of a study and was not worth its code.
 
 #![expect(clippy::print_stdout, reason = "a table for people")]
 

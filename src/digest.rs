@@ -33,6 +33,13 @@ pub(crate) fn sha256(bytes: &[u8]) -> String {
     digest.hex()
 }
 
+/// FNV-1a, 64 bits (Fowler, Noll, Vo): names streams of random numbers.
+pub(crate) fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,5 +56,12 @@ mod tests {
         let mut numbers = Digest::default();
         numbers.add_numbers(&[1.5]);
         assert_eq!(numbers.hex(), sha256(&[0, 0, 0, 0, 0, 0, 0xf8, 0x3f]));
+    }
+
+    #[test]
+    fn hash_is_the_published_fnv_1a() {
+        // Test vectors of the authors' reference code.
+        assert_eq!(fnv_1a("".bytes()), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(fnv_1a("foobar".bytes()), 0x8594_4171_f739_67e8);
     }
 }

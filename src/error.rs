@@ -1,4 +1,4 @@
-//! What can go wrong, by what the reader must mend. Imports nothing of ours.
+//! Errors, grouped by how they are fixed. Imports nothing of this crate.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 /// One error for the whole crate.
 ///
-/// The text says where, what was found and what is wanted; [`Error::hint`] says what to do.
+/// The text names the place, the value found and the value wanted; [`Error::hint`] is advice.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,43 +16,43 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
-        /// What to do.
+        /// Advice.
         hint: String,
     },
-    /// A value, a key or a text that was handed in cannot be used.
+    /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
-        /// Where it stands: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7: x_m`, `word, position 3`.
+        /// Its place: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7: x_m`, `word, position 3`.
         place: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What could stand there.
+        /// The values that are accepted.
         wanted: String,
-        /// What to do.
+        /// Advice.
         hint: String,
     },
-    /// The graphics device cannot do what it was asked for.
+    /// The graphics device failed.
     #[error("graphics device: {what}")]
     Gpu {
-        /// What failed, with the adapter's name where it is known.
+        /// The failure, with the adapter's name where it is known.
         what: String,
-        /// What to do.
+        /// Advice.
         hint: String,
     },
-    /// The input is well formed, but what it asks for cannot be done.
+    /// The input is well formed, but cannot be carried out.
     #[error("{what}")]
     Infeasible {
-        /// What cannot be done, with the figure that stands in the way.
+        /// The reason, with the figure that is exceeded.
         what: String,
-        /// What to do.
+        /// Advice.
         hint: String,
     },
 }
 
 impl Error {
-    /// What the reader can do about it.
+    /// Advice on how to fix it.
     #[must_use]
     pub fn hint(&self) -> &str {
         match self {
@@ -66,14 +66,14 @@ impl Error {
     /// A file that cannot be read.
     #[must_use]
     pub fn read(path: &Path, source: std::io::Error) -> Self {
-        let hint = "name a file that exists and that you may read".into();
+        let hint = "name a file that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 
     /// A file or folder that cannot be written.
     #[must_use]
     pub fn write(path: &Path, source: std::io::Error) -> Self {
-        let hint = "choose a folder that you may write to with -o, with space left on it".into();
+        let hint = "choose a writable folder with space left on its disk".into();
         Self::Io { path: path.into(), source, hint }
     }
 
@@ -102,10 +102,6 @@ pub fn within(key: &str, value: f64, min: f64, max: f64) -> Result<()> {
     if (min..=max).contains(&value) {
         return Ok(());
     }
-    Err(Error::input(
-        key,
-        value,
-        format!("a number from {min} to {max}"),
-        format!("set {key} in the scene file; `noctograph scene` prints the default with its unit"),
-    ))
+    let wanted = format!("a number from {min} to {max}");
+    Err(Error::input(key, value, wanted, "choose a number within the range"))
 }

@@ -25,12 +25,13 @@
 //!
 //! # The rooms
 //!
-//! A module sees rows above its own.
+//! A module imports from the rows above its own.
 //!
 //! | row | module | what is in it |
 //! |---|---|---|
-//! | 0 | [`error`] | one Error, by what the reader must mend |
-//! | 0 | `digest` | SHA-256 of products: films, flights, files and studies are all named by it, so it stands below them |
+//! | 0 | [`error`] | error variants, grouped by how to fix them |
+//! | 0 | `settings` | settings of a scene: documentation, type, default and range in one declaration |
+//! | 0 | `digest` | SHA-256 of films, flights, files and studies |
 //! | 0 | `statistics` | median and quantiles |
 //! | 0 | `random` | random numbers as functions of a key |
 //! | 0 | [`geometry`] | poses, frames, polylines |
@@ -44,18 +45,19 @@
 //! | 3 | [`sim`] | Plan → Flight |
 //! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
+//! | 4 | [`export`] | Plan → files for drones and other programs |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
 //! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
-//! | 8 | [`study`] | scenes → ranking, tuned scene, learned plan, what breaks a word; sweeps, a store |
+//! | 8 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
 //! | 9 | [`report`] | products → plots, sheets |
-//! | 10 | [`cli`] | what was typed |
+//! | 10 | [`cli`] | arguments, tables, exit codes |
 //!
-//! What a room must not know keeps the house good:
+//! Dependency rules, beside the order of the rows:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.
-//! - f64 and nalgebra up to the segments of `expose`, f32 in its records, integers after them. There
-//!   is no vector library for f32: records are scalars, and lanes of scalars.
+//! - The world is in meters, f64 and nalgebra; the picture is in pixels: glam up to the segments of
+//!   `expose`, f32 in its records, integers after them. Each width changes in one function.
 //! - No clock, no environment, no printing and no progress bar above `cli` in this table: stages
 //!   report progress through a callback. Same scene and seed, same bytes.
 //! - Degrees, milliseconds and other axes stay in `cli` and in the readers of foreign files.
@@ -64,7 +66,7 @@
 //!
 //! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
 //! the x-z plane. Body: x forward, y left, z up. Camera: x right, y down, z forward; image origin
-//! top left, pixel centres at +0.5. Transforms read `to_from`. Every public scalar has its unit in
+//! top left, pixel centers at +0.5. Transforms read `to_from`. Every public scalar has its unit in
 //! its name.
 
 #![forbid(unsafe_code)]

@@ -15,7 +15,7 @@ use noctograph::light::RingEffect;
 use noctograph::plan::{Plan, PlanOptions};
 use noctograph::scene::Scene;
 use noctograph::score::Reader;
-use noctograph::shoot::{Actual, Judging, Shoot, Shot};
+use noctograph::shoot::{Judging, Shoot, Shot};
 use noctograph::sim::ControllerKind;
 use noctograph::study::Conditions;
 
@@ -229,8 +229,7 @@ impl Setting {
         let plan = &mut shoot.plans[0].plan;
         self.lose_light(plan);
         shoot.scene.camera.shutter_close_s.get_or_insert(plan.duration_s());
-        let (sim, light) = self.conditions.draw(actual.seed).apply(actual);
-        shoot.actual = vec![Actual { sim, light }];
+        shoot.actual = vec![self.conditions.draw(actual, actual.seed, 0)];
         shoot.cores = Some(NonZero::<usize>::MIN);
         shoot.take(&|_, _| {})
     }

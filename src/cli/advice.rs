@@ -7,30 +7,34 @@ use crate::error::Error;
 use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
-/// Flags and verbs that mend errors at some keys of the scene; a key ends with `.` for its group.
-const FLAGS: [(&str, &str); 6] = [
-    ("camera.position_m", "`--camera auto` puts the camera in front of the word"),
-    ("letters.font", "`--font` names another font; `noctograph specimen FONT` shows one"),
-    (
-        "plan.drones",
-        "`--drones N` sets the number of drones, `--style even` lets several share a word",
-    ),
-    ("plan.style", "`--style even` or `--style team` chooses it"),
-    (
-        "sensors.lighthouse.stations",
-        "`--lighthouse FILE` reads the base stations from a file of cfclient",
-    ),
-    ("word", "name the word on the command line, as in `noctograph preview NOOR`"),
+/// Flags that mend an error at a place, and their effect; given where the verb has the flag.
+const FLAGS: [(&str, &str, &str); 11] = [
+    ("camera", "corners", "names the corners of the line instead of a camera"),
+    ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
+    ("flight", "part", "chooses the part that is compared: letters, airborne or all"),
+    ("flight A", "offset", "sets B's clock without the designs"),
+    ("flight B", "offset", "sets B's clock without the designs"),
+    ("flights A and B", "offset", "sets B's clock"),
+    ("letters.font", "font", "names another font"),
+    ("plan.drones", "drones", "sets the number of drones"),
+    ("plan.drones", "style even", "lets several drones share a word"),
+    ("plan.style", "style", "sets the way of flying"),
+    ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
 ];
 
 /// Flags and keys that mend an error of a verb.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let Error::Input { place, .. } = error else { return Vec::new() };
     let key = place.rsplit(": ").next().unwrap_or(place);
-    let path = key.split(['[', ' ', ',']).next().unwrap_or(key);
+    let path = key.split('[').next().unwrap_or(key);
+    let has = |typed: &str| {
+        let name = typed.split(' ').next();
+        verb.get_arguments().any(|flag| flag.get_long() == name)
+    };
+    let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag));
     let mut advice: Vec<String> =
-        FLAGS.iter().filter(|(key, _)| *key == path).map(|(_, text)| (*text).to_owned()).collect();
-    if exists(path, Scene::SHAPE.settings()) {
+        special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
+    if exists(path, Scene::SHAPE.settings()) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
         ));
@@ -77,10 +81,12 @@ mod tests {
         assert!(at("my.toml:3: vehicle.mass_kg", "fly").contains("--set vehicle.mass_kg=VALUE"));
         assert!(at("controller.lqr.q[3]", "fly").contains("--set controller.lqr.q="));
         assert!(at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
-        assert!(at("camera.position_m", "preview").contains("--camera auto"));
+        assert!(at("camera.framing.position_m", "preview").contains("`--camera auto`"));
+        assert!(at("flight B", "compare").contains("--offset"));
+        assert!(at("flight", "compare").contains("--part") && at("flight", "identify").is_empty());
         assert_eq!(at("import.max_gap_s", "import"), "`--max-gap` sets it");
         assert_eq!(at("budget", "tune"), "`--budget` sets it");
-        assert_eq!(at("plan.csv:7: x_m", "fly"), "");
+        assert_eq!(at("plan.csv:7: x_m", "fly") + &at("word, position 3", "fly"), "");
         assert_eq!(at("my.toml:3: vehicle.mas_kg", "fly"), "");
     }
 }

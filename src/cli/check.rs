@@ -1,12 +1,13 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use super::findings;
 use super::flags::SubjectFlags;
 use super::report::{Outcome, Report};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::plan::check::{Finding, Profile, Severity};
 
 #[derive(Debug, Args)]
@@ -14,12 +15,13 @@ pub(super) struct CheckArgs {
     #[command(flatten)]
     subject: SubjectFlags,
     /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
-    #[arg(long, value_name = "NAME", default_value = "indoor")]
+    #[arg(long, value_name = "NAME", default_value = "indoor", value_parser = profiles())]
     profile: String,
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let profile = profile(&args.profile)?;
+    let profile = Profile::all().into_iter().find(|profile| profile.name == args.profile);
+    let profile = profile.expect("the parser knows the names");
     let shoot = args.subject.shoot(|_| Ok(()))?;
     let findings = shoot.preflight(&profile)?;
     let stops = findings.iter().any(|finding| finding.severity == Severity::Stop);
@@ -31,12 +33,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(Report::new(table(&findings, stops, &profile), json).with_outcome(outcome))
 }
 
-fn profile(name: &str) -> Result<Profile> {
-    let all = Profile::all();
-    let names = all.iter().map(|profile| profile.name).collect::<Vec<_>>().join(", ");
-    all.into_iter().find(|profile| profile.name == name).ok_or_else(|| {
-        Error::input("--profile", name, format!("one of {names}"), "choose a name of the list")
-    })
+fn profiles() -> PossibleValuesParser {
+    Profile::all().map(|profile| profile.name).into()
 }
 
 fn table(findings: &[Finding], stops: bool, profile: &Profile) -> String {

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::coverage_map;
 use super::flags::{LetterFlags, SceneFlags, set_word};
 use super::output::Output;
 use super::report::Report;
 use crate::error::Result;
+use crate::report::coverage_map;
 use crate::sim::{Coverage, coverage};
 
 /// Margin around the word, and the region where there is no word.
@@ -53,7 +53,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let bounds_m = args.bounds.or(word_m.map(around)).unwrap_or(ROOM_M);
     let output = Output::create(&args.output)?;
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
-    let map = coverage_map::svg(&grid, word_m);
+    let map = coverage_map(&grid, word_m);
     let path = output.keep(|out| out.write_all(map.as_bytes()))?;
     let n_stations = scene.sensors.lighthouse.stations.len();
     let (seen_frac, quantiles_m) = (grid.seen_frac(), quantiles_m(&grid));

@@ -63,9 +63,8 @@ fn found(finding: &Finding) -> String {
             format!("{} of them, up to {value:.2} m{at}", finding.count.unwrap_or_default())
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
-        Check::Memory => {
-            format!("{value} straight pieces: {} bytes compressed", compressed_bytes(value))
-        }
+        Check::Memory if finding.value.is_none() => detail.clone(),
+        Check::Memory => format!("{value} bytes as a compressed trajectory"),
         Check::LedMemory => format!("{value} entries"),
         Check::Headlights if is_fine => "on or off".into(),
         Check::Headlights => format!("dimmed by {value} commands, first{at}"),
@@ -90,12 +89,6 @@ fn found(finding: &Finding) -> String {
         Check::Coverage if finding.value.is_none() => "the scene has no base stations".into(),
         Check::Coverage => format!("{:.1} % of the flight's box is seen", 100.0 * value),
     }
-}
-
-/// Memory of straight pieces, compressed, with start and end of all (`piecewise compressed` in
-/// `crtp_commander_high_level.c`).
-fn compressed_bytes(pieces: f64) -> f64 {
-    7.0 * pieces + 11.0
 }
 
 /// Limit, and what to change beyond it.
@@ -136,13 +129,9 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             format!("up to {limit:.0} s in the air"),
             "write fewer letters, faster (--style even), or with --drones 2",
         ),
-        Check::Memory if compressed_bytes(finding.value.unwrap_or(0.0)) > 4096.0 => (
-            format!("{limit} pieces, or 4096 bytes compressed"),
-            "send setpoints over the radio: it does not fit on board",
-        ),
         Check::Memory => (
-            format!("{limit} pieces, or 4096 bytes compressed"),
-            "upload it compressed, or send setpoints over the radio",
+            format!("{limit} bytes on board"),
+            "share the word among --drones, or send positions: `export --to cflib`",
         ),
         Check::LedMemory => (
             format!("{limit} in the LED timing memory"),

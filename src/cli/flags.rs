@@ -4,18 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::message;
 use super::names::{named, names};
-use super::tell;
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::logs::{self, ImportOptions, PositionSource};
 use crate::plan::{Plan, Style};
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
 use crate::sim::read_lighthouse_config;
-use crate::study::Contender;
 
 /// A key of the scene with its new value.
 pub(super) type Setting = (String, String);
@@ -50,17 +49,17 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with what was typed here and in other flags.
+    /// The scene with the settings of these and of other flags.
     pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
-        Ok(self.contender(more)?.scene)
+        Ok(self.named(more)?.scene)
     }
 
-    /// The same with the learned plans of a folder.
-    pub(super) fn contender(&self, more: &[Setting]) -> Result<Contender> {
+    /// The same, with the learned plans if the scene is a folder.
+    pub(super) fn named(&self, more: &[Setting]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
         let mut found = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
-            None => Contender::new("", parse_scene("", "scene", &settings)?),
+            None => NamedScene::new("", parse_scene("", "scene", &settings)?),
         };
         self.finish(&mut found.scene)?;
         Ok(found)
@@ -93,8 +92,8 @@ impl SceneFlags {
 }
 
 /// A scene by its name with settings laid over it, and its learned plans.
-pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<Contender> {
-    Contender::find_with(named, &borrowed(settings))
+pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene> {
+    Scene::find(named, &borrowed(settings))
 }
 
 /// The text of a scene with settings laid over it.
@@ -154,7 +153,8 @@ impl PlanFlags {
 /// A word, or ready plans, with the scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
-    /// Word to write, or plans that fly together (*.csv) [default: the scene's word]
+    /// Word to write, or plans that fly together (*.csv, or their folder) [default: the scene's
+    /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
     /// Word that the plans or flights write [default: the scene's]
@@ -171,12 +171,12 @@ pub(super) struct SubjectFlags {
 impl SubjectFlags {
     /// The scene.
     pub(super) fn scene(&self) -> Result<Scene> {
-        Ok(self.contender()?.scene)
+        Ok(self.named()?.scene)
     }
 
-    fn contender(&self) -> Result<Contender> {
+    fn named(&self) -> Result<NamedScene> {
         let settings = [self.letters.settings(), self.plan.settings()].concat();
-        let mut found = self.scene.contender(&settings)?;
+        let mut found = self.scene.named(&settings)?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
@@ -185,11 +185,12 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let Contender { mut scene, plans: learned, .. } = self.contender()?;
+        let NamedScene { mut scene, plans: mut learned, .. } = self.named()?;
         change(&mut scene)?;
+        let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
         let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
-        let plans: Vec<&String> = self.inputs.iter().filter(is_plan).collect();
-        match self.inputs.as_slice() {
+        let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
+        match inputs.as_slice() {
             [] => {}
             [word] if plans.is_empty() => set_word(&mut scene, word),
             all if all.len() == plans.len() => {
@@ -202,11 +203,19 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
-        match learned.get(&scene.strokes()?.word) {
-            Some(plan) => Shoot::with_plans(scene, vec![plan.clone()]),
+        match learned.remove(&scene.strokes()?.word) {
+            Some(plans) => Shoot::with_plans(scene, plans),
             None => Shoot::new(scene),
         }
     }
+}
+
+/// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
+fn plans_in(input: &str) -> Vec<String> {
+    let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
+    let found = numbered.take_while(|path| path.is_file());
+    let found: Vec<String> = found.map(|path| path.display().to_string()).collect();
+    if found.is_empty() { vec![input.to_owned()] } else { found }
 }
 
 /// The camera.
@@ -333,7 +342,7 @@ pub(super) fn read_flight(path: &Path, options: &ImportOptions) -> Result<Flight
 /// Prints the warnings of a file.
 fn warn_of(path: &Path, warnings: &[String]) {
     for warning in warnings {
-        tell("warning: ", &format!("{}: {warning}", path.display()));
+        message("warning: ", &format!("{}: {warning}", path.display()));
     }
 }
 

@@ -9,7 +9,7 @@ use super::flags::{FlightFlags, SceneFlags};
 use super::output::Outputs;
 use super::progress::watch;
 use super::report::Report;
-use super::{show, tell, warn};
+use super::{message, show, warn};
 use crate::error::Result;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;
@@ -56,7 +56,7 @@ fn sent(args: &FlyArgs, log: &Path) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(&args.flight.read(log)?)?;
     if n_restored > 0 {
         let text = format!("{n_restored} setpoints are missing in the log and were interpolated");
-        tell("warning: ", &text);
+        message("warning: ", &text);
     }
     Ok(plan)
 }

@@ -5,8 +5,8 @@ use nalgebra::{Complex, DMatrix};
 use serde_json::{Value, json};
 
 use super::flags::SceneFlags;
+use super::message;
 use super::report::{Report, wrapped};
-use super::tell;
 use crate::control::Margins;
 use crate::error::Result;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
@@ -30,7 +30,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     for warning in &design.warnings {
-        tell("warning: ", warning);
+        message("warning: ", warning);
     }
     let bryson = if args.bryson { bryson(&design, &scene.controller.lqr.r) } else { String::new() };
     Ok(Report::new(tables(&design) + &bryson, to_json(&design)))

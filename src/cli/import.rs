@@ -16,7 +16,8 @@ use crate::plan::relight;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
-    /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range CSV
+    /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
+    /// CSV
     log: PathBuf,
     /// Word that was flown: its letters and the schedule of the headlights are inferred from the
     /// setpoints

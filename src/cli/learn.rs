@@ -1,21 +1,21 @@
 //! `noctograph learn`: the setpoints and light schedule of a word, from its earlier flights.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SetFlag, find_scene};
+use super::message;
 use super::output::Output;
 use super::report::{Report, line};
 use super::studies::open_store;
-use super::tell;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::flight::comparison::{ComparisonOptions, compare};
-use crate::plan::{Plan, relight};
-use crate::study::{Conditions, LearnOptions, Prepared, Round, correct, learn};
+use crate::plan::Plan;
+use crate::scene::NamedScene;
+use crate::study::{Conditions, LearnOptions, Prepared, Round, align, correct, learn};
 
 #[derive(Debug, Args)]
 #[command(
@@ -60,9 +60,9 @@ pub(super) struct LearnArgs {
 }
 
 pub(super) fn run(args: &LearnArgs) -> Result<Report> {
-    crate::error::within("--gain", args.gain, 0.0, 1.0)?;
-    crate::error::within("--smooth", args.smooth, 0.0, 10.0)?;
-    crate::error::within("--repeats", args.repeats.into(), 1.0, 1e4)?;
+    crate::error::within("gain", args.gain, 0.0, 1.0)?;
+    crate::error::within("smooth", args.smooth, 0.0, 10.0)?;
+    crate::error::within("repeats", args.repeats.into(), 1.0, 1e4)?;
     let contender = find_scene(&args.scene, &args.set.set)?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
     let options = LearnOptions {
@@ -74,15 +74,19 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     };
     let store = open_store(&args.output)?;
     let scene_file = Output::create(&args.output.join("scene.toml"))?;
-    let plan_file = Output::create(&args.output.join(format!("plan-{}.csv", ready.word())))?;
+    let n_plans = if args.flight.is_empty() { ready.plans().len() } else { 1 };
+    let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
+    let names: Vec<String> = names.collect();
+    let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
+    let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
     let (mut text, mut rounds) = (String::new(), Vec::new());
-    let plan = if args.flight.is_empty() {
+    let plans = if args.flight.is_empty() {
         text += "round   P(read)   contour      rmse      lag\n                     mm        \
                  mm        s\n";
         let mut watch = |round: &Round| {
             let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
             let number = rounds.len();
-            tell("", &format!("round {number}: read with probability {p:.3}"));
+            message("", &format!("round {number}: read with probability {p:.3}"));
             let note = if kept { "" } else { "  not significantly better" };
             let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
             text += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
@@ -91,72 +95,42 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
                 "kept": kept,
             }));
         };
-        learn(&ready, &options, Some(&store), &mut watch)?.plan
+        learn(&ready, &options, Some(&store), &mut watch)?.plans
     } else {
         from_logs(args, &ready, &options)?
     };
     let toml = format!(
-        "# Learned by noctograph {} for {}; send plan-{}.csv.\n{}",
+        "# Learned by noctograph {} for {}; send {}.\n{}",
         env!("CARGO_PKG_VERSION"),
         ready.word(),
-        ready.word(),
+        names.join(", "),
         contender.scene.to_toml()
     );
-    let paths = [
-        scene_file.keep(|out| out.write_all(toml.as_bytes()))?,
-        plan_file.keep(|out| plan.write_csv(out))?,
-    ];
+    let mut paths = vec![scene_file.keep(|out| out.write_all(toml.as_bytes()))?];
+    for (file, plan) in plan_files.into_iter().zip(&plans) {
+        paths.push(file.keep(|out| plan.write_csv(out))?);
+    }
     text += &line("learned", ready.word());
     let json = json!({ "word": ready.word(), "rounds": rounds });
     Ok(Report::new(text, json).with_files(&paths))
 }
 
-/// One round from flights that were flown elsewhere.
-fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Plan> {
-    let sent = args.sent.as_deref().map_or(Ok(ready.sent().clone()), Plan::read_csv)?;
-    let flights = args
-        .flight
-        .iter()
-        .map(|path| on_the_plans_clock(args.flights.read(path)?, path, ready, &sent));
-    let flights = flights.collect::<Result<Vec<Flight>>>()?;
+/// One round from flights that were flown elsewhere, by one drone.
+fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Vec<Plan>> {
+    let sent = match (&args.sent, ready.plans().as_slice()) {
+        (Some(path), _) => Plan::read_csv(path)?,
+        (None, [plan]) => plan.clone(),
+        (None, plans) => {
+            let hint = "learn the plans of several drones one by one: name the one that was sent";
+            return Err(Error::input("sent", plans.len(), "one plan", hint));
+        }
+    };
+    let read =
+        |path: &PathBuf| align(args.flights.read(path)?, &sent, ready, &path.display().to_string());
+    let flights: Vec<Flight> = args.flight.iter().map(read).collect::<Result<_>>()?;
     if flights.len() == 1 {
         let text = "one flight does not show which errors repeat; fly the plan again if you can";
-        tell("warning: ", text);
+        message("warning: ", text);
     }
-    correct(&sent, ready.scene(), &flights, options)
-}
-
-/// A flight with the clock, the letters and the design of the plan that it flew.
-fn on_the_plans_clock(
-    mut flight: Flight,
-    path: &Path,
-    ready: &Prepared,
-    sent: &Plan,
-) -> Result<Flight> {
-    let place = || path.display().to_string();
-    let hint = "name the plan that was sent with --sent, and the word that it wrote";
-    if flight.samples.iter().all(|sample| sample.letter.is_none()) {
-        let strokes = crate::letters::write(ready.word(), &ready.scene().letters)?;
-        relight(&mut flight, &strokes)?;
-    }
-    let sending = ready.sending(sent.clone());
-    // The log's design is what was sent; so must be that of the flight whose clock it is set by.
-    let mut planned = crate::shoot::rehearse(ready.scene(), sent)?;
-    let mut at = 0;
-    for sample in &mut planned.samples {
-        while sent.setpoints.get(at + 1).is_some_and(|s| s.time_s <= sample.time_s + 1e-6) {
-            at += 1;
-        }
-        sample.design_m = sent.sent_m(at);
-    }
-    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
-    for sample in &mut flight.samples {
-        sample.time_s += offset_s;
-    }
-    let apart_m = sending.redesign(&mut flight);
-    if apart_m > 0.2 {
-        let found = format!("setpoints {apart_m:.2} m from those of the plan");
-        return Err(Error::input(place(), found, "a flight of this plan", hint));
-    }
-    Ok(flight)
+    Ok(vec![correct(&sent, ready.scene(), &flights, options)?])
 }

@@ -31,7 +31,7 @@ pub(super) struct MeterArgs {
 }
 
 pub(super) fn run(args: &MeterArgs) -> Result<Report> {
-    crate::error::within("--target-stops", args.target_stops, -30.0, 30.0)?;
+    crate::error::within("target_stops", args.target_stops, -30.0, 30.0)?;
     let shoot = match args.flight.as_slice() {
         [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
         paths => {
@@ -52,7 +52,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     Ok(Report::new(table(&found, args.target_stops), json(&found, args.target_stops)))
 }
 
-/// Exposures of the lamps and of what they and the room light.
+/// Exposures of the lamps, of the room and of the floor.
 struct Found {
     camera: Camera,
     readings: Vec<Reading>,

@@ -16,7 +16,7 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
-mod coverage_map;
+mod export;
 mod expose;
 mod findings;
 mod flags;
@@ -66,68 +66,93 @@ struct Args {
     threads: usize,
 }
 
-#[derive(Debug, Subcommand)]
-enum Verb {
-    /// Preview the photograph of a word, and say whether it reads
-    Preview(preview::PreviewArgs),
-    /// Plan the flight of a word: setpoints and light commands (CSV)
-    Plan(plan::PlanArgs),
-    /// Simulate the flight of a plan (CSV)
-    Fly(fly::FlyArgs),
-    /// Expose flights: their long-exposure photograph (PNG, EXR)
-    Expose(expose::ExposeArgs),
-    /// Judge whether a photograph's word is legible, and why not
-    Score(score::ScoreArgs),
-    /// Read the word in a photograph (blind recognition)
-    Read(read::ReadArgs),
-    /// Check that a word or a plan is safe to fly and will show
-    Check(check::CheckArgs),
-    /// Meter the lamps: stops over saturation, and the right settings
-    Meter(meter::MeterArgs),
-    /// Map where Lighthouse stations see the drone, and how well
-    Coverage(coverage::CoverageArgs),
-    /// Convert the log of a real flight (CSV)
-    Import(import::ImportArgs),
-    /// Compare two flights: errors, lag, drift and plots
-    Compare(compare::CompareArgs),
-    /// Lay a render over a real photograph, and show the difference
-    ComparePhoto(compare_photo::ComparePhotoArgs),
-    /// Identify thrust, center of mass and noise from a flight log
-    Identify(identify::IdentifyArgs),
-    /// Print controller gains, poles and stability margins
-    Gains(gains::GainsArgs),
-    /// Rank scenes by the probability that their words are read
-    Rank(rank::RankArgs),
-    /// Tune gains, observer and speed for legible words
-    Tune(tune::TuneArgs),
-    /// Learn a word's setpoints and light schedule from its flights
-    Learn(learn::LearnArgs),
-    /// Find which disturbance makes a word illegible first
-    Robustness(robustness::RobustnessArgs),
-    /// Split a ranking's flights over many processes or machines
-    #[command(subcommand)]
-    Sweep(sweep::SweepVerb),
-    /// Hold an altitude on three imperfect sensors: figures and plots
-    Hold(hold::HoldArgs),
-    /// Print a scene file: every key with its meaning and unit
-    Scene(scene::SceneArgs),
-    /// Draw a font's characters: order and direction of strokes
-    Specimen(specimen::SpecimenArgs),
-    /// Generate shell completions or man pages
-    #[command(hide = true)]
-    Generate(generate::GenerateArgs),
+/// Declares the verbs by their use, in the order of the help. Each is a module with its arguments
+/// and a function `run`.
+macro_rules! verbs {
+    ($($group:literal { $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident),)+ })+) => {
+        #[derive(Debug, Subcommand)]
+        enum Verb {
+            $($($(#[$meta])* $verb($module::$args),)+)+
+            /// Generate shell completions or man pages
+            #[command(hide = true)]
+            Generate(generate::GenerateArgs),
+        }
+
+        /// Names of the verbs by their use.
+        const GROUPS: &[(&str, &[&str])] = &[$(($group, &[$(stringify!($module)),+])),+];
+
+        fn run(verb: &Verb) -> Result<Report> {
+            match verb {
+                $($(Verb::$verb(args) => $module::run(args),)+)+
+                Verb::Generate(args) => generate::run(args),
+            }
+        }
+    };
 }
 
-/// The verbs by what people do with them, in the order of the help.
-const GROUPS: [(&str, &[&str]); 7] = [
-    ("See it", &["preview"]),
-    ("Stage by stage", &["plan", "fly", "expose", "score"]),
-    ("Read a photo", &["read"]),
-    ("Before a flight", &["check", "meter", "coverage"]),
-    ("After a flight", &["import", "compare", "compare-photo", "identify"]),
-    ("Choose a controller", &["gains", "rank", "tune", "learn", "robustness", "sweep", "hold"]),
-    ("Show", &["scene", "specimen"]),
-];
+verbs! {
+    "See it" {
+        /// Preview the photograph of a word, and say whether it reads
+        Preview(preview::PreviewArgs),
+    }
+    "Stage by stage" {
+        /// Plan the flight of a word: setpoints and light commands (CSV)
+        Plan(plan::PlanArgs),
+        /// Simulate the flight of a plan (CSV)
+        Fly(fly::FlyArgs),
+        /// Expose flights: their long-exposure photograph (PNG, EXR)
+        Expose(expose::ExposeArgs),
+        /// Judge whether a photograph's word is legible, and why not
+        Score(score::ScoreArgs),
+    }
+    "Read a photo" {
+        /// Read the word in a photograph (blind recognition)
+        Read(read::ReadArgs),
+    }
+    "Before a flight" {
+        /// Check that a word or a plan is safe to fly and will show
+        Check(check::CheckArgs),
+        /// Meter the lamps: stops over saturation, and the right settings
+        Meter(meter::MeterArgs),
+        /// Map where Lighthouse stations see the drone, and how well
+        Coverage(coverage::CoverageArgs),
+        /// Export a plan for drones: scripts, trajectories, shows, gains
+        Export(export::ExportArgs),
+    }
+    "After a flight" {
+        /// Convert the log of a real flight (CSV)
+        Import(import::ImportArgs),
+        /// Compare two flights: errors, lag, drift and plots
+        Compare(compare::CompareArgs),
+        /// Lay a render over a real photograph, and show the difference
+        ComparePhoto(compare_photo::ComparePhotoArgs),
+        /// Identify thrust, center of mass and noise from a flight log
+        Identify(identify::IdentifyArgs),
+    }
+    "Choose a controller" {
+        /// Print controller gains, poles and stability margins
+        Gains(gains::GainsArgs),
+        /// Rank scenes by the probability that their words are read
+        Rank(rank::RankArgs),
+        /// Tune gains, observer and speed for legible words
+        Tune(tune::TuneArgs),
+        /// Learn a word's setpoints and light schedule from its flights
+        Learn(learn::LearnArgs),
+        /// Find which disturbance makes a word illegible first
+        Robustness(robustness::RobustnessArgs),
+        /// Split a ranking's flights over many processes or machines
+        #[command(subcommand)]
+        Sweep(sweep::SweepVerb),
+        /// Hold an altitude on three imperfect sensors: figures and plots
+        Hold(hold::HoldArgs),
+    }
+    "Show" {
+        /// Print a scene file: every key with its meaning and unit
+        Scene(scene::SceneArgs),
+        /// Draw a font's characters: order and direction of strokes
+        Specimen(specimen::SpecimenArgs),
+    }
+}
 
 /// The command with its verbs in groups, which clap does not have.
 fn command() -> Command {
@@ -135,9 +160,9 @@ fn command() -> Command {
     let mut verbs = String::new();
     for (title, names) in GROUPS {
         verbs += &format!("\n{title}:\n");
-        for name in names {
-            let about = command.find_subcommand(name).and_then(Command::get_about);
-            verbs += &format!("  {name:15}{}\n", about.unwrap_or_default());
+        for name in names.iter().map(|name| name.replace('_', "-")) {
+            let verb = command.find_subcommand(&name).expect("verbs are named as their modules");
+            verbs += &format!("  {name:15}{}\n", verb.get_about().unwrap_or_default());
         }
     }
     command.help_template(format!(
@@ -161,45 +186,17 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
         Err(error) => {
-            tell("error: ", &error.to_string());
-            tell("hint: ", error.hint());
+            message("error: ", &error.to_string());
+            message("hint: ", error.hint());
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {
                 (verb, matches) = (verb.find_subcommand(name).expect("it was matched"), below);
             }
             for advice in advice::advice(&error, verb) {
-                tell("hint: ", &advice);
+                message("hint: ", &advice);
             }
             ExitCode::from(2)
         }
-    }
-}
-
-fn run(verb: &Verb) -> Result<Report> {
-    match verb {
-        Verb::Preview(args) => preview::run(args),
-        Verb::Plan(args) => plan::run(args),
-        Verb::Fly(args) => fly::run(args),
-        Verb::Expose(args) => expose::run(args),
-        Verb::Score(args) => score::run(args),
-        Verb::Read(args) => read::run(args),
-        Verb::Check(args) => check::run(args),
-        Verb::Meter(args) => meter::run(args),
-        Verb::Coverage(args) => coverage::run(args),
-        Verb::Import(args) => import::run(args),
-        Verb::Compare(args) => compare::run(args),
-        Verb::ComparePhoto(args) => compare_photo::run(args),
-        Verb::Identify(args) => identify::run(args),
-        Verb::Gains(args) => gains::run(args),
-        Verb::Rank(args) => rank::run(args),
-        Verb::Tune(args) => tune::run(args),
-        Verb::Learn(args) => learn::run(args),
-        Verb::Robustness(args) => robustness::run(args),
-        Verb::Sweep(verb) => sweep::run(verb),
-        Verb::Hold(args) => hold::run(args),
-        Verb::Scene(args) => scene::run(args),
-        Verb::Specimen(args) => specimen::run(args),
-        Verb::Generate(args) => generate::run(args),
     }
 }
 
@@ -229,13 +226,13 @@ fn print(text: &str) -> Result<()> {
 }
 
 /// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
-fn tell(head: &str, text: &str) {
+fn message(head: &str, text: &str) {
     let _ = std::io::stderr().write_all(wrapped(head, text).as_bytes());
 }
 
 /// Prints warnings.
 fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| tell("warning: ", warning));
+    warnings.iter().for_each(|warning| message("warning: ", warning));
 }
 
 #[cfg(test)]
@@ -243,18 +240,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_flag_has_help_and_every_verb_a_group() {
+    fn every_verb_is_in_the_help_and_every_flag_has_help() {
         command().debug_assert();
-        let args = Args::command();
-        let grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
-        for verb in args.get_subcommands() {
+        let help = command().render_help().to_string();
+        for verb in Args::command().get_subcommands() {
             let name = verb.get_name();
-            let groups = grouped.iter().filter(|other| **other == name).count();
-            assert_eq!(groups, usize::from(!verb.is_hide_set()), "groups of {name}");
+            assert_ne!(help.contains(&format!("\n  {name:15}")), verb.is_hide_set(), "{name}");
             for flag in verb.get_arguments() {
                 assert!(flag.get_help().is_some(), "{name} {}", flag.get_id());
             }
         }
-        assert_eq!(grouped.len(), args.get_subcommands().filter(|v| !v.is_hide_set()).count());
     }
 }

@@ -6,12 +6,15 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::{PictureFlags, SubjectFlags};
+use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
 use super::report::{Outcome, Report, line};
 use super::{show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
+use crate::export::{Form, flown};
+use crate::plan::Plan;
 use crate::shoot::{Format, Shoot};
 
 #[derive(Debug, Args)]
@@ -20,13 +23,19 @@ pub(super) struct PreviewArgs {
     subject: SubjectFlags,
     #[command(flatten)]
     picture: PictureFlags,
+    /// Fly the trajectory that is exported in this form, decoded as on board
+    #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
+    as_exported: Option<Form>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    let shoot = args.subject.shoot(|scene| args.picture.apply(scene))?;
+    let mut shoot = args.subject.shoot(|scene| args.picture.apply(scene))?;
+    if let Some(form) = args.as_exported {
+        fly_as_exported(&mut shoot, form)?;
+    }
     let folder = OutputFolder::create(&args.output)?;
     let backend = args.picture.backend;
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
@@ -66,4 +75,16 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     text += &line("exposed", &format!("by {backend} on {adapter}"));
     let outcome = verdict.map_or(Outcome::Done, Outcome::from);
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+}
+
+/// Puts the flights of exported trajectories in the place of the plans.
+fn fly_as_exported(shoot: &mut Shoot, form: Form) -> Result<()> {
+    if !shoot.scene.controller.kind.follows_design() {
+        warn(&["this controller holds positions and trails a trajectory on board".to_owned()]);
+    }
+    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    for (planned, plan) in shoot.plans.iter_mut().zip(flown(&plans, form, form.tolerance_m())?) {
+        planned.plan = plan;
+    }
+    Ok(())
 }

@@ -11,7 +11,7 @@ use super::report::Report;
 use super::studies::{StudyFlags, counter, open_store};
 use crate::error::Result;
 use crate::report::endurance;
-use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness};
+use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {
@@ -42,10 +42,10 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let bar = counter("flying", n_each * options.times.len() * (Factor::ALL.len() + 1));
     let found = robustness(&options, Some(&store), &bar)?;
     drop(bar);
-    let title = format!("{}: what breaks the word", options.contender.name);
+    let title = format!("{}: disturbances that break the word", options.contender.name);
     let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
     let files = [
-        csv.keep(|out| write_csv(out, &found))?,
+        csv.keep(|out| out.write_all(robustness_csv(&found).as_bytes()))?,
         svg.keep(|out| out.write_all(endurance(&title, &curves).as_bytes()))?,
     ];
     let json = json!({ "factors": found });
@@ -92,21 +92,4 @@ fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
         text += "\n";
     }
     text
-}
-
-fn write_csv(out: impl Write, found: &[Endurance]) -> std::io::Result<()> {
-    let mut out = csv::Writer::from_writer(out);
-    out.write_record(["factor", "times", "all_read", "legibility", "low", "high", "breaks_at"])?;
-    for e in found {
-        for level in &e.levels {
-            let p = level.legibility;
-            let numbers = [level.times, level.all_read, p.value, p.low, p.high];
-            let breaks_at = e.breaks_at.map_or(String::new(), |times| times.to_string());
-            let row = std::iter::once(name(e).to_owned())
-                .chain(numbers.map(|number| number.to_string()))
-                .chain([breaks_at]);
-            out.write_record(row)?;
-        }
-    }
-    out.flush()
 }

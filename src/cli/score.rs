@@ -1,4 +1,4 @@
-//! `noctograph score`: a photograph is read, and judged.
+//! `noctograph score`: whether the word in a photograph is legible.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -9,13 +9,13 @@ use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
 use super::output::{Output, is_svg};
 use super::report::{Outcome, Report};
 use super::square_on::Corners;
-use super::{show, tell};
-use crate::error::{Error, Result};
+use super::{message, show};
+use crate::error::Result;
 use crate::flight::Flight;
-use crate::geometry::segment_distance;
 use crate::letters::Strokes;
 use crate::photo::Photo;
 use crate::plan::Plan;
+use crate::plan::check::check_written;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
 use crate::score::{Homography, Reader, Reading, View, locate, read};
@@ -23,9 +23,9 @@ use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// Photo to read: PNG or JPEG, ours or a camera's
+    /// Photo to judge: PNG or JPEG, a render or a camera's
     photo: PathBuf,
-    /// Word that it should show; the scene's where it is left out
+    /// Word that it should show [default: the scene's]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
@@ -35,7 +35,7 @@ pub(super) struct ScoreArgs {
     /// camera
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
-    /// Plan that was flown: must write the word
+    /// Plan that was flown: refused unless it writes the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Flights or logs that the photo shows: give speed, lag and contour error
@@ -58,14 +58,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file)?;
     args.camera.apply(&mut scene)?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    // The camera framed the word that was flown, whatever word is looked for now.
+    // The camera framed the word that was flown, even if another one is looked for now.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
     }
     let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
-        check_plan(&Plan::read_csv(path)?, &strokes, &path.display().to_string())?;
+        check_written(&Plan::read_csv(path)?, &strokes)?;
     }
     let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
     let from_scene =
@@ -77,7 +77,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
         }
         None if has_camera => from_scene(&scene)?,
-        None => match by_ink(&photo, &reading, &strokes)? {
+        None => match by_light(&photo, &reading, &strokes)? {
             Some(view) => view,
             None => from_scene(&scene)?,
         },
@@ -105,41 +105,13 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     Ok(report.with_outcome(outcome))
 }
 
-/// Where a word hangs in a photo without a camera.
-fn by_ink(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+/// Locates a word in a photo without a camera.
+fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = locate(photo, reading, strokes)?;
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",
     };
-    tell("note: ", text);
+    message("note: ", text);
     Ok(view)
-}
-
-/// Farthest that a plan's light may be from the word's strokes, in cap heights.
-const PLAN_TOLERANCE_H: f64 = 0.1;
-
-/// Refuses a plan that writes something else.
-fn check_plan(plan: &Plan, strokes: &Strokes, file: &str) -> Result<()> {
-    let lit = |row: usize| plan.lights.values().any(|levels| levels[row] > 0.0);
-    let rows = (0..plan.setpoints.len()).filter(|row| lit(*row));
-    let far_m = PLAN_TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
-    for row in rows {
-        let setpoint = &plan.setpoints[row];
-        let point = [setpoint.position_m.x, setpoint.position_m.z];
-        let glyph = setpoint.letter.map(|letter| strokes.glyphs.get(letter));
-        let Some(glyph) = glyph else { continue };
-        let moves = glyph.into_iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
-        let off_m = moves.map(|step| segment_distance(point, [step.from_m, step.to_m]));
-        if off_m.fold(f64::INFINITY, f64::min) > far_m {
-            let letter = setpoint.letter.map_or(0, |letter| letter + 1);
-            return Err(Error::input(
-                format!("{file}, {:.1} s", setpoint.time_s),
-                format!("light at {:.2} m, {:.2} m in letter {letter}", point[0], point[1]),
-                format!("the strokes of {}", strokes.word),
-                "name the plan, the word and the scene of the same flight",
-            ));
-        }
-    }
-    Ok(())
 }

@@ -78,8 +78,8 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
     )
 }
 
-/// Flight time, tracking error and the last of the simulator's own columns for programs; the error is
-/// null where the drone never left the floor.
+/// Flight time, tracking error and final values of the simulator's own columns for programs; the
+/// error is null where the drone never left the floor.
 pub(super) fn flight_json(flight: &Flight) -> Value {
     let tracking = track(flight, Part::from_flight(flight)).ok();
     let mut json = tracking.as_ref().map_or_else(
@@ -151,7 +151,7 @@ pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<Stri
     json
 }
 
-/// The last figure of one of the simulator's own columns.
+/// The final value of one of the simulator's own columns.
 fn at_end(flight: &Flight, column: &str) -> Option<f64> {
     flight.extra.get(column)?.last().copied()
 }

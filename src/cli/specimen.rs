@@ -35,7 +35,7 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     if !svg && args.output.extension().is_none_or(|end| !end.eq_ignore_ascii_case("png")) {
         let hint = "name the sheet specimen.png or specimen.svg";
         let found = args.output.display();
-        return Err(Error::input("--output", found, "a file *.png or *.svg", hint));
+        return Err(Error::input("output", found, "a file *.png or *.svg", hint));
     }
     let font = Font::open(&args.font, args.trace)?;
     let wanted = args.characters.clone().unwrap_or_else(|| font.characters());

@@ -8,14 +8,16 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{SetFlag, find_scene};
+use super::message;
 use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
-use super::tell;
 use crate::error::{Error, Result};
-use crate::report::{SheetRow, contact_sheet};
+use crate::report::study_sheet;
+use crate::scene::NamedScene;
+use crate::settings::similar;
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Contender, Measures, Ranking, Record, Store, Study};
+use crate::study::{Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -52,7 +54,7 @@ impl StudyFlags {
     }
 
     /// A scene with the keys that were set.
-    pub(super) fn scene(&self, named: &str) -> Result<Contender> {
+    pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
         find_scene(named, &self.set.set)
     }
 
@@ -61,7 +63,14 @@ impl StudyFlags {
         match self.conditions.as_str() {
             "room" => Ok(Conditions::default()),
             "still" => Ok(Conditions::still()),
-            file => Conditions::parse(&read_text(file)?, file),
+            file if Path::new(file).exists() => Conditions::parse(&read_text(file)?, file),
+            name => {
+                let hint = match similar(name, ["room", "still"]) {
+                    Some(similar) => format!("did you mean {similar}?"),
+                    None => "name a file that exists".into(),
+                };
+                Err(Error::input("conditions", name, "room, still, or a TOML file", hint))
+            }
         }
     }
 
@@ -88,7 +97,7 @@ impl StudyFlags {
         };
         let n = n.parse().map_err(|_not_a_number| {
             let wanted = "WORD:N with a whole number of seeds";
-            Error::input("--words", text, wanted, "for example --words NOOR:200,LOG:20")
+            Error::input("words", text, wanted, "for example NOOR:200,LOG:20")
         })?;
         Ok((word.to_owned(), n))
     }
@@ -103,7 +112,7 @@ pub(super) fn open_store(folder: &Path) -> Result<Store> {
     let store = Store::open(folder)?;
     if store.n_known() > 0 {
         let text = format!("{}: {} flights are there already", folder.display(), store.n_known());
-        tell("note: ", &text);
+        message("note: ", &text);
     }
     Ok(store)
 }
@@ -128,152 +137,16 @@ pub(super) fn write_ranking(
 ) -> Result<Vec<PathBuf>> {
     let outputs = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
     let [csv, json, flights, photos] = outputs.map(|name| Output::create(&folder.join(name)));
-    let sheet = contact_sheet(&rows(study, ranking, records)?);
-    let text = ranking_csv(ranking);
+    let sheet = study_sheet(study, ranking, records)?;
     Ok(vec![
-        csv?.keep(|out| out.write_all(text.as_bytes()))?,
+        csv?.keep(|out| out.write_all(ranking_csv(ranking).as_bytes()))?,
         json?.keep(|out| {
             serde_json::to_writer_pretty(&mut *out, ranking)?;
             writeln!(out)
         })?,
-        flights?.keep(|out| write_flights(out, records))?,
+        flights?.keep(|out| out.write_all(flights_csv(records).as_bytes()))?,
         photos?.keep(|out| sheet.write_png(out, None, &[]))?,
     ])
-}
-
-/// Height of a capital in the sheet's photos.
-const SHEET_CAP_HEIGHT_PX: f64 = 110.0;
-
-/// A row a contender: its median and its worst photo.
-fn rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<SheetRow>> {
-    let prepared = study.prepare()?;
-    let trials: Vec<_> = study.trials().collect();
-    let row = |measures: &Measures| {
-        let p = measures.legibility.value;
-        let mut row = SheetRow {
-            title: format!("{}: read with probability {p:.3}", measures.contender),
-            photos: Vec::new(),
-        };
-        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
-            let (trial, record) = (trials[at], &records[at]);
-            if record.outcome.flown.is_none() {
-                continue;
-            }
-            let ready = &prepared[trial.contender * study.words.len() + trial.word];
-            let photo = ready.photo(trial.seed, SHEET_CAP_HEIGHT_PX)?;
-            let read = &record.outcome.read;
-            let p = record.outcome.probability;
-            row.photos.push((photo, format!("{name}: {} as {read}, {p:.2}", record.word)));
-        }
-        Ok(row)
-    };
-    ranking.measures.iter().map(row).collect()
-}
-
-/// All figures of a contender with their names in files; those of the flight where there are any.
-fn estimates(measures: &Measures) -> Vec<(&'static str, Option<Estimate>)> {
-    let flown = measures.flown.as_ref();
-    vec![
-        ("legibility", Some(measures.legibility)),
-        ("worst_decile", Some(measures.worst_decile)),
-        ("all_read", Some(measures.all_read)),
-        ("contour_m", flown.map(|f| f.contour_m)),
-        ("lag_s", flown.map(|f| f.lag_s)),
-        ("rmse_x_m", flown.map(|f| f.rmse_x_m)),
-        ("rmse_y_m", flown.map(|f| f.rmse_y_m)),
-        ("rmse_z_m", flown.map(|f| f.rmse_z_m)),
-        ("drift_y_m", flown.map(|f| f.drift_y_m)),
-        ("tilt_rad", flown.map(|f| f.tilt_rad)),
-        ("saturated_frac", flown.map(|f| f.saturated_frac)),
-        ("duration_s", flown.map(|f| f.duration_s)),
-        ("energy_j", flown.map(|f| f.energy_j)),
-    ]
-}
-
-fn ranking_csv(ranking: &Ranking) -> String {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    let mut header = ["place", "contender", "flights", "lost"].map(str::to_owned).to_vec();
-    for (name, _) in ranking.measures.first().map(estimates).unwrap_or_default() {
-        header.extend([name.to_owned(), format!("{name}_low"), format!("{name}_high")]);
-    }
-    let rows = ranking.measures.iter().map(|m| {
-        let mut row = vec![
-            m.place.to_string(),
-            m.contender.clone(),
-            m.n_flights.to_string(),
-            m.n_lost.to_string(),
-        ];
-        for (_, estimate) in estimates(m) {
-            let shown = |value: fn(Estimate) -> f64| {
-                estimate.map_or(String::new(), |estimate| value(estimate).to_string())
-            };
-            row.extend([shown(|e| e.value), shown(|e| e.low), shown(|e| e.high)]);
-        }
-        row
-    });
-    for row in std::iter::once(header).chain(rows) {
-        out.write_record(row).expect("writing into memory");
-    }
-    String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
-}
-
-/// One row a flight, in the order of the study.
-fn write_flights(out: impl Write, records: &[Record]) -> std::io::Result<()> {
-    let mut out = csv::Writer::from_writer(out);
-    out.write_record([
-        "contender",
-        "word",
-        "seed",
-        "read",
-        "all_read",
-        "legible",
-        "probability",
-        "log_odds",
-        "similarity",
-        "contour_m",
-        "lag_s",
-        "rmse_x_m",
-        "rmse_y_m",
-        "rmse_z_m",
-        "drift_y_m",
-        "tilt_rad",
-        "saturated_frac",
-        "duration_s",
-        "energy_j",
-        "lost",
-    ])?;
-    for record in records {
-        let o = &record.outcome;
-        let figures = o.flown.map(|f| {
-            [
-                f.contour_m,
-                f.lag_s,
-                f.rmse_x_m,
-                f.rmse_y_m,
-                f.rmse_z_m,
-                f.drift_y_m,
-                f.tilt_rad,
-                f.saturated_frac,
-                f.duration_s,
-                f.energy_j,
-            ]
-        });
-        let mut row = vec![
-            record.contender.clone(),
-            record.word.clone(),
-            record.seed.to_string(),
-            o.read.clone(),
-            o.all_read.to_string(),
-            o.legible.to_string(),
-            o.probability.to_string(),
-            o.log_odds.to_string(),
-            o.similarity.to_string(),
-        ];
-        row.extend(figures.map_or(vec![String::new(); 10], |f| f.map(|v| v.to_string()).to_vec()));
-        row.push(o.lost.clone().unwrap_or_default());
-        out.write_record(row)?;
-    }
-    out.flush()
 }
 
 /// A ranking for people and for programs.

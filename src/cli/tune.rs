@@ -14,10 +14,11 @@ use super::report::{Report, wrapped};
 use super::studies::{StudyFlags, counter, open_store, ranking_table};
 use crate::error::{Error, Result};
 use crate::report::pareto;
+use crate::scene::NamedScene;
 use crate::scene::Scene;
 use crate::study::{
-    Candidate, Contender, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, evaluate,
-    rank, tune,
+    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, candidates_csv,
+    evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
@@ -75,7 +76,7 @@ impl std::str::FromStr for Budget {
 
     fn from_str(text: &str) -> Result<Self> {
         let wanted = "a number of flights, or minutes such as 5min";
-        let broken = || Error::input("--budget", text, wanted, "for example --budget 2000");
+        let broken = || Error::input("budget", text, wanted, "for example 2000, or 5min");
         if let Some(minutes) = text.strip_suffix("min") {
             let minutes: f64 = minutes.trim().parse().map_err(|_not_a_number| broken())?;
             let time = Duration::try_from_secs_f64(60.0 * minutes);
@@ -126,7 +127,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 
     let paths = [
         scene_file.keep(|out| write!(out, "{}{}", origin(args, &tuned), tuned.scene.to_toml()))?,
-        candidates_file.keep(|out| write_candidates(out, &options, &tuned))?,
+        candidates_file
+            .keep(|out| out.write_all(candidates_csv(&tuned, &options.knobs).as_bytes()))?,
         pareto_file.keep(|out| out.write_all(plot(&tuned).as_bytes()))?,
     ];
     let (tested, tests) = test(args, &options, &base, &tuned, &store)?;
@@ -166,40 +168,6 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     )
 }
 
-fn write_candidates(out: impl Write, options: &TuneOptions, tuned: &Tuned) -> std::io::Result<()> {
-    let mut out = csv::Writer::from_writer(out);
-    let mut header = [
-        "number",
-        "flights",
-        "given_up",
-        "merit",
-        "legibility",
-        "duration_s",
-        "broken",
-        "on_front",
-    ]
-    .map(str::to_owned)
-    .to_vec();
-    header.extend(options.knobs.iter().map(|knob| knob.keys.join("+")));
-    out.write_record(header)?;
-    for c in &tuned.candidates {
-        let mut row = vec![
-            c.number.to_string(),
-            c.n_flights.to_string(),
-            c.given_up.to_string(),
-            c.merit.to_string(),
-            c.legibility.to_string(),
-            c.duration_s.map_or(String::new(), |s| s.to_string()),
-            c.broken.to_string(),
-            tuned.front.contains(&c.number).to_string(),
-        ];
-        let settings = (0..options.knobs.len()).map(|index| c.point.get(index));
-        row.extend(settings.map(|at| at.map_or(String::new(), f64::to_string)));
-        out.write_record(row)?;
-    }
-    out.flush()
-}
-
 fn plot(tuned: &Tuned) -> String {
     let at = |c: &Candidate| c.duration_s.map(|s| (s, c.legibility));
     let sound = |c: &&Candidate| !c.given_up && c.broken == 0.0;
@@ -232,7 +200,7 @@ fn report(options: &TuneOptions, tuned: &Tuned) -> String {
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,
-    base: &Contender,
+    base: &NamedScene,
     tuned: &Tuned,
     store: &Store,
 ) -> Result<(String, Vec<Value>)> {
@@ -242,12 +210,12 @@ fn test(
     let others: Vec<_> =
         others.filter(|word| !seen(word)).map(|word| (word, args.test_seeds)).collect();
     let again = options.words.iter().map(|(word, _)| (word.clone(), 4 * args.test_seeds)).collect();
-    for (what, words) in [("seeds", again), ("words and seeds", others)] {
+    for (new, words) in [("seeds", again), ("words and seeds", others)] {
         if words.is_empty() || args.test_seeds == 0 {
             continue;
         }
         let study = Study {
-            contenders: vec![base.clone(), Contender::new("tuned", tuned.scene.clone())],
+            contenders: vec![base.clone(), NamedScene::new("tuned", tuned.scene.clone())],
             words,
             conditions: options.conditions.clone(),
             // Neither the search's seeds nor the finals'.
@@ -257,8 +225,8 @@ fn test(
         let bar = counter("testing", trials.len());
         let records = evaluate(&study, &trials, Some(store), &bar)?;
         let ranking = rank(&study, &records);
-        text += &format!("\ntested on new {what}: {}", ranking_table(&study, &ranking));
-        json.push(json!({ "new": what, "measures": ranking.measures, "pairs": ranking.pairs }));
+        text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
+        json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));
     }
     Ok((text, json))
 }

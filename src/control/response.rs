@@ -54,10 +54,12 @@ impl StepResponse {
     }
 
     /// Inputs, each held from its time in `times_s` until the next, that make the loop put out
-    /// `wanted`, in the sense of least squares over the whole span, after a rest at its first value: the zero-phase inverse, which begins to act before it is due.
+    /// `wanted`, in the sense of least squares over the whole span, after a rest at its first
+    /// value: the zero-phase inverse, which begins to act before it is due.
     ///
-    /// `ridge` weighs the square of `input − wanted` against that of the error of the output: motions
-    /// that the loop cannot follow are left out. 0.01 asks for corners sharply, 1 hardly at all.
+    /// `ridge` weighs the square of `input − wanted` against that of the error of the output:
+    /// motions that the loop cannot follow are left out. 0.01 asks for corners sharply, 1 hardly at
+    /// all.
     ///
     /// Method: normal equations, banded since the response settles, by Cholesky's factors. Time
     /// and memory grow with the number of inputs times those within the response.
@@ -94,7 +96,8 @@ impl StepResponse {
             weights.clear();
             weights.extend((from..until).map(|k| {
                 let after = times_s.get(k + 1).map_or(0.0, |next| self.at(time_s - next));
-                // Everything before the window has settled and counts with the window's first input.
+                // Everything before the window has settled and counts with the window's first
+                // input.
                 if k == from && from > 0 {
                     1.0 - after
                 } else {

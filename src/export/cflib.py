@@ -1,68 +1,66 @@
 #!/usr/bin/env python3
-"""Flies a light painting with a Crazyflie, switches its lights and records the flight.
+"""Writes a word with light: flies a Crazyflie, switches its lights and records the flight.
 
 Made by noctograph. Needs: pip install cflib
     python3 SCRIPT --dry-run      prints everything that would be sent, without a radio
     python3 SCRIPT --uri radio://0/80/2M/E7E7E7E7E7
 
-The drone stands where it will take off, x to the photographer's right, and the positioning system
-runs. Nothing moves before you press Enter. Ctrl-C lands; a second Ctrl-C stops the motors.
+The drone stands where the plan takes off, its nose along the world's x axis, and the positioning
+system runs. Before you press Enter the script only reads, resets the position estimate and uploads.
+Ctrl-C lands where the drone is; a second Ctrl-C stops the motors.
 """
 
 import argparse
 import json
-import sys
+import math
+import os
 import threading
 import time
 
-DATA = json.loads(@DATA@)
-
 BATTERY_MIN_V = 3.8  # at rest; a full cell has 4.1 to 4.2 V
-START_RADIUS_M = 0.3  # largest distance of the drone from the plan's start
+BATTERY_EMPTY_V = 3.0  # in flight, over a second: lands
+START_RADIUS_M = 0.2  # largest distance of the drone from the plan's start
 VARIANCE_MAX_M2 = 1e-3  # of the estimated position, when it has settled
 SETTLE_S = 10.0
-TAKE_OFF_S = 2.5
-LAND_S = 2.5
+TAKE_OFF_S = 3.0
+SINK_M_S = 0.3
+RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 LOG_PERIOD_MS = 20
 
-# What noctograph's import, compare and learn read; 26 bytes of payload a block at most.
-LOG = {
-    "position": ["stateEstimate.x", "stateEstimate.y", "stateEstimate.z",
-                 "stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"],
-    "attitude": ["stateEstimate.yaw", "stateEstimate.pitch", "stateEstimate.roll"],
-    "rate": ["gyro.x", "gyro.y", "gyro.z"],
-    "target": ["ctrltarget.x", "ctrltarget.y", "ctrltarget.z"],
-    "motors": ["motor.m1", "motor.m2", "motor.m3", "motor.m4", "pm.vbat"],
-}
+# What noctograph's import, compare and learn read, by type; 26 bytes a block at most.
+LOG = @LOG@
+# The observer of the AE483 course, where the firmware has it.
+OPTIONAL = @OPTIONAL@
 
 
-class LinkLost(Exception):
-    """The radio link broke; the firmware's watchdog takes the drone down."""
+class Stopped(Exception):
+    """The flight ends early; the text says why."""
+
+
+class LinkLost(Stopped):
+    """Nothing can be sent anymore."""
 
 
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    def __init__(self):
-        self.now_s = 0.0
+    now_s = 0.0
 
     def clock(self):
         return self.now_s
 
-    def wait_until(self, time_s):
+    def wait_until(self, time_s, watching=True):
         self.now_s = max(self.now_s, time_s)
 
     def __getattr__(self, command):
+        if command.startswith("_"):
+            raise AttributeError(command)
+
         def send(*values):
-            text = ", ".join(f"{v:.4f}" if isinstance(v, float) else str(v) for v in values)
+            text = ", ".join(f"{v:.6g}" if isinstance(v, float) else str(v) for v in values)
             print(f"{self.now_s:9.3f} s  {command}({text})")
+
         return send
-
-    def ready(self):
-        print("           checks battery, position and its variance")
-
-    def finish(self):
-        print("           writes the log")
 
 
 class Drone:
@@ -71,7 +69,9 @@ class Drone:
     def __init__(self, cf, log_file):
         self.cf, self.log_file = cf, log_file
         self.high = cf.high_level_commander
-        self.columns, self.blocks, self.latest = {}, [], {}
+        self.columns, self.blocks = {}, []
+        self.stamp_ms, self.stamped_s, self.low = None, 0.0, 0
+        self.stopped = threading.Event()  # set by the launcher when another drone ends early
         self.lost = threading.Event()
         cf.disconnected.add_callback(lambda uri: self.lost.set())
         cf.connection_lost.add_callback(lambda uri, message: self.lost.set())
@@ -79,11 +79,15 @@ class Drone:
     def clock(self):
         return time.monotonic()
 
-    def wait_until(self, time_s):
+    def wait_until(self, time_s, watching=True):
         while True:
             if self.lost.is_set():
                 raise LinkLost("the radio link was lost")
-            left_s = time_s - time.monotonic()
+            if watching and self.stopped.is_set():
+                raise Stopped("another drone ended early")
+            if watching and self.low * LOG_PERIOD_MS > 1000:
+                raise Stopped("the battery is empty")
+            left_s = time_s - self.clock()
             if left_s <= 0.0:
                 return
             time.sleep(min(left_s, 0.05))
@@ -91,27 +95,34 @@ class Drone:
     def param(self, name, value):
         self.cf.param.set_value(name, value)
 
+    def light(self, name, value, channel, level):
+        self.param(name, value)
+        self._note(channel, level)
+
     def position(self, x, y, z):
         self.cf.commander.send_position_setpoint(x, y, z, 0.0)
 
-    def full_state(self, p, v, a):
-        self.cf.commander.send_full_state_setpoint(p, v, a, [0.0, 0.0, 0.0, 1.0], 0.0, 0.0, 0.0)
+    def full_state(self, position, velocity, acceleration):
+        # cflib truncates to millimeters; a quarter of one makes that rounding.
+        rounded = [[(round(1000 * v) + math.copysign(0.25, v)) / 1000 for v in vector]
+                   for vector in (position, velocity, acceleration)]
+        self.cf.commander.send_full_state_setpoint(*rounded, [0.0, 0.0, 0.0, 1.0], 0.0, 0.0, 0.0)
 
-    def upload(self, data, n_pieces):
+    def upload(self, n_bytes, data, n_pieces):
         from cflib.crazyflie.mem import MemoryElement
 
         class Raw:
             def pack(self):
-                return data
+                return bytes.fromhex(data)
 
         memory = self.cf.mem.get_mems(MemoryElement.TYPE_TRAJ)[0]
         memory.trajectory = [Raw()]
         if not memory.write_data_sync():
-            raise RuntimeError("the trajectory could not be uploaded")
+            raise Stopped("the trajectory could not be uploaded")
         self.high.define_trajectory(1, 0, n_pieces, type=1)
 
     def start_trajectory(self):
-        self.high.start_trajectory(1, 1.0, False)
+        self.high.start_trajectory(1, 1.0)
 
     def take_off(self, z, duration_s):
         self.high.takeoff(z, duration_s)
@@ -123,121 +134,178 @@ class Drone:
         self.cf.supervisor.send_arming_request(True)
 
     def hand_over(self):
+        """Lets the commander on board take over from the setpoints, at the last one."""
         self.cf.commander.send_notify_setpoint_stop()
 
     def land(self, duration_s):
         self.high.land(0.0, duration_s)
 
     def stop(self):
-        self.cf.commander.send_stop_setpoint()
         self.high.stop()
+        self.cf.commander.send_stop_setpoint()
 
     def log(self):
+        known = self.cf.log.toc.get_element_by_complete_name
+        optional = {name: vs for name, vs in OPTIONAL.items() if all(known(v) for v in vs)}
+        for name, variables in {**LOG, **optional}.items():
+            self.blocks.append(self._block(name, LOG_PERIOD_MS, variables, self._row))
+
+    def _block(self, name, period_ms, variables, received):
         from cflib.crazyflie.log import LogConfig
 
-        for name, variables in LOG.items():
-            block = LogConfig(name=name, period_in_ms=LOG_PERIOD_MS)
-            for variable in variables:
-                block.add_variable(variable)
-                self.columns[variable] = {"time": [], "data": []}
-            block.data_received_cb.add_callback(self._row)
-            self.cf.log.add_config(block)
-            block.start()
-            self.blocks.append(block)
+        block = LogConfig(name=name, period_in_ms=period_ms)
+        for variable, kind in variables.items():
+            block.add_variable(variable, kind)
+        block.data_received_cb.add_callback(received)
+        self.cf.log.add_config(block)
+        block.start()
+        return block
 
-    def _row(self, timestamp_ms, values, block):
+    def _row(self, stamp_ms, values, block):
+        if self.stamp_ms is None:
+            self.stamp_ms = stamp_ms
+            for channel in DATA["channels"]:
+                self._note(channel, 0.0, stamp_ms)
+        self.stamp_ms, self.stamped_s = stamp_ms, self.clock()
         for variable, value in values.items():
-            self.columns[variable]["time"].append(timestamp_ms)
-            self.columns[variable]["data"].append(value)
+            self._add(variable, stamp_ms, value)
+        if "pm.vbat" in values:
+            self.low = self.low + 1 if values["pm.vbat"] < BATTERY_EMPTY_V else 0
+
+    def _note(self, channel, level, stamp_ms=None):
+        """Keeps a light command in the log, on the drone's clock."""
+        if stamp_ms is None and self.stamp_ms is not None:
+            stamp_ms = round(self.stamp_ms + 1000 * (self.clock() - self.stamped_s))
+        if stamp_ms is not None:
+            self._add(f"light.{channel}", stamp_ms, level)
+
+    def _add(self, name, stamp_ms, value):
+        column = self.columns.setdefault(name, {"time": [], "data": []})
+        column["time"].append(stamp_ms)
+        column["data"].append(value)
 
     def ready(self):
         """Waits for a position that has settled; refuses a low battery and a wrong place."""
-        from cflib.crazyflie.log import LogConfig
-
-        check = LogConfig(name="check", period_in_ms=100)
-        for variable in ["stateEstimate.x", "stateEstimate.y", "pm.vbat",
-                         "kalman.varPX", "kalman.varPY", "kalman.varPZ"]:
-            check.add_variable(variable)
-        check.data_received_cb.add_callback(lambda stamp, values, block: self.latest.update(values))
-        self.cf.log.add_config(check)
-        check.start()
+        self.param("kalman.resetEstimation", 1)
+        self.wait_until(self.clock() + 0.1)
+        self.param("kalman.resetEstimation", 0)
+        self.wait_until(self.clock() + 2.0)
+        latest = {}
+        names = ["stateEstimate.x", "stateEstimate.y", "pm.vbat",
+                 "kalman.varPX", "kalman.varPY", "kalman.varPZ"]
+        check = self._block("check", 100, dict.fromkeys(names, "float"),
+                            lambda stamp, values, block: latest.update(values))
         end_s = self.clock() + SETTLE_S
-        settled = False
-        while not settled:
+        while max(latest.get(name, 1.0) for name in names[3:]) >= VARIANCE_MAX_M2:
             if self.clock() > end_s:
-                sys.exit(f"error: no settled position after {SETTLE_S:.0f} s ({self.latest}); is the "
-                         "positioning system on, and its geometry on the drone?")
+                raise Stopped(f"no settled position after {SETTLE_S:.0f} s: is the positioning "
+                              "system on, and its geometry on the drone?")
             self.wait_until(self.clock() + 0.2)
-            variances = [self.latest.get(f"kalman.varP{axis}", 1.0) for axis in "XYZ"]
-            settled = max(variances) < VARIANCE_MAX_M2
         check.stop()
-        battery_v = self.latest.get("pm.vbat", 0.0)
+        x, y, battery_v = (latest[name] for name in names[:3])
         if battery_v < BATTERY_MIN_V:
-            sys.exit(f"error: the battery has {battery_v:.2f} V, {BATTERY_MIN_V} V are wanted: "
-                     "charge it")
-        x, y = self.latest["stateEstimate.x"], self.latest["stateEstimate.y"]
-        start_x, start_y, _ = DATA["start_m"]
-        if abs(x - start_x) > START_RADIUS_M or abs(y - start_y) > START_RADIUS_M:
-            sys.exit(f"error: the drone stands at ({x:.2f}, {y:.2f}) m, the plan starts at "
-                     f"({start_x:.2f}, {start_y:.2f}) m: carry it there")
+            raise Stopped(f"the battery has {battery_v:.2f} V, {BATTERY_MIN_V} V are wanted: "
+                          "charge it")
+        start_x, start_y = DATA["start_m"]
+        if math.hypot(x - start_x, y - start_y) > START_RADIUS_M:
+            raise Stopped(f"the drone stands at ({x:.2f}, {y:.2f}) m, the plan starts at "
+                          f"({start_x:.2f}, {start_y:.2f}) m: carry it there")
         print(f"ready: battery {battery_v:.2f} V, at ({x:.2f}, {y:.2f}) m")
 
     def finish(self):
         for block in self.blocks:
             if not self.lost.is_set():
                 block.stop()
-        with open(self.log_file, "w", encoding="utf-8") as file:
+        stem, ending = os.path.splitext(self.log_file)
+        path, number = self.log_file, 2
+        while os.path.exists(path):
+            path, number = f"{stem}-{number}{ending}", number + 1
+        with open(path, "w", encoding="utf-8") as file:
             json.dump(self.columns, file)
-        print(f"log: {self.log_file}; next: noctograph import {self.log_file}")
+        print(f"log: {path}")
+
+
+def paced(time_s, clock):
+    """True time of a time in the plan, where the clock on board runs at another rate."""
+    start_s = DATA["trajectory"]["start_s"]
+    return start_s + (time_s - start_s) / clock
 
 
 def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
-    listed = [(t / clock, "param", (name, value)) for t, name, value in DATA["lights"]]
+    listed = [(paced(time_s, clock), "light", tuple(values)) for time_s, *values in DATA["lights"]]
     if mode == "trajectory":
-        listed.append((DATA["trajectory"]["start_s"], "start_trajectory", ()))
-    else:
-        for t, sent, p, v, a in DATA["setpoints"]:
-            send = ("position", tuple(sent)) if mode == "position" else ("full_state", (p, v, a))
-            listed.append((t, *send))
+        start = (DATA["trajectory"]["start_s"], "start_trajectory", ())
+        return sorted([start] + listed, key=lambda event: event[0])
+    rows = DATA["setpoints"]
+    for index, (time_s, sent, p, v, a) in enumerate(rows):
+        until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
+        since_s = 0.0
+        while since_s == 0.0 or time_s + since_s < until_s - RESEND_S / 2:
+            moved = [(x + vx * since_s + ax * since_s**2 / 2, vx + ax * since_s)
+                     for x, vx, ax in zip(p, v, a)]
+            values = tuple(sent) if mode == "position" else (
+                [x for x, _ in moved], [vx for _, vx in moved], a)
+            listed.append((time_s + since_s, mode, values))
+            since_s += RESEND_S
     return sorted(listed, key=lambda event: event[0])
 
 
-def fly(drone, mode, clock):
-    for name, value in DATA["parameters"] + [["stabilizer.controller", DATA["controllers"][mode]]]:
-        drone.param(name, value)
+def prepare(drone, mode):
+    """Checks the drone and loads its memory; nothing moves and no lamp changes."""
     drone.ready()
     if mode == "trajectory":
-        drone.upload(bytes.fromhex(DATA["trajectory"]["hex"]), DATA["trajectory"]["pieces"])
-    if not isinstance(drone, Paper):
-        input("Lights out, shutter ready? Enter takes off, Ctrl-C ends. ")
+        trajectory = DATA["trajectory"]
+        drone.upload(len(trajectory["hex"]) // 2, trajectory["hex"], trajectory["pieces"])
+
+
+def fly(drone, mode, controller, clock, begin=lambda: None):
+    """Takes off, writes and lands. `begin` returns when all drones may start."""
+    for name, value in DATA["parameters"] + [["stabilizer.controller", controller]]:
+        drone.param(name, value)
+    if controller == DATA["controller"]:
+        for name, value in DATA["gains"]:
+            drone.param(name, value)
     drone.log()
-    drone.arm()
+    drone.wait_until(drone.clock() + 0.5)
+    begin()
+    airborne = False
     try:
-        x, y, z = DATA["first_m"]
-        drone.take_off(z, TAKE_OFF_S)
-        drone.wait_until(drone.clock() + TAKE_OFF_S)
-        drone.go_to(x, y, z, TAKE_OFF_S)
-        drone.wait_until(drone.clock() + TAKE_OFF_S)
-        zero_s = drone.clock() - DATA["write_from_s"]
+        drone.arm()
+        drone.wait_until(drone.clock() + 0.5)
+        airborne = True
+        begin_s = 0.0
+        if mode == "trajectory":
+            x, y, z = DATA["trajectory"]["first_m"]
+            begin_s = DATA["before_s"]
+            for command, values in [("take_off", (z,)), ("go_to", (x, y, z))]:
+                getattr(drone, command)(*values, TAKE_OFF_S)
+                drone.wait_until(drone.clock() + TAKE_OFF_S + 0.5)
+        zero_s = drone.clock() - begin_s
         for time_s, command, values in events(mode, clock):
-            if time_s >= DATA["write_from_s"]:
-                drone.wait_until(zero_s + time_s)
-                getattr(drone, command)(*values)
-        drone.wait_until(zero_s + DATA["write_to_s"])
-    finally:
-        end(drone, mode)
+            drone.wait_until(zero_s + time_s)
+            getattr(drone, command)(*values)
+        drone.wait_until(zero_s + paced(DATA["end_s"], clock))
+    except LinkLost:
+        drone.finish()
+        raise
+    except BaseException:
+        end(drone, mode, airborne)
+        raise
+    end(drone, mode, airborne)
 
 
-def end(drone, mode):
+def end(drone, mode, airborne):
     """Lights off, down, motors off; the log is kept whatever happens."""
     try:
-        for name, value in DATA["dark"]:
-            drone.param(name, value)
-        if mode != "trajectory":
-            drone.hand_over()
-        drone.land(LAND_S)
-        drone.wait_until(drone.clock() + LAND_S)
+        if airborne:
+            for values in DATA["dark"]:
+                drone.light(*values)
+            if mode != "trajectory":
+                drone.hand_over()
+            duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
+            drone.land(duration_s)
+            drone.wait_until(drone.clock() + duration_s + 0.5, watching=False)
         drone.stop()
     except KeyboardInterrupt:
         drone.stop()
@@ -247,34 +315,58 @@ def end(drone, mode):
         drone.finish()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=f"Writes {DATA['word']!r} with light.")
-    parser.add_argument("--uri", default="radio://0/80/2M/E7E7E7E7E7")
+def options(parser):
     parser.add_argument("--mode", choices=["position", "full-state", "trajectory"],
                         default=DATA["mode"], help="what is sent (default: %(default)s)")
-    parser.add_argument("--clock", type=float, default=DATA["clock"], metavar="RATE",
-                        help="rate of the on-board trajectory clock; 0.98824 (84/85) on firmware "
-                             "before August 2026 (default: %(default)s)")
-    parser.add_argument("--log", default=DATA["log"], help="file for the flight (%(default)s)")
+    parser.add_argument("--controller", type=int, default=DATA["controller"], metavar="N",
+                        help="stabilizer.controller: 1 PID, 2 Mellinger, 5 Lee, or the number of "
+                             "your own in your firmware (default: %(default)s)")
+    parser.add_argument("--clock", type=float, default=1.0, metavar="RATE",
+                        help="rate of the clock on board that paces a trajectory: 0.98824 (84/85) "
+                             "on firmware before August 2026 (default: %(default)s)")
     parser.add_argument("--dry-run", action="store_true", help="print what would be sent")
-    args = parser.parse_args()
+
+
+def settings(args, parser):
+    """Mode, controller and clock as they were typed."""
+    if args.controller is None:
+        parser.error("this plan is for a controller of your own: say its number with --controller")
     mode = args.mode.replace("-", "_")
-    clock = args.clock if mode == "trajectory" else 1.0
+    if mode == "trajectory" and not DATA["trajectory"]["hex"]:
+        parser.error(DATA["trajectory"]["refused"])
+    return mode, args.controller, args.clock if mode == "trajectory" else 1.0
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Writes a word with light.")
+    parser.add_argument("--uri", default=DATA["uri"], help="address (default: %(default)s)")
+    parser.add_argument("--log", default=DATA["log"], help="file for the flight (%(default)s)")
+    options(parser)
+    args = parser.parse_args()
+    mode, controller, clock = settings(args, parser)
     if args.dry_run:
-        return fly(Paper(), mode, clock)
+        prepare(Paper(), mode)
+        return fly(Paper(), mode, controller, clock)
     import cflib.crtp
     from cflib.crazyflie import Crazyflie
     from cflib.crazyflie.syncCrazyflie import SyncCrazyflie
 
     cflib.crtp.init_drivers()
-    with SyncCrazyflie(args.uri, cf=Crazyflie(rw_cache="./cache")) as link:
-        try:
-            fly(Drone(link.cf, args.log), mode, clock)
-        except KeyboardInterrupt:
-            sys.exit("stopped by Ctrl-C")
-        except LinkLost as lost:
-            sys.exit(f"error: {lost}")
+    try:
+        with SyncCrazyflie(args.uri, cf=Crazyflie(rw_cache="./cache")) as link:
+            link.wait_for_params()
+            drone = Drone(link.cf, args.log)
+            prepare(drone, mode)
+            input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
+            fly(drone, mode, controller, clock)
+    except KeyboardInterrupt:
+        raise SystemExit("stopped by Ctrl-C") from None
+    except Stopped as stopped:
+        raise SystemExit(f"error: {stopped}") from None
 
+
+# The plan, as `noctograph export` made it.
+DATA = json.loads(@DATA@)
 
 if __name__ == "__main__":
     main()

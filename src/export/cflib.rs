@@ -1,109 +1,187 @@
 //! A Python script that flies a plan with cflib, switches its lights and records the flight.
 //!
 //! The script is `cflib.py`; the plan enters as one JSON text in a string literal, so that no word
-//! becomes code.
+//! becomes code. The script sends positions or full states (position, velocity and acceleration)
+//! over the radio, or starts a compressed trajectory on board.
 
 use serde_json::{Value, json};
 
-use super::compressed::{Compressed, MEMORY_BYTES};
-use super::lights::{LampColors, preparation, writes};
+use super::compressed::Compressed;
+use super::lights::{Command, commands, dark, preparation};
+use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
 use super::pieces::Stretch;
+use super::{Job, gains, stem};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
+use crate::settings::settings;
+use crate::sim::ControllerKind;
 
-/// The script, with `@DATA@` in place of the plan.
+/// The script, with `@DATA@`, `@LOG@` and `@OPTIONAL@` in place of the plan and the log's variables.
 const SCRIPT: &str = include_str!("cflib.py");
+/// The script for several drones, with `@SCRIPTS@` in place of their scripts' names.
+const LAUNCHER: &str = include_str!("launcher.py");
 
-/// What the script sends while writing, if its user asks for nothing else.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
-    /// Positions, as the plan sends them.
-    #[default]
-    Position,
-    /// Position, velocity and acceleration of the design.
-    FullState,
-    /// A compressed trajectory on board.
-    Trajectory,
+/// Shortest time between two setpoints over the radio, s.
+const MIN_INTERVAL_S: f64 = 0.02;
+/// Redundant setpoints move by less than this, m.
+const SAME_M: f64 = 2e-5;
+/// Flight after the last light command, s.
+const AFTERGLOW_S: f64 = 0.2;
+
+settings! {
+    /// What a script sends while the drone writes.
+    pub enum Mode {
+        /// Positions, as the plan sends them.
+        "position" => Position,
+        /// Position, velocity and acceleration of the design.
+        "full-state" => FullState,
+        /// The start of a compressed trajectory on board.
+        "trajectory" => Trajectory,
+    }
 }
 
-/// The script for one drone. `word` names its log.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a plan without letters or with a lamp that has no parameter,
-/// [`Error::Infeasible`] where a trajectory was asked for and does not fit.
-pub fn script(
-    plan: &Plan,
-    word: &str,
-    colors: LampColors,
-    mode: Mode,
-    tolerance_m: f64,
-) -> Result<String> {
-    let data = data(plan, word, colors, mode, tolerance_m)?;
+/// The script for one drone of several, counted from 0; `before_s` is when the first of them starts
+/// its trajectory, in the time of their plans.
+pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<String> {
+    let data = data(job, drone, before_s)?;
     // A JSON text as a JSON string is a Python string literal as well.
     let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
-    Ok(SCRIPT.replace("@DATA@", &literal))
+    let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
+    let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
+    Ok(script.replace("@DATA@", &literal))
 }
 
-fn data(
-    plan: &Plan,
-    word: &str,
-    colors: LampColors,
-    mode: Mode,
-    tolerance_m: f64,
-) -> Result<Value> {
+/// The script that flies several drones by theirs.
+pub(super) fn launcher(scripts: &[String]) -> String {
+    LAUNCHER.replace("@SCRIPTS@", &serde_json::to_string(scripts).expect("names are serializable"))
+}
+
+fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
+    let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
-    let trajectory = Compressed::encode(plan, tolerance_m)?;
-    let bytes = trajectory.to_bytes();
-    if mode == Mode::Trajectory && bytes.len() > MEMORY_BYTES {
-        return Err(Error::Infeasible {
-            what: format!(
-                "the trajectory has {} bytes, the drone's memory {MEMORY_BYTES}",
-                bytes.len()
-            ),
-            hint: "write fewer letters, allow a larger distance from the design, or send positions"
-                .into(),
-        });
-    }
-    let lights = writes(plan, colors)?;
-    let setpoints = plan.setpoints.iter().enumerate().map(|(i, s)| {
-        let [sent, p, v, a] = [plan.sent_m(i), s.position_m, s.velocity_m_s, s.acceleration_m_s2]
-            .map(|vector| [vector.x, vector.y, vector.z]);
-        json!([s.time_s, sent, p, v, a])
-    });
+    let lights = commands(plan, job.light)?;
+    let commands = |commands: &[Command]| -> Vec<Value> {
+        let one = |c: &Command| json!([c.time_s, c.parameter, c.value, c.channel, c.level]);
+        commands.iter().map(one).collect()
+    };
+    let end_s = end_s(plan, &stretch, &lights);
+    let trajectory = match job.trajectory_clock {
+        1.0 => Compressed::encode(plan, job.tolerance_m),
+        clock => {
+            let wanted = "1 for a trajectory on board";
+            let hint = "plan with 1, and give the clock to the script (--clock)";
+            Err(Error::input("plan.trajectory_clock", clock, wanted, hint))
+        }
+    };
+    let (bytes, pieces, refused) = match trajectory {
+        Ok(trajectory) => (trajectory.to_bytes(), trajectory.n_pieces(), None),
+        Err(error) if job.mode == Mode::Trajectory => return Err(error),
+        Err(error) => (Vec::new(), 0, Some(error.to_string())),
+    };
     let first_m = stretch.setpoint(0).position_m;
     let start_m = plan.setpoints[0].position_m;
-    let (from_s, to_s) = (stretch.start_s(), stretch.start_s() + stretch.duration_s());
-    let stem: String = word.chars().filter(|c| c.is_ascii_alphanumeric()).collect();
+    let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
+    let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
     Ok(json!({
-        "word": word,
-        "mode": match mode {
-            Mode::Position => "position",
-            Mode::FullState => "full-state",
-            Mode::Trajectory => "trajectory",
-        },
-        "clock": 1.0,
-        "log": format!("{}_flight.json", if stem.is_empty() { "light" } else { &stem }),
-        "start_m": [start_m.x, start_m.y, start_m.z],
-        "first_m": [first_m.x, first_m.y, first_m.z],
-        "write_from_s": from_s,
-        "write_to_s": to_s,
+        "word": job.word,
+        "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
+        "mode": job.mode.name(),
+        "controller": firmware_controller(job.sim.controller.kind),
+        "gains": gains::parameters(job.sim),
+        "log": format!("{}_flight{number}.json", stem(job.word)),
+        "start_m": [start_m.x, start_m.y],
+        "top_m": heights.fold(0.0, f64::max),
+        "before_s": before_s,
+        "end_s": end_s,
+        "channels": plan.lights.keys().collect::<Vec<_>>(),
         "parameters": parameters(plan),
-        "controllers": { "position": 1, "full_state": 2, "trajectory": 2 },
-        "dark": [["ring.headlightEnable", 0], ["ring.effect", 0]],
-        "lights": lights.iter().map(|w| json!([w.time_s, w.parameter, w.value])).collect::<Vec<_>>(),
-        "setpoints": setpoints.collect::<Vec<_>>(),
+        "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
+            .collect::<Vec<_>>(),
+        "lights": commands(&lights),
+        "setpoints": setpoints(plan, end_s)?,
         "trajectory": {
-            "start_s": from_s,
-            "pieces": trajectory.n_pieces(),
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
+            "start_s": stretch.start_s(),
+            "first_m": [first_m.x, first_m.y, first_m.z],
+            "pieces": pieces,
+            "refused": refused,
         },
     }))
 }
 
-/// Parameters that are set before the flight: estimator, high-level commander, dark lamps.
+/// Parameters that are set before the flight: estimator, high-level commander, lamps.
 fn parameters(plan: &Plan) -> Vec<(&'static str, u32)> {
     let mut parameters = vec![("stabilizer.estimator", 2), ("commander.enHighLevel", 1)];
     parameters.extend(preparation(plan));
     parameters
+}
+
+/// Number of the controller in the firmware (`controller.h`), where the firmware has it.
+fn firmware_controller(kind: ControllerKind) -> Option<u32> {
+    match kind {
+        ControllerKind::Pid => Some(1),
+        ControllerKind::Geometric => Some(5),
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => None,
+    }
+}
+
+/// When writing is over: all letters flown and all lights off; s in the plan.
+fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
+    let letters_s = stretch.start_s() + stretch.duration_s();
+    let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
+    let in_the_air = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
+    letters_s.max(dark_s).min(in_the_air.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
+}
+
+/// What is sent over the radio: the plan in the air without the setpoints that only carry a light
+/// command, each as `[time, position sent, position, velocity, acceleration]`.
+fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
+    let mut kept: Vec<usize> = Vec::new();
+    let in_the_air = |row: &usize| {
+        let setpoint = &plan.setpoints[*row];
+        !setpoint.on_floor() && setpoint.time_s <= end_s
+    };
+    for row in (0..plan.setpoints.len()).filter(in_the_air) {
+        let setpoint = &plan.setpoints[row];
+        let Some(&before) = kept.last() else {
+            kept.push(row);
+            continue;
+        };
+        let last = &plan.setpoints[before];
+        if setpoint.time_s - last.time_s >= MIN_INTERVAL_S - 1e-6 {
+            kept.push(row);
+            continue;
+        }
+        // Too soon: of two setpoints the one that merely goes on is left out.
+        let goes_on = |from: usize, to: usize| {
+            let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
+            let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
+            held || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
+        };
+        let earlier = kept.len().checked_sub(2).map(|index| kept[index]);
+        if goes_on(before, row) && setpoint.letter == last.letter {
+            let replaces = earlier.is_some_and(|earlier| goes_on(earlier, before));
+            if replaces {
+                *kept.last_mut().expect("a setpoint") = row;
+            }
+        } else if earlier.is_some_and(|earlier| goes_on(earlier, before)) {
+            *kept.last_mut().expect("a setpoint") = row;
+        } else {
+            let hz = 1.0 / (setpoint.time_s - last.time_s);
+            return Err(Error::Infeasible {
+                what: format!(
+                    "{hz:.0} setpoints a second at {:.2} s, the radio carries 50",
+                    last.time_s
+                ),
+                hint: "raise plan.setpoint_interval_s, or fly a trajectory on board".into(),
+            });
+        }
+    }
+    let rows = kept.into_iter().map(|row| {
+        let s = &plan.setpoints[row];
+        let [sent, p, v, a] = [plan.sent_m(row), s.position_m, s.velocity_m_s, s.acceleration_m_s2]
+            .map(|vector| [vector.x, vector.y, vector.z]);
+        json!([s.time_s, sent, p, v, a])
+    });
+    Ok(rows.collect())
 }

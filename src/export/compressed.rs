@@ -27,6 +27,8 @@ const MAX_COORDINATE_M: f64 = 32.767;
 const CONSTANT_M: f64 = 0.0005;
 /// Distance that an axis may be off when it is flown linearly, m.
 const LINEAR_M: f64 = 0.0008;
+/// A piece that is cubic on three axes.
+const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 /// What ends a trajectory.
 const END: [u8; 3] = [0; 3];
 
@@ -62,21 +64,22 @@ impl Axis {
         }
     }
 
+    /// Its four control points as a cubic, mm.
+    fn control_mm(self, start_mm: i16) -> [f64; 4] {
+        let (a, d) = (f64::from(start_mm), f64::from(self.end_mm(start_mm)));
+        match self {
+            Self::Constant | Self::Linear(_) => [a, a + (d - a) / 3.0, d - (d - a) / 3.0, d],
+            Self::Cubic([b, c, _]) => [a, f64::from(b), f64::from(c), d],
+        }
+    }
+
     /// Position at a share of the piece's duration, mm.
     fn at(self, start_mm: i16, share: f64) -> f64 {
-        let start_mm = f64::from(start_mm);
-        match self {
-            Self::Constant => start_mm,
-            Self::Linear(end_mm) => start_mm + (f64::from(end_mm) - start_mm) * share,
-            Self::Cubic(points_mm) => {
-                let [b, c, d] = points_mm.map(f64::from);
-                let rest = 1.0 - share;
-                start_mm * rest * rest * rest
-                    + 3.0 * b * rest * rest * share
-                    + 3.0 * c * rest * share * share
-                    + d * share * share * share
-            }
-        }
+        let ([a, b, c, d], rest) = (self.control_mm(start_mm), 1.0 - share);
+        a * rest * rest * rest
+            + 3.0 * b * rest * rest * share
+            + 3.0 * c * rest * share * share
+            + d * share * share * share
     }
 
     fn code(self) -> u8 {
@@ -102,19 +105,50 @@ impl Compressed {
     /// # Errors
     ///
     /// [`Error::Input`] for a plan without letters; [`Error::Infeasible`] for one beyond ±32.767 m,
-    /// or with setpoints more than 65.535 s apart.
+    /// with setpoints more than 65.535 s apart, or longer than the memory.
     pub fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
-        check_range(&stretch)?;
+        let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
+        let bytes = trajectory.to_bytes().len();
+        if bytes <= MEMORY_BYTES {
+            return Ok(trajectory);
+        }
+        // Bytes and time as the pieces end; a run-out of one more piece ends each part.
+        let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
+        for piece in &trajectory.pieces {
+            used += piece.n_bytes();
+            if used > MEMORY_BYTES {
+                break;
+            }
+            until_s += piece.duration_s();
+        }
+        let found = format!("{bytes} bytes compressed, the drone's memory holds {MEMORY_BYTES}");
+        let hint = "share the word among more drones, accept a larger distance from the design, or \
+                    send setpoints over the radio (script for cflib)";
+        Err(stretch.too_long(until_s, &found, hint))
+    }
+
+    /// Bytes of a plan within a distance of its design, whether or not they fit the memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::encode`], but for the length.
+    pub fn n_bytes(plan: &Plan, tolerance_m: f64) -> Result<usize> {
+        Ok(Self::of_any_length(&Stretch::new(plan)?, tolerance_m)?.to_bytes().len())
+    }
+
+    /// The same, whether or not it fits the memory.
+    pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
+        check_range(stretch)?;
         let start_mm = millimeters(stretch.setpoint(0).position_m);
         let (mut pieces, mut at, mut here_mm) = (Vec::new(), 0, start_mm);
         while at < stretch.last() {
             let fits = |to| {
                 stretch.time_s(to) - stretch.time_s(at) < MAX_PIECE_S
-                    && error_m(&stretch, at, to, here_mm) <= tolerance_m
+                    && error_m(stretch, at, to, here_mm) <= tolerance_m
             };
             let to = longest(at, stretch.last(), fits);
-            let piece = piece(&stretch, at, to, here_mm);
+            let piece = piece(stretch, at, to, here_mm);
             here_mm = piece.end_mm(here_mm);
             pieces.push(piece);
             at = to;
@@ -182,6 +216,30 @@ impl Compressed {
         self.pieces.iter().map(Piece::duration_s).sum()
     }
 
+    /// Largest distance from the design of its plan, m.
+    ///
+    /// # Panics
+    ///
+    /// For another plan than its own, without letters.
+    #[must_use]
+    pub fn worst_m(&self, plan: &Plan) -> f64 {
+        let stretch = Stretch::new(plan).expect("the plan of this trajectory");
+        stretch.worst_m(|time_s| self.position_m(time_s))
+    }
+
+    /// Its pieces as Bézier curves: duration in s, and four control points in m.
+    pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
+        let mut start_mm = self.start_mm;
+        let curve = |piece: &Piece| {
+            let points: [[f64; 4]; 3] =
+                std::array::from_fn(|axis| piece.axes[axis].control_mm(start_mm[axis]));
+            start_mm = piece.end_mm(start_mm);
+            let point = |k: usize| Vector3::from(points.map(|axis| axis[k])) / 1000.0;
+            (piece.duration_s(), [0, 1, 2, 3].map(point))
+        };
+        self.pieces.iter().map(curve).collect()
+    }
+
     /// Position that the firmware's evaluation gives at a time since the start, m; the end stays.
     #[must_use]
     pub fn position_m(&self, time_s: f64) -> Vector3<f64> {
@@ -198,6 +256,10 @@ impl Compressed {
 }
 
 impl Piece {
+    fn n_bytes(&self) -> usize {
+        3 + 2 * self.axes.iter().map(|axis| axis.points_mm().len()).sum::<usize>()
+    }
+
     fn duration_s(&self) -> f64 {
         f64::from(self.duration_ms) / 1000.0
     }
@@ -213,7 +275,7 @@ impl Piece {
 }
 
 /// The piece between two setpoints: on each axis the simplest form that is near enough.
-fn piece(stretch: &Stretch<'_>, from: usize, to: usize, start_mm: [i16; 3]) -> Piece {
+fn piece(stretch: &Stretch, from: usize, to: usize, start_mm: [i16; 3]) -> Piece {
     let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 65 535")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
@@ -242,7 +304,7 @@ fn piece(stretch: &Stretch<'_>, from: usize, to: usize, start_mm: [i16; 3]) -> P
 }
 
 /// Largest distance of the piece between two setpoints from the design, m.
-fn error_m(stretch: &Stretch<'_>, from: usize, to: usize, start_mm: [i16; 3]) -> f64 {
+fn error_m(stretch: &Stretch, from: usize, to: usize, start_mm: [i16; 3]) -> f64 {
     let piece = piece(stretch, from, to, start_mm);
     let off_m = |time_s: f64| {
         let share = (time_s - stretch.time_s(from)) / piece.duration_s();
@@ -251,9 +313,16 @@ fn error_m(stretch: &Stretch<'_>, from: usize, to: usize, start_mm: [i16; 3]) ->
     stretch.check_times_s(from, to).map(off_m).fold(0.0, f64::max)
 }
 
-fn check_range(stretch: &Stretch<'_>) -> Result<()> {
+fn check_range(stretch: &Stretch) -> Result<()> {
     for index in 0..=stretch.last() {
         let setpoint = stretch.setpoint(index);
+        let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
+        if step_s > MAX_PIECE_S {
+            return Err(Error::Infeasible {
+                what: format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
+                hint: "plan setpoints at shorter intervals".into(),
+            });
+        }
         if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
             return Err(Error::Infeasible {
                 what: format!(
@@ -312,14 +381,6 @@ mod tests {
         plan(&strokes, &PlanOptions::even()).unwrap()
     }
 
-    /// Largest distance of a trajectory from the design of its plan, m.
-    fn worst_m(trajectory: &Compressed, plan: &Plan) -> f64 {
-        let stretch = Stretch::new(plan).unwrap();
-        let times_s = (0..=4000).map(|i| stretch.duration_s() * f64::from(i) / 4000.0);
-        let off_m = |t: f64| (trajectory.position_m(t) - stretch.position_m(t)).norm();
-        times_s.map(off_m).fold(0.0, f64::max)
-    }
-
     #[test]
     fn two_pieces_are_the_bytes_that_were_written_by_hand() {
         let setpoint = |time_s, x, vx, z| Setpoint {
@@ -355,12 +416,7 @@ mod tests {
     fn noor_fits_the_memory_six_times_within_two_and_a_half_millimeters() {
         let plan = noor();
         let trajectory = Compressed::encode(&plan, 0.002).unwrap();
-        let (bytes, worst_m) = (trajectory.to_bytes().len(), worst_m(&trajectory, &plan));
-        eprintln!(
-            "{bytes} bytes, {} pieces, {worst_m} m, {} s",
-            trajectory.n_pieces(),
-            trajectory.duration_s()
-        );
+        let (bytes, worst_m) = (trajectory.to_bytes().len(), trajectory.worst_m(&plan));
         assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
         assert_eq!(Compressed::from_bytes(&trajectory.to_bytes()).unwrap(), trajectory);
     }

@@ -3,45 +3,53 @@
 //! Lamps listen to parameters (firmware `ledring12.c`, `color_led_deck.c`): the headlights to
 //! `ring.headlightEnable` (on or off), the ring to `ring.fadeColor` under effect 14 with
 //! `ring.fadeTime` 0 (one write for three colors), the color LED deck to `colorLedBot.wrgb8888`.
+//! The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
+//! time of the radio and half a tick.
 
 use crate::error::{Error, Result};
+use crate::light::{LightOptions, RingColor, RingEffect};
 use crate::plan::Plan;
 
-/// Level from which a lamp that can only be switched is on.
-const ON: f64 = 0.5;
 /// `ring.effect` that shows `ring.fadeColor`.
 const RING_FADE: u32 = 14;
+/// `led.bitmask` with the board's own LEDs dark.
+const BOARD_DARK: u32 = 128;
 
-/// One write of a parameter.
+/// One light command.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Write {
-    /// Time since the plan's start, s.
+pub struct Command {
+    /// Time in the plan, s.
     pub time_s: f64,
     /// Firmware parameter.
     pub parameter: &'static str,
-    /// Its value, a whole number.
+    /// Its value.
     pub value: u32,
+    /// Light channel of the plan.
+    pub channel: String,
+    /// Level of the channel, 0 to 1.
+    pub level: f64,
 }
 
-/// Colors of the lamps at full level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LampColors {
-    /// Red, green, blue of the ring, 0 to 255.
-    pub ring_rgb: [u8; 3],
-    /// White, red, green, blue of the color LED deck, 0 to 255.
-    pub color_led_wrgb: [u8; 4],
-}
-
-/// The parameter of a light channel, and its value at a level from 0 to 1.
-fn parameter(channel: &str, level: f64, colors: LampColors) -> Result<(&'static str, u32)> {
-    match channel {
-        "headlights" => Ok(("ring.headlightEnable", u32::from(level >= ON))),
-        "ring" => Ok(("ring.fadeColor", packed(&colors.ring_rgb, level))),
-        "color-led" => Ok(("colorLedBot.wrgb8888", packed(&colors.color_led_wrgb, level))),
+/// The command of a light channel at a level from 0 to 1.
+fn command(time_s: f64, channel: &str, level: f64, options: &LightOptions) -> Result<Command> {
+    let (parameter, value, level) = match channel {
+        // A pin: whatever is dimmed is on.
+        "headlights" => ("ring.headlightEnable", u32::from(level > 0.0), level.ceil()),
+        "ring" => ("ring.fadeColor", packed(&ring_color(options), level), level),
+        "color-led" => ("colorLedBot.wrgb8888", packed(&options.color_led_wrgb, level), level),
         other => {
-            let hint = "light the strokes with headlights, ring or color-led";
-            Err(Error::input("plan.lights", other, "a lamp with a firmware parameter", hint))
+            let wanted = "headlights, ring or color-led: lamps with a firmware parameter";
+            return Err(Error::input("plan.lights", other, wanted, "light with one of these"));
         }
+    };
+    Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
+}
+
+fn ring_color(options: &LightOptions) -> [u8; 3] {
+    match &options.ring {
+        RingEffect::Solid(ring) | RingEffect::Memory(ring) => ring.color,
+        RingEffect::Fade(ring) => ring.color,
+        RingEffect::DoubleSpin | RingEffect::Off => RingColor::default().color,
     }
 }
 
@@ -52,36 +60,98 @@ fn packed(bytes: &[u8], level: f64) -> u32 {
     bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }
 
-/// All changes of a plan's lights, in order of time.
+/// All changes of a plan's lights, which are dark at first, in order of time.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] for a channel that no deck listens to.
-pub fn writes(plan: &Plan, colors: LampColors) -> Result<Vec<Write>> {
-    let mut writes = Vec::new();
+pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
+    let mut commands = Vec::new();
     for (channel, levels) in &plan.lights {
-        let mut before = None;
+        let mut value = command(0.0, channel, 0.0, options)?.value;
         for (setpoint, level) in plan.setpoints.iter().zip(levels) {
-            let (parameter, value) = parameter(channel, *level, colors)?;
-            if before != Some(value) {
-                writes.push(Write { time_s: setpoint.time_s, parameter, value });
-                before = Some(value);
+            let next = command(setpoint.time_s, channel, *level, options)?;
+            if next.value != value {
+                value = next.value;
+                commands.push(next);
             }
         }
     }
-    writes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    Ok(writes)
+    commands.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(commands)
 }
 
-/// Writes before the flight: the lamps that the plan switches are dark, all others off.
+/// Commands that make every channel of a plan dark.
+///
+/// # Errors
+///
+/// As [`commands`].
+pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
+    plan.lights.keys().map(|channel| command(0.0, channel, 0.0, options)).collect()
+}
+
+/// Parameters before the flight: the lamps of the plan ready and dark, all others off.
 #[must_use]
 pub fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
-    let ring = plan.lights.contains_key("ring");
-    let effect = if ring { RING_FADE } else { 0 };
-    let mut parameters = vec![("led.bitmask", 128), ("ring.headlightEnable", 0)];
-    if ring {
-        parameters.extend([("ring.fadeTime", 0), ("ring.fadeColor", 0)]);
+    let mut parameters = vec![("led.bitmask", BOARD_DARK)];
+    if plan.lights.contains_key("color-led") {
+        parameters.push(("colorLedBot.wrgb8888", 0));
+        return parameters;
     }
-    parameters.push(("ring.effect", effect));
+    parameters.push(("ring.headlightEnable", 0));
+    if plan.lights.contains_key("ring") {
+        parameters.extend([("ring.fadeTime", 0), ("ring.fadeColor", 0)]);
+        parameters.push(("ring.effect", RING_FADE));
+    } else {
+        parameters.push(("ring.effect", 0));
+    }
     parameters
+}
+
+/// Red, green and blue of a command's light, 0 to 255.
+#[must_use]
+pub(super) fn rgb(command: &Command) -> [u8; 3] {
+    let [first, r, g, b] = command.value.to_be_bytes();
+    match command.parameter {
+        "ring.headlightEnable" => [255 * u8::from(command.value > 0); 3],
+        // The white die lights all three.
+        "colorLedBot.wrgb8888" => [r, g, b].map(|color| color.saturating_add(first)),
+        _ => [r, g, b],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Setpoint;
+    use nalgebra::Vector3;
+
+    fn lit(channel: &str, levels: &[f64]) -> Plan {
+        let setpoint = |time_s| Setpoint {
+            time_s,
+            position_m: Vector3::z(),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        let times_s = (0..levels.len()).map(|row| f64::from(u8::try_from(row).unwrap()));
+        let lights = [(channel.to_owned(), levels.to_vec())].into();
+        Plan { setpoints: times_s.map(setpoint).collect(), lights, ..Plan::default() }
+    }
+
+    #[test]
+    fn each_lamp_has_its_parameter_and_only_changes_are_sent() {
+        let ring = RingEffect::Solid(RingColor { color: [200, 100, 0] });
+        let options = LightOptions { ring, ..LightOptions::default() };
+        let sent = |channel| {
+            let commands = commands(&lit(channel, &[0.0, 0.5, 1.0, 1.0, 0.0]), &options).unwrap();
+            commands.iter().map(|c| (c.time_s, c.parameter, c.value)).collect::<Vec<_>>()
+        };
+        let pin = "ring.headlightEnable";
+        assert_eq!(sent("headlights"), [(1.0, pin, 1), (4.0, pin, 0)], "a pin is not dimmed");
+        let ring = "ring.fadeColor";
+        assert_eq!(sent("ring"), [(1.0, ring, 0x64_3200), (2.0, ring, 0xC8_6400), (4.0, ring, 0)]);
+        assert_eq!(sent("color-led")[1], (2.0, "colorLedBot.wrgb8888", 0xFF00_0000));
+        assert!(commands(&lit("laser", &[0.0]), &options).is_err());
+    }
 }

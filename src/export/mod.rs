@@ -1,10 +1,189 @@
-//! Export: a plan becomes files that drones and other programs take.
+//! Export: plans become files that drones and other programs read.
 //!
-//! Product in: [`crate::plan::Plan`]. Product out: a file's bytes, one module a format. SI units and
-//! radians up to the last line of each format.
+//! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
+//! out: [`File`]s, one module for each format. SI units and radians up to the last line of each.
+//!
+//! A trajectory on board flies from a run-up before the first letter to a run-out after the last
+//! one; take-off, the way there and landing are commands of their own. [`flown`] is the plan of
+//! such a flight, decoded from what was exported.
 
-pub mod cflib;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::light::LightOptions;
+use crate::plan::Plan;
+use crate::settings::settings;
+use crate::sim::SimOptions;
+
+mod cflib;
 pub mod compressed;
+mod crazyswarm;
+mod gains;
 pub mod lights;
+mod log_config;
+mod on_board;
 mod pieces;
 pub mod poly4d;
+mod skybrush;
+mod vviz;
+mod zip;
+
+pub use cflib::Mode;
+pub use on_board::{Form, flown};
+
+settings! {
+    /// Form of exported files.
+    pub enum Format {
+        /// Python script for cflib: flies, switches the lights and records the log.
+        "cflib" => Cflib,
+        /// Compressed trajectory of the Crazyflie (bytes).
+        "compressed" => Compressed,
+        /// Polynomial trajectory of the Crazyflie (bytes).
+        "poly4d" => Poly4d,
+        /// Trajectories, crazyflies.yaml and a script for Crazyswarm2.
+        "crazyswarm2" => Crazyswarm2,
+        /// Polynomial trajectories of `uav_trajectories` (CSV).
+        "uav-trajectories" => UavTrajectories,
+        /// Show of Skybrush with the photographer's camera.
+        "skyc" => Skyc,
+        /// Tables for Skybrush Studio (zip of CSV).
+        "skybrush-csv" => SkybrushCsv,
+        /// Show for viewers of drone shows.
+        "vviz" => Vviz,
+        /// Gains of the controller: firmware parameters (JSON) or a table in C.
+        "gains" => Gains,
+        /// Log configurations for cfclient and the µSD card.
+        "log-config" => LogConfig,
+    }
+}
+
+/// What is exported.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// One plan for each drone.
+    pub plans: &'a [Plan],
+    /// The word, for names and titles.
+    pub word: &'a str,
+    /// Lamps.
+    pub light: &'a LightOptions,
+    /// Drone and controller.
+    pub sim: &'a SimOptions,
+    /// The photographer's camera.
+    pub camera: &'a Camera,
+    /// Largest distance of a trajectory from the design, m.
+    pub tolerance_m: f64,
+    /// What the script for cflib sends unless it is told otherwise.
+    pub mode: Mode,
+    /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
+    pub trajectory_clock: f64,
+}
+
+/// A file on its way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct File {
+    /// Its name, without a folder.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+impl File {
+    fn new(name: impl Into<String>, text: String) -> Self {
+        Self { name: name.into(), bytes: text.into_bytes() }
+    }
+
+    #[cfg(test)]
+    fn text(self) -> String {
+        String::from_utf8(self.bytes).unwrap()
+    }
+}
+
+/// The files of a format. Several drones have a file each.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Input`] for plans without letters and lamps that the format does not
+/// know; [`crate::error::Error::Infeasible`] for what does not fit the format.
+pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
+    let (stem, n) = (stem(job.word), job.plans.len());
+    let each = |ending: &str, bytes: &dyn Fn(&Plan) -> Result<Vec<u8>>| {
+        let one = |(drone, plan)| {
+            Ok(File { name: numbered(&stem, drone, n, ending), bytes: bytes(plan)? })
+        };
+        job.plans.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
+    };
+    match format {
+        Format::Cflib => scripts(job),
+        Format::Compressed => each("traj", &|plan| {
+            Ok(compressed::Compressed::encode(plan, job.tolerance_m)?.to_bytes())
+        }),
+        Format::Poly4d => {
+            each("poly4d", &|plan| Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes()))
+        }
+        Format::Crazyswarm2 => {
+            flown(job.plans, Form::Poly4d, job.tolerance_m)?;
+            crazyswarm::files(job)
+        }
+        Format::UavTrajectories => crazyswarm::trajectories(job, true),
+        Format::Skyc => Ok(vec![skybrush::show(job)?]),
+        Format::SkybrushCsv => Ok(vec![skybrush::tables(job)?]),
+        Format::Vviz => Ok(vec![vviz::show(job)?]),
+        Format::Gains => gains::files(job.sim),
+        Format::LogConfig => Ok(log_config::files()),
+    }
+}
+
+fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
+    if job.mode == Mode::Trajectory {
+        flown(job.plans, Form::Compressed, job.tolerance_m)?;
+    }
+    let (stem, n) = (stem(job.word), job.plans.len());
+    let before_s = on_board::earliest_s(job.plans)?;
+    let script = |drone| {
+        let text = cflib::script(job, drone, before_s)?;
+        Ok(File::new(numbered(&stem, drone, n, "py"), text))
+    };
+    let mut files = (0..n).map(script).collect::<Result<Vec<_>>>()?;
+    if n > 1 {
+        let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
+        files.push(File::new(format!("fly_{stem}.py"), cflib::launcher(&names)));
+    }
+    Ok(files)
+}
+
+/// A word as the stem of a file's name: its letters and digits of ASCII.
+fn stem(word: &str) -> String {
+    let stem: String = word.chars().filter(char::is_ascii_alphanumeric).take(32).collect();
+    if stem.is_empty() { "drawing".to_owned() } else { stem }
+}
+
+/// The name of a drone's file, with its number where there are several.
+fn numbered(stem: &str, drone: usize, n: usize, ending: &str) -> String {
+    if n > 1 { format!("{stem}-{}.{ending}", drone + 1) } else { format!("{stem}.{ending}") }
+}
+
+/// Largest distance of the trajectories in a format from the design, m; `None` where it has none.
+///
+/// # Errors
+///
+/// As [`export`].
+pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
+    let compressed = |plan: &Plan| {
+        let stretch = pieces::Stretch::new(plan)?;
+        let found = compressed::Compressed::of_any_length(&stretch, job.tolerance_m)?;
+        Ok(found.worst_m(plan))
+    };
+    let polynomials =
+        |plan: &Plan| Ok(poly4d::Poly4d::fit_any_length(plan, job.tolerance_m)?.worst_m(plan));
+    let worst = |one: &dyn Fn(&Plan) -> Result<f64>| {
+        let each = job.plans.iter().map(one).collect::<Result<Vec<f64>>>()?;
+        Ok(Some(each.into_iter().fold(0.0, f64::max)))
+    };
+    match format {
+        Format::Cflib if job.mode == Mode::Trajectory => worst(&compressed),
+        Format::Compressed | Format::Skyc | Format::SkybrushCsv | Format::Vviz => {
+            worst(&compressed)
+        }
+        Format::Poly4d | Format::Crazyswarm2 | Format::UavTrajectories => worst(&polynomials),
+        Format::Cflib | Format::Gains | Format::LogConfig => Ok(None),
+    }
+}

@@ -5,6 +5,8 @@
 //! [`super::poly4d`] polynomials of degree 7. [`longest`] finds the pieces greedily: each is the
 //! longest that keeps to the design, found by bisection between setpoints.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
@@ -13,34 +15,53 @@ use crate::plan::{Plan, Setpoint};
 /// Times between two setpoints at which a piece is held against the design.
 const CHECKS_PER_SETPOINT: u32 = 4;
 
-/// The part of a plan that flies as a trajectory: from the first letter's first setpoint to the last
-/// letter's last one. Take-off and landing are commands of their own.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch<'a> {
-    setpoints: &'a [Setpoint],
+/// Time in which a trajectory on board comes from rest to the speed of the first letter, and from
+/// that of the last one to rest, s: 0.4 m/s² at 0.2 m/s.
+const RUN_S: f64 = 0.5;
+
+/// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
+/// rest. Take-off and landing are commands of their own.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    setpoints: Vec<Setpoint>,
 }
 
-impl<'a> Stretch<'a> {
+impl Stretch {
     /// The stretch of a plan.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] for a plan without letters.
-    pub(super) fn new(plan: &'a Plan) -> Result<Self> {
-        let written = |setpoint: &Setpoint| setpoint.letter.is_some();
-        let first = plan.setpoints.iter().position(written);
-        let last = plan.setpoints.iter().rposition(written);
-        match first.zip(last) {
-            Some((first, last)) if first < last => {
-                // Up to the setpoint after the last, where the last stroke ends.
-                let end = (last + 1).min(plan.setpoints.len() - 1);
-                Ok(Self { setpoints: &plan.setpoints[first..=end] })
-            }
-            _ => {
-                let hint = "plan a word, not only a take-off";
-                Err(Error::input("plan", "no letter", "setpoints that write a letter", hint))
-            }
-        }
+    pub(super) fn new(plan: &Plan) -> Result<Self> {
+        let writes = |setpoint: &Setpoint| setpoint.letter.is_some();
+        let first = plan.setpoints.iter().position(writes);
+        let last = plan.setpoints.iter().rposition(writes);
+        let Some((first, last)) = first.zip(last).filter(|(first, last)| first < last) else {
+            let hint = "plan a word, not only a take-off";
+            return Err(Error::input("plan", "no letter", "setpoints that write a letter", hint));
+        };
+        // The last stroke ends at the setpoint after the last one of a letter.
+        let end = (last + 1).min(plan.setpoints.len() - 1);
+        let (start, stop) = (&plan.setpoints[first], &plan.setpoints[end]);
+        let run_up = Setpoint {
+            time_s: start.time_s - RUN_S,
+            position_m: start.position_m - start.velocity_m_s * (RUN_S / 2.0),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: start.velocity_m_s / RUN_S,
+            letter: None,
+        };
+        let run_out =
+            Setpoint { acceleration_m_s2: -stop.velocity_m_s / RUN_S, letter: None, ..*stop };
+        let rest = Setpoint {
+            time_s: stop.time_s + RUN_S,
+            position_m: run_out.design_m(stop.time_s + RUN_S),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: None,
+        };
+        let letters = plan.setpoints[first..end].iter().copied();
+        let setpoints = [run_up].into_iter().chain(letters).chain([run_out, rest]).collect();
+        Ok(Self { setpoints })
     }
 
     /// Time of the first setpoint in the plan, s.
@@ -74,6 +95,24 @@ impl<'a> Stretch<'a> {
         let after = self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s);
         let setpoint = &self.setpoints[after.saturating_sub(1)];
         setpoint.design_m(time_s.max(setpoint.time_s))
+    }
+
+    /// Largest distance of a trajectory from the design, m.
+    pub(super) fn worst_m(&self, position_m: impl Fn(f64) -> Vector3<f64>) -> f64 {
+        let off_m = |t: f64| (position_m(t) - self.position_m(t)).norm();
+        self.check_times_s(0, self.last()).map(off_m).fold(0.0, f64::max)
+    }
+
+    /// A trajectory that is longer than the drone's memory: how many letters fit before `until_s`.
+    pub(super) fn too_long(&self, until_s: f64, found: &str, hint: &str) -> Error {
+        let letters = |until_s: f64| {
+            let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
+            flown.filter_map(|setpoint| setpoint.letter).collect::<BTreeSet<_>>().len()
+        };
+        // The letter that does not end in time does not fit.
+        let (fit, all) = (letters(until_s).saturating_sub(1), letters(f64::INFINITY));
+        let what = format!("{found}: {fit} of {all} letters fit");
+        Error::Infeasible { what, hint: hint.to_owned() }
     }
 
     /// Times at which a piece between two setpoints is held against the design.

@@ -11,8 +11,9 @@
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
+use super::compressed::{Compressed, MEMORY_BYTES};
 use super::pieces::{Stretch, longest};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::plan::Plan;
 
 /// Coefficients of one axis.
@@ -21,7 +22,7 @@ type Polynomial = [f64; 8];
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
-pub const MAX_PIECES: usize = super::compressed::MEMORY_BYTES / PIECE_BYTES;
+pub const MAX_PIECES: usize = MEMORY_BYTES / PIECE_BYTES;
 /// Header of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -40,12 +41,35 @@ struct Piece {
 }
 
 impl Poly4d {
-    /// Fits the letters of a plan within a distance of its design.
+    /// Fits the letters of a plan within a distance of its design, in as many pieces as the drone's
+    /// memory holds.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a plan without letters.
+    /// [`crate::error::Error::Input`] for a plan without letters, [`crate::error::Error::Infeasible`]
+    /// for one that takes more.
     pub fn fit(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+        let (stretch, all) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
+        let n = all.pieces.len();
+        if n <= MAX_PIECES {
+            return Ok(all);
+        }
+        let until_s = all.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
+        let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
+        let found = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
+        let hint = format!(
+            "export it compressed ({compressed} of {MEMORY_BYTES} bytes), or accept a larger \
+             distance from the design"
+        );
+        Err(stretch.too_long(until_s, &found, &hint))
+    }
+
+    /// The same in any number of pieces, for drones with more memory.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::error::Error::Input`] for a plan without letters.
+    pub fn fit_any_length(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let (mut pieces, mut at) = (Vec::new(), 0);
         while at < stretch.last() {
@@ -63,6 +87,17 @@ impl Poly4d {
         self.pieces.len()
     }
 
+    /// Largest distance from the design of its plan, m.
+    ///
+    /// # Panics
+    ///
+    /// For another plan than its own, without letters.
+    #[must_use]
+    pub fn worst_m(&self, plan: &Plan) -> f64 {
+        let stretch = Stretch::new(plan).expect("the plan of this trajectory");
+        stretch.worst_m(|time_s| self.position_m(time_s))
+    }
+
     /// Position at a time since the start, m; the end stays.
     #[must_use]
     pub fn position_m(&self, time_s: f64) -> Vector3<f64> {
@@ -77,28 +112,14 @@ impl Poly4d {
     }
 
     /// The bytes that the drone stores.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for more pieces than its memory holds.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        if self.pieces.len() > MAX_PIECES {
-            return Err(Error::Infeasible {
-                what: format!(
-                    "{} pieces of degree 7, the drone's memory holds {MAX_PIECES}",
-                    self.pieces.len()
-                ),
-                hint:
-                    "use the compressed form, a larger distance from the design, or fewer letters"
-                        .into(),
-            });
-        }
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
             let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
             axes.chain([piece.duration_s])
         });
         #[expect(clippy::cast_possible_truncation, reason = "the drone computes in f32")]
-        Ok(numbers.flat_map(|number| (number as f32).to_le_bytes()).collect())
+        numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
     }
 
     /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
@@ -115,7 +136,7 @@ impl Poly4d {
 }
 
 impl Piece {
-    fn fit(stretch: &Stretch<'_>, from: usize, to: usize) -> Self {
+    fn fit(stretch: &Stretch, from: usize, to: usize) -> Self {
         let duration_s = stretch.time_s(to) - stretch.time_s(from);
         let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
         let quintics = [0, 1, 2].map(|axis| {
@@ -185,7 +206,7 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
 }
 
 /// Largest distance of the piece between two setpoints from the design, m.
-fn error_m(stretch: &Stretch<'_>, from: usize, to: usize) -> f64 {
+fn error_m(stretch: &Stretch, from: usize, to: usize) -> f64 {
     let piece = Piece::fit(stretch, from, to);
     let off_m = |time_s: f64| {
         (piece.position_m(time_s - stretch.time_s(from)) - stretch.position_m(time_s)).norm()

@@ -113,6 +113,9 @@ impl Square {
         let [x, y] = self.corner_px;
         let step = 1.0 / self.side_px as f32;
         let across = self.side_px.min(width.saturating_sub(x));
+        if across == 0 {
+            return;
+        }
         for row in y..(y + self.side_px).min(height) {
             let down = ((row - y) as f32 + 0.5) * step;
             let (left, right) = (nw + (sw - nw) * down, ne + (se - ne) * down);

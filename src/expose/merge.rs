@@ -31,7 +31,7 @@ impl Segment {
         let [start, end] = self.ends_px;
         let mean = 1.0 + self.ramp * (from + to - 1.0);
         Self {
-            ends_px: [start.lerp(&end, from), start.lerp(&end, to)],
+            ends_px: [start.lerp(end, from), start.lerp(end, to)],
             light_lx_s: self.light_lx_s * (to - from) * mean,
             ramp: if mean > 0.0 { self.ramp * (to - from) / mean } else { 0.0 },
             ..*self
@@ -40,7 +40,7 @@ impl Segment {
 
     /// Length of the trail.
     pub(super) fn length_px(&self) -> f64 {
-        (self.ends_px[1] - self.ends_px[0]).norm()
+        (self.ends_px[1] - self.ends_px[0]).length()
     }
 
     /// Point halfway along.
@@ -204,7 +204,7 @@ mod tests {
                 let (t0, t1) = (intervals[first].time_s[0], intervals[last - 1].time_s[1]);
                 for skipped in &intervals[first..last] {
                     let share = (skipped.time_s[0] - t0) / (t1 - t0);
-                    let off = (skipped.at_px[0] - start.lerp(&end, share)).norm();
+                    let off = (skipped.at_px[0] - start.lerp(end, share)).length();
                     assert!(off <= tolerance_px * (1.0 + 1e-9), "{off} px off");
                 }
                 first = last;
@@ -222,7 +222,7 @@ mod tests {
     fn a_step_in_brightness_ends_a_segment() {
         let mut intervals = path();
         for interval in &mut intervals {
-            interval.at_px = [Px::zeros(); 2];
+            interval.at_px = [Px::ZERO; 2];
             interval.light_lx_px2 = if interval.time_s[0] < 1.0 { [1.0; 2] } else { [1.01; 2] };
         }
         assert_eq!(merged(&intervals, 0.005).len(), 2, "before and after the step");
@@ -233,7 +233,7 @@ mod tests {
     fn a_fade_is_one_segment_and_its_parts_add_up() {
         let mut intervals = path();
         for interval in &mut intervals {
-            interval.at_px = [Px::zeros(); 2];
+            interval.at_px = [Px::ZERO; 2];
             interval.light_lx_px2 = interval.time_s.map(|t| 3.0 - t);
         }
         let segments = merged(&intervals, 0.005);

@@ -200,7 +200,7 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<Reading>
 fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
     let at_px = segments[i].middle_px();
     let near = |s: &&Segment| {
-        let [start, end] = s.ends_px.map(|end| (end - at_px).norm());
+        let [start, end] = s.ends_px.map(|end| (end - at_px).length());
         start.min(end) < REACH_SIGMA * s.sigma_px
     };
     let after = segments[i + 1..].iter().take_while(near);
@@ -213,8 +213,8 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
-    let along = if length > 0.0 { (end - start) / length } else { Px::x() };
-    let (u, v) = ((at_px - start).dot(&along) / sigma, along.perp(&(at_px - start)) / sigma);
+    let along = if length > 0.0 { (end - start) / length } else { Px::X };
+    let (u, v) = ((at_px - start).dot(along) / sigma, along.perp_dot(at_px - start) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
     let below = |x: f64| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2);
     let smear = if length > 1e-3 * sigma {

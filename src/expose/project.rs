@@ -5,14 +5,14 @@
 //! all of which falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
 
-use nalgebra::Vector2;
+use glam::DVec2;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::light::{Emitter, Lamp, LightSample};
 
 /// A point in the picture.
-pub(super) type Px = Vector2<f64>;
+pub(super) type Px = DVec2;
 
 /// Least depth of a lamp that leaves light. The image of a nearer point is no spot of this model
 /// (focus, pupil size).
@@ -178,7 +178,7 @@ impl<'a> Lens<'a> {
     fn see(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
         let at_px = Px::new(image.x_px, image.y_px);
-        if image.depth_m < NEAREST_M || at_px.amax() > FARTHEST_PX {
+        if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
             return None;
         }
         let to_camera_m = self.camera.position_m - sample.position_m;

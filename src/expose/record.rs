@@ -155,11 +155,11 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
-    let reach = Px::repeat(REACH_SIGMA * sigma);
+    let reach = Px::splat(REACH_SIGMA * sigma);
     // Pixel centers are at +0.5.
-    let half = Px::repeat(0.5);
-    let first = (start.inf(&end) - reach - half).map(f64::ceil);
-    let last = (start.sup(&end) + reach - half).map(f64::floor);
+    let half = Px::splat(0.5);
+    let first = (start.min(end) - reach - half).ceil();
+    let last = (start.max(end) + reach - half).floor();
     if (0..2).any(|axis| last[axis] < 0.0 || first[axis] >= f64::from(size_px[axis])) {
         return None;
     }

@@ -72,8 +72,8 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     let mut plane = vec![0.0; width * height];
     for interval in project::intervals(lamp, camera) {
         let ([a, b], sigma) = (interval.at_px, interval.sigma_px);
-        let length = (b - a).norm();
-        let along = if length > 0.0 { (b - a) / length } else { project::Px::x() };
+        let length = (b - a).length();
+        let along = if length > 0.0 { (b - a) / length } else { project::Px::X };
         let reach = 8.0 * sigma + length;
         let range = |center: f64, n: usize| {
             let near = move |i: &usize| (*i as f64 - center).abs() <= reach;
@@ -82,7 +82,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
         for y in range(a.y, height) {
             for x in range(a.x, width) {
                 let p = project::Px::new(x as f64 + 0.5, y as f64 + 0.5) - a;
-                let (u, v) = (p.dot(&along) / sigma, along.perp(&p) / sigma);
+                let (u, v) = (p.dot(along) / sigma, along.perp_dot(p) / sigma);
                 let root_2 = std::f64::consts::SQRT_2;
                 let bell = |x: f64| libm::exp(-0.5 * x * x) / std::f64::consts::TAU.sqrt();
                 let smear = if length > 1e-6 {

@@ -51,8 +51,9 @@ pub fn hold_figure(flight: &Hold, scenario: &str) -> String {
         title: format!("altitude hold: {scenario}"),
         legend: vec![
             ("truth".to_owned(), TRUTH),
-            ("z, v, hover throttle, barometer, GNSS".to_owned(), ESTIMATE),
-            ("α1/100, ranger".to_owned(), SECOND),
+            ("estimate; bias of barometer".to_owned(), ESTIMATE),
+            ("α1/100; bias of ranger".to_owned(), SECOND),
+            ("± 2 σ".to_owned(), BAND),
         ],
         x_name: "time (s)",
         panels: vec![

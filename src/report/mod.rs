@@ -11,8 +11,9 @@
 //!
 //! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
 //!
-//! Studies come as sheets of photos ([`contact_sheet`]) and as plots of their figures.
+//! Studies come as sheets of photos ([`study_sheet`]) and as plots of their figures.
 
+mod coverage;
 mod figure;
 mod flights;
 mod hold;
@@ -25,10 +26,11 @@ pub mod specimen;
 mod studies;
 mod text;
 
+pub use coverage::coverage_map;
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use hold::hold_figure;
 pub use labels::{Label, labelled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
-pub use sheet::{SheetRow, contact_sheet};
+pub use sheet::study_sheet;
 pub use studies::{endurance, pareto};

@@ -2,7 +2,9 @@
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
+use crate::error::Result;
 use crate::photo::Photo;
+use crate::study::{Measures, Ranking, Record, Study};
 
 /// Roboto Thin (Apache 2.0, see fonts/README.md); its capitals keep to a pixel at this size.
 const TTF: &[u8] = include_bytes!("../../fonts/Roboto-Thin.ttf");
@@ -17,18 +19,55 @@ const GROUND: u8 = 24;
 /// Its text.
 const INK: u8 = 235;
 
+/// Height of a capital in the photos of a study.
+const CAP_HEIGHT_PX: f64 = 110.0;
+
+/// The median and the worst photo of each scene of a study.
+///
+/// # Errors
+///
+/// As [`Prepared::photo`](crate::study::Prepared::photo).
+pub fn study_sheet(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Photo> {
+    Ok(contact_sheet(&study_rows(study, ranking, records)?))
+}
+
+/// A row for each scene: its median and its worst photo.
+fn study_rows(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Vec<SheetRow>> {
+    let prepared = study.prepare()?;
+    let trials: Vec<_> = study.trials().collect();
+    let row = |measures: &Measures| {
+        let p = measures.legibility.value;
+        let mut row = SheetRow {
+            title: format!("{}: read with probability {p:.3}", measures.contender),
+            photos: Vec::new(),
+        };
+        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
+            let (trial, record) = (trials[at], &records[at]);
+            if record.outcome.flown.is_none() {
+                continue;
+            }
+            let ready = &prepared[trial.contender * study.words.len() + trial.word];
+            let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
+            let read = &record.outcome.read;
+            let p = record.outcome.probability;
+            row.photos.push((photo, format!("{name}: {} as {read}, {p:.2}", record.word)));
+        }
+        Ok(row)
+    };
+    ranking.measures.iter().map(row).collect()
+}
+
 /// A row of a sheet.
 #[derive(Clone, Debug)]
-pub struct SheetRow {
-    /// Stands above the photos.
-    pub title: String,
-    /// Photos with what stands under each.
-    pub photos: Vec<(Photo, String)>,
+struct SheetRow {
+    /// Text above the photos.
+    title: String,
+    /// Photos, each with its caption.
+    photos: Vec<(Photo, String)>,
 }
 
 /// Lays out photos in rows, each at its own size, from the left.
-#[must_use]
-pub fn contact_sheet(rows: &[SheetRow]) -> Photo {
+fn contact_sheet(rows: &[SheetRow]) -> Photo {
     let side = |px: u32| px as usize;
     let widths = rows.iter().map(|row| {
         row.photos.iter().map(|(photo, _)| side(photo.width_px) + GAP_PX).sum::<usize>()

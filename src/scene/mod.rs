@@ -22,9 +22,11 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
+mod named;
 mod preset;
 mod text;
 
+pub use named::NamedScene;
 pub use preset::Preset;
 
 settings! {
@@ -152,7 +154,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The whole scene as a TOML file: every key with its value, its unit and what it means.
+    /// The whole scene as a TOML file: every key with its value and documentation.
     #[must_use]
     pub fn to_toml(&self) -> String {
         text::document(self)
@@ -199,7 +201,7 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// What the simulator needs of it.
+    /// The simulator's part of the scene.
     #[must_use]
     pub fn sim(&self) -> SimOptions {
         SimOptions {

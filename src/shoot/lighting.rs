@@ -11,7 +11,7 @@ use crate::light::{LightSample, LightTrace, light};
 /// Smallest distance of a lit lamp from the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
 
-/// What the camera sees.
+/// Flights, lamps and camera, ready to be exposed.
 #[derive(Clone, Debug)]
 pub struct Lighting {
     /// Flights that carried the lamps; none for light that was recorded alone.
@@ -83,7 +83,7 @@ impl Shoot {
         light(flight, lamps, self.scene.seed, drone as u64)
     }
 
-    /// `[left, bottom, right, top]` of what is written, in the plane of the word: of the strokes,
+    /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
     /// else of the letters in the flights' design; zeros for a fixed camera without either.
     fn bounds_m(&self, flights: &[Flight]) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {

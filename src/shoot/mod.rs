@@ -29,7 +29,7 @@ use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
 use crate::logs::{ImportOptions, import};
 use crate::plan::Plan;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::score::Reader;
 use crate::sim::{Drone, SimOptions, fly};
 
@@ -51,7 +51,7 @@ pub struct Shoot {
     pub scene: Scene,
     /// Strokes of the word or drawing; `None` where recordings are photographed without one.
     pub strokes: Option<Strokes>,
-    /// What is sent, one plan for each drone.
+    /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
     /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
     pub recordings: Vec<Recording>,
@@ -158,6 +158,22 @@ impl Shoot {
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 
+    /// Flies the learned plans of the scene's word; without them, as [`Shoot::new`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Shoot::new`].
+    pub fn named(named: NamedScene) -> Result<Self> {
+        let NamedScene { scene, mut plans, .. } = named;
+        if plans.is_empty() {
+            return Self::new(scene);
+        }
+        match plans.remove(&scene.strokes()?.word) {
+            Some(plans) => Self::with_plans(scene, plans),
+            None => Self::new(scene),
+        }
+    }
+
     fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
         Self {
             scene,
@@ -216,8 +232,8 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// What the stages report. [`crate::error::Error::Input`] for a camera behind the word, where it reads
-    /// mirrored, and for one among the lamps.
+    /// Those of the stages. [`crate::error::Error::Input`] for a camera behind the word, where it
+    /// reads mirrored, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,

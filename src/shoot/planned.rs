@@ -1,6 +1,6 @@
 //! The plans of a scene: its word as its drone, controller and lamps will fly it.
 //!
-//! [`crate::plan`] knows neither simulator nor lamps. Here it is given what it needs of them: the
+//! [`crate::plan`] knows neither simulator nor lamps. Here it is given the
 //! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
 use crate::error::Result;
@@ -16,7 +16,7 @@ use crate::sim::{Drone, fly, step_responses};
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
-    /// What is sent.
+    /// The plan that is sent.
     pub plan: Plan,
     /// Errors of the light at the strokes' ends, where lights follow the light's own clock.
     pub ends: Vec<StrokeEnd>,
@@ -169,7 +169,7 @@ mod tests {
         };
         let before = fly_tipped(&tipped);
         let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;
-        assert!(mean_m.x < -0.05, "the centre of mass stands off: {mean_m}");
+        assert!(mean_m.x < -0.05, "the center of mass is off: {mean_m}");
         tipped.plan.mean_error_m = mean_m.into();
         let after = fly_tipped(&tipped);
         let tracking = track(&after, Part::Letters).unwrap();

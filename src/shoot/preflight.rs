@@ -5,6 +5,8 @@ use nalgebra::Vector3;
 use super::Shoot;
 use super::planned::ends;
 use crate::error::{Error, Result};
+use crate::export::Form;
+use crate::export::compressed::{Compressed, MEMORY_BYTES};
 use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::light::{Drive, LightTrace};
@@ -27,7 +29,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// What the stages report, except for a flight that cannot be flown: that is a finding.
+    /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
         let mut findings = Vec::new();
         if let Some(strokes) = &self.strokes {
@@ -36,6 +38,7 @@ impl Shoot {
         let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
         findings.extend(check_plans(&plans, profile));
         for (drone, plan) in plans.iter().enumerate() {
+            findings.push(check_memory(plan));
             findings.extend(self.check_flight(drone, plan, profile)?);
             findings.extend(check_coverage(plan, &self.scene)?);
         }
@@ -62,6 +65,23 @@ impl Shoot {
             battery_modelled: scene.battery.capacity_ah > 0.0,
         };
         Ok(check_flown(&flown, profile))
+    }
+}
+
+/// Whether the plan fits the memory on board as a compressed trajectory.
+fn check_memory(plan: &Plan) -> Finding {
+    #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
+    let limit = MEMORY_BYTES as f64;
+    match Compressed::n_bytes(plan, Form::Compressed.tolerance_m()) {
+        #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
+        Ok(bytes) => {
+            let fits = bytes <= MEMORY_BYTES;
+            Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit)
+        }
+        Err(error) => {
+            let finding = Finding::without_value(Check::Memory, Severity::Unknown, limit);
+            Finding { detail: error.to_string(), ..finding }
+        }
     }
 }
 

@@ -21,7 +21,7 @@ pub struct Shot {
     pub scene: Scene,
     /// Strokes of the word or drawing; `None` for recordings without one.
     pub strokes: Option<Strokes>,
-    /// What was sent, one plan for each drone; empty for recordings.
+    /// Plans that were sent, one for each drone; empty for recordings.
     pub plans: Vec<Planned>,
     /// Flights, one for each drone; none for light that was recorded alone.
     pub flights: Vec<Flight>,
@@ -35,9 +35,9 @@ pub struct Shot {
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// What the photo reads as; `None` for a drawing and where reading is skipped.
+    /// The verdict; `None` for a drawing and where reading is skipped.
     pub verdict: Option<Verdict>,
-    /// What a person should know about this photo.
+    /// Warnings about flights and picture.
     pub warnings: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
 }
 
 impl Shoot {
-    /// Exposes and develops what the camera sees, encodes the photo and reads it.
+    /// Exposes and develops the film, encodes the photo and reads it.
     pub(super) fn expose(
         self,
         lighting: Lighting,
@@ -124,7 +124,7 @@ impl Shoot {
     }
 }
 
-/// What flights say about their photo: speed along the strokes, and the means over the drones of
+/// Facts from flights that explain their photo: speed along the strokes, and the means over the drones of
 /// the distance from the path and of the lag.
 #[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {

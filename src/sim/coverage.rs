@@ -2,10 +2,10 @@
 //!
 //! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
-//! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao).
-//! σ is the whole error of an angle: its white noise, its distortion, and the station's own place
-//! and turn; the distortion that all stations share is added. Not modeled: walls and people in the way, the
-//! tilt of the drone.
+//! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao). σ
+//! is the whole error of an angle: its white noise, its distortion, and the station's own place and
+//! turn; the distortion that all stations share is added. Not modeled: walls and people in the way,
+//! the tilt of the drone.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -57,7 +57,7 @@ pub fn coverage(
 ) -> Result<Coverage> {
     Described::check(&options.lighthouse, "sensors.lighthouse", None)?;
     within("step", step_m, STEPS_M[0], STEPS_M[1])?;
-    within("depth y", y_m, -1e4, 1e4)?;
+    within("depth_m", y_m, -1e4, 1e4)?;
     for bound in bounds_m {
         within("bounds", bound, -1e4, 1e4)?;
     }

@@ -1,8 +1,8 @@
 //! Design: gains of regulator and observer for a drone, and their stability margins.
 //!
 //! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
-//! both gains come from their Riccati equations, and poles and margins of the closed loop are computed for
-//! immediate and for lagging motors.
+//! both gains come from their Riccati equations, and poles and margins of the closed loop are
+//! computed for immediate and for lagging motors.
 //!
 //! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
 //! (1975), for the weights. Not modeled: the observer's own part in the margins, drag,
@@ -33,7 +33,8 @@ pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors' output.
+/// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors'
+/// output.
 pub const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
@@ -86,7 +87,7 @@ pub struct Design {
 /// [`Error::Infeasible`] for weights that have no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
-    within("the motor lag", motor_lag_s, 1e-6, MAX_LAG_S)?;
+    within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
     let vehicle = Vehicle::new(&options.vehicle);
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
@@ -340,8 +341,9 @@ mod tests {
 
     #[test]
     fn a_gain_designed_for_its_rotors_tolerates_twice_their_lag() {
-        // With the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the yaw, any rise of
-        // the gain, a fall to 0.32 at the pitch; slowest pole −2.397; stable up to 2.6 times the lag.
+        // With the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the yaw, any rise
+        // of the gain, a fall to 0.32 at the pitch; slowest pole −2.397; stable up to 2.6 times the
+        // lag.
         let options = SimOptions::cf21();
         let design = design(&options, 0.121).unwrap();
         assert_eq!((design.k.shape(), design.states.len()), ((4, 16), 16));

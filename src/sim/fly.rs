@@ -22,9 +22,9 @@ const TICKS_PER_REPORT: u32 = 250;
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`](crate::sim::SimOptions::check); [`Error::Input`] for a plan without setpoints or with values
-/// that no drone can reach; [`Error::Infeasible`] for one longer than an hour, for weights without
-/// a gain, and for a drone that turns over or flies away.
+/// Those of [`SimOptions::check`](crate::sim::SimOptions::check); [`Error::Input`] for a plan
+/// without setpoints or with values that no drone can reach; [`Error::Infeasible`] for one longer
+/// than an hour, for weights without a gain, and for a drone that turns over or flies away.
 ///
 /// # Panics
 ///

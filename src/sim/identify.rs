@@ -1,12 +1,12 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the reference
-//! team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne, of the
-//! measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ by
-//! finite differences; thrust per command is fitted to the accelerometer, and the mean motor
-//! commands show the torque that compensates a displaced center of mass. Inertia comes
-//! from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque
-//! is fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
+//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the
+//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
+//! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
+//! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
+//! commands show the torque that compensates a displaced center of mass. Inertia comes from a
+//! pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is
+//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
 //!
 //! Not done: inertia from flight, where slow logs do not show it.
 
@@ -77,16 +77,16 @@ pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
 
-/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body that
-/// swings with period T about a pivot at distance r from its center of mass.
+/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body
+/// that swings with period T about a pivot at distance r from its center of mass.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] where a figure is out of range, or the period is shorter than that of a point.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
-    within("pendulum: mass_kg", mass_kg, 1e-3, 100.0)?;
-    within("pendulum: pivot_m", pivot_m, 1e-3, 10.0)?;
-    within("pendulum: period_s", period_s, 1e-3, 100.0)?;
+    within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
+    within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
+    within("pendulum_period_s", period_s, 1e-3, 100.0)?;
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -95,7 +95,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     let shortest_s = std::f64::consts::TAU * (pivot_m / GRAVITY_M_S2).sqrt();
     let wanted = format!("more than {shortest_s:.4} s, the period of a point {pivot_m} m away");
     let hint = "time ten swings and divide by ten; measure the pivot from the center of mass";
-    Err(Error::input("pendulum: period_s", period_s, wanted, hint))
+    Err(Error::input("pendulum_period_s", period_s, wanted, hint))
 }
 
 /// Identifies a drone from a flight, given its mass and arm.

@@ -2,8 +2,8 @@
 //!
 //! The figures of published models disagree by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005
 //! to 0.034 m); each set keeps to one source where it can. The regulator's weights are near the
-//! reference team's, its gain is designed for the rotors' lag: without that, such weights make every
-//! drone with a lagging motor oscillate.
+//! reference team's, its gain is designed for the rotors' lag: without that, such weights make
+//! every drone with a lagging motor oscillate.
 
 use super::options::{
     BatteryOptions, Compensation, ControllerOptions, GeometricOptions, GroundEffect, LqrOptions,
@@ -107,8 +107,9 @@ impl SimOptions {
     /// Crazyflie 2.1 Brushless with a 500 mAh battery.
     ///
     /// Body, drag, rotors: crazyflow's `cf21B_500`. Thrust over voltage, largest thrust (0.2 N),
-    /// yaw moment (5.69 mm): firmware `platform_defaults_cf21bl.h`. Propellers of 55 mm. Current per
-    /// thrust: from Bitcraze's 10 minutes with 350 mAh at 39.3 g. Resistance: as for the thrust kit.
+    /// yaw moment (5.69 mm): firmware `platform_defaults_cf21bl.h`. Propellers of 55 mm. Current
+    /// per thrust: from Bitcraze's 10 minutes with 350 mAh at 39.3 g. Resistance: as for the thrust
+    /// kit.
     #[must_use]
     pub fn cf_brushless() -> Self {
         let base = Self::cf21();
@@ -140,15 +141,15 @@ impl SimOptions {
 
     /// bzzz: a quadcopter of 1.15 kg with 10-inch propellers, from a laboratory on altitude hold.
     ///
-    /// Body, motor lag, propellers: `quadx88`, the model of the same laboratory (on
-    /// `pypi.org`: mass of its example, thrust coefficient 0.112, power coefficient 0.044, 10 in, air 1.225 kg/m³); half the side
-    /// is its arm of 225 mm times √½. Largest thrust and current: a 920 KV motor with such a
-    /// propeller, 960 g at 11.1 V and 15.2 A; thrust as the square of the voltage, so that lift is
-    /// linear in the throttle and falls with the battery, for nothing compensates; `k_f_n` at 12 V,
-    /// a full battery in hover. Battery: three of the cells of [`Self::cf21`], 5 Ah and 20 mΩ
-    /// assumed. Rotor drag: `RotorS`, 8.06e-5. Rotor inertia: its propeller of 9 g as a rod.
-    /// Body drag and height of the propellers assumed. Weights of the inputs: Bryson's rule (`noctograph
-    /// gains --bryson`), times 30.
+    /// Body, motor lag, propellers: `quadx88`, the model of the same laboratory (on `pypi.org`:
+    /// mass of its example, thrust coefficient 0.112, power coefficient 0.044, 10 in, air 1.225
+    /// kg/m³); half the side is its arm of 225 mm times √½. Largest thrust and current: a 920 KV
+    /// motor with such a propeller, 960 g at 11.1 V and 15.2 A; thrust as the square of the
+    /// voltage, so that lift is linear in the throttle and falls with the battery, for nothing
+    /// compensates; `k_f_n` at 12 V, a full battery in hover. Battery: three of the cells of
+    /// [`Self::cf21`], 5 Ah and 20 mΩ assumed. Rotor drag: `RotorS`, 8.06e-5. Rotor inertia: its
+    /// propeller of 9 g as a rod. Body drag and height of the propellers assumed. Weights of the
+    /// inputs: Bryson's rule (`noctograph gains --bryson`), times 30.
     #[must_use]
     pub fn bzzz() -> Self {
         let base = Self::default();

@@ -1,8 +1,8 @@
-//! Conditions: by how much a drone in the room differs from its scene, flight by flight.
+//! Conditions: how much a real drone differs from its scene, flight by flight.
 //!
-//! A controller is made for the scene; what flies is the scene with a [`Departure`], drawn anew for
-//! each seed. The same seed draws the same departure under every controller (common random numbers),
-//! and each factor has a stream of its own, so that one factor more changes no other.
+//! A controller is made for the scene; the flying drone departs from it, anew for
+//! each seed and drone. The same seed draws the same departure under every controller (common random
+//! numbers), and each factor has a stream of its own, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;
 
@@ -10,60 +10,48 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result, within};
-use crate::light::LightOptions;
+use crate::digest::fnv_1a;
+use crate::error::{Error, Result};
 use crate::scene::Scene;
-use crate::sim::{GustOptions, Gusts, SimOptions};
+use crate::settings::{Described, settings};
+use crate::shoot::Actual;
+use crate::sim::{GustOptions, Gusts};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), through which gusts take hold of a
-/// drone whose scene has none.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on where the scene
+/// has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
-/// Gusts of a ventilated room, with which [`crate::sim::GustOptions::torque_sigma_n_m`] goes.
+/// Gusts of a ventilated room, to which [`GustOptions::torque_sigma_n_m`] belongs.
 const ROOM_GUST_M_S: f64 = 0.08;
 
-/// How widely flights differ from their scene. 0 leaves a factor as the scene has it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Conditions {
-    /// Mass, σ as a share of the scene's. Markers, tape and another battery make a gram of 35.
-    pub mass_frac: f64,
-    /// Centre of mass in body x and y, σ, m. The battery slides in its holder.
-    pub center_of_mass_m: f64,
-    /// Moments of inertia, σ as a share of the scene's.
-    pub inertia_frac: f64,
-    /// Time constant of the rotors on top of the scene's, evenly from 0 to this, s.
-    pub motor_lag_s: f64,
-    /// Position error that changes smoothly over the room, σ on top of the scene's, m: distortion
-    /// where `sensors.positioning` is `position`, misplaced stations where it is Lighthouse.
-    pub lighthouse_distortion_m: f64,
-    /// Gusts, σ on top of the scene's, m/s (Ornstein–Uhlenbeck); uneven air turns the drone in
-    /// proportion, as measured at 0.08.
-    pub gust_m_s: f64,
-    /// Delay of the light commands on top of the scene's, evenly from 0 to this, s.
-    pub led_delay_s: f64,
-    /// Charge that the battery lacks, evenly from 0 to this share, where the scene has a battery.
-    pub charge_used_frac: f64,
-}
-
-impl Default for Conditions {
-    /// An ordinary room and evening. Mass: a gram of 35. Centre of mass: half of what stood out in
-    /// the reference flight. Inertia: published values for one drone differ by a fifth (simulation.md
-    /// 4). Motor lag: the lower half of what was published (0.02 to 0.14 s), since gains that were
-    /// flown stand it. Lighthouse: half of the 13 mm rms that `positioning_dataset` shows. Gusts: a
-    /// ventilated room, see [`GustOptions`]. LED: one repeated radio packet. Battery: a
-    /// third flown away.
-    fn default() -> Self {
-        Self {
-            mass_frac: 0.03,
-            center_of_mass_m: 0.5e-3,
-            inertia_frac: 0.1,
-            motor_lag_s: 0.05,
-            lighthouse_distortion_m: 0.007,
-            gust_m_s: 0.08,
-            led_delay_s: 0.05,
-            charge_used_frac: 0.33,
-        }
+settings! {
+    /// How much flights differ from their scene. 0 leaves a factor as the scene has it. The default
+    /// is an ordinary room and evening.
+    pub struct Conditions {
+        /// Mass, σ as a share of the scene's: a gram of 35 for markers, tape and another battery.
+        mass_frac: f64 = 0.03, in 0.0..=1.0;
+        /// Center of mass in body x and y, σ, m: half of that in the reference flight. The battery
+        /// slides in its holder.
+        center_of_mass_m: f64 = 0.5e-3, in 0.0..=0.1;
+        /// Moments of inertia, σ as a share of the scene's: published values for one drone differ by
+        /// a fifth.
+        inertia_frac: f64 = 0.1, in 0.0..=2.0;
+        /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
+        /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
+        motor_lag_s: f64 = 0.05, in 0.0..=5.0;
+        /// Position error that changes smoothly over the room, σ on top of the scene's, m:
+        /// distortion where `sensors.positioning` is `position`, misplaced stations where it is
+        /// Lighthouse. Half of the 13 mm rms in Bitcraze's `positioning_dataset`.
+        lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
+        /// Gusts, σ on top of the scene's, m/s (Ornstein–Uhlenbeck), of a ventilated room. Uneven
+        /// air turns the drone in proportion, as measured at 0.08.
+        gust_m_s: f64 = 0.08, in 0.0..=30.0;
+        /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
+        /// repeated radio packet.
+        led_delay_s: f64 = 0.05, in 0.0..=5.0;
+        /// Charge that the battery lacks, uniform from 0 to this share, where the scene has a
+        /// battery.
+        charge_used_frac: f64 = 0.33, in 0.0..=1.0;
     }
 }
 
@@ -73,15 +61,15 @@ impl Default for Conditions {
 pub enum Factor {
     /// Mass and moments of inertia.
     Mass,
-    /// Where the mass sits.
+    /// Center of mass.
     CenterOfMass,
-    /// How late the rotors follow.
+    /// Lag of the rotors.
     MotorLag,
-    /// How far the positioning is off.
+    /// Error of the positioning.
     Lighthouse,
     /// Gusts.
     Gusts,
-    /// How late the lamps follow.
+    /// Delay of the lamps.
     LedDelay,
 }
 
@@ -101,7 +89,7 @@ impl Factor {
     pub fn name(self) -> &'static str {
         match self {
             Self::Mass => "mass",
-            Self::CenterOfMass => "centre of mass",
+            Self::CenterOfMass => "center of mass",
             Self::MotorLag => "motor lag",
             Self::Lighthouse => "Lighthouse",
             Self::Gusts => "gusts",
@@ -114,16 +102,7 @@ impl Conditions {
     /// Every flight is as its scene says; only noise differs.
     #[must_use]
     pub fn still() -> Self {
-        Self {
-            mass_frac: 0.0,
-            center_of_mass_m: 0.0,
-            inertia_frac: 0.0,
-            motor_lag_s: 0.0,
-            lighthouse_distortion_m: 0.0,
-            gust_m_s: 0.0,
-            led_delay_s: 0.0,
-            charge_used_frac: 0.0,
-        }
+        Self::default().times(0.0)
     }
 
     /// These conditions, `times` as wide.
@@ -144,18 +123,19 @@ impl Conditions {
     /// Of these conditions, one factor alone.
     #[must_use]
     pub fn only(&self, factor: Factor) -> Self {
-        let (all, mut one) = (self, Self::still());
+        let (all, none) = (self, Self::still());
         match factor {
             Factor::Mass => {
-                (one.mass_frac, one.inertia_frac) = (all.mass_frac, all.inertia_frac);
+                Self { mass_frac: all.mass_frac, inertia_frac: all.inertia_frac, ..none }
             }
-            Factor::CenterOfMass => one.center_of_mass_m = all.center_of_mass_m,
-            Factor::MotorLag => one.motor_lag_s = all.motor_lag_s,
-            Factor::Lighthouse => one.lighthouse_distortion_m = all.lighthouse_distortion_m,
-            Factor::Gusts => one.gust_m_s = all.gust_m_s,
-            Factor::LedDelay => one.led_delay_s = all.led_delay_s,
+            Factor::CenterOfMass => Self { center_of_mass_m: all.center_of_mass_m, ..none },
+            Factor::MotorLag => Self { motor_lag_s: all.motor_lag_s, ..none },
+            Factor::Lighthouse => {
+                Self { lighthouse_distortion_m: all.lighthouse_distortion_m, ..none }
+            }
+            Factor::Gusts => Self { gust_m_s: all.gust_m_s, ..none },
+            Factor::LedDelay => Self { led_delay_s: all.led_delay_s, ..none },
         }
-        one
     }
 
     /// Checks the ranges.
@@ -164,14 +144,7 @@ impl Conditions {
     ///
     /// [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        within("mass_frac", self.mass_frac, 0.0, 1.0)?;
-        within("center_of_mass_m", self.center_of_mass_m, 0.0, 0.1)?;
-        within("inertia_frac", self.inertia_frac, 0.0, 2.0)?;
-        within("motor_lag_s", self.motor_lag_s, 0.0, 5.0)?;
-        within("lighthouse_distortion_m", self.lighthouse_distortion_m, 0.0, 10.0)?;
-        within("gust_m_s", self.gust_m_s, 0.0, 30.0)?;
-        within("led_delay_s", self.led_delay_s, 0.0, 5.0)?;
-        within("charge_used_frac", self.charge_used_frac, 0.0, 1.0)
+        Described::check(self, "", None)
     }
 
     /// Reads the text of a conditions file (TOML); `file` is its name in messages.
@@ -180,7 +153,7 @@ impl Conditions {
     ///
     /// [`Error::Input`] for an unknown key or a value out of range.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
-        let hint = "name the keys of Conditions, such as motor_lag_s = 0.05; 0 switches one off";
+        let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
         let conditions: Self = toml::from_str(toml).map_err(|error| {
             let found = error.message().lines().next().unwrap_or_default().to_owned();
             Error::input(file, found, "conditions of flights as TOML", hint)
@@ -189,62 +162,26 @@ impl Conditions {
         Ok(conditions)
     }
 
-    /// How the flight of one seed departs from its scene.
+    /// The drone and the lamps of one flight: of a seed, and a drone counted from 0.
     #[must_use]
-    pub fn draw(&self, seed: u64) -> Departure {
-        let chance = |factor: &str| Chance::new(seed, factor);
-        let mut mass = chance("mass");
+    pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
+        let chance = |factor: &str| Chance::new(seed, drone, factor);
         let mut center = chance("center of mass");
         let mut inertia = chance("inertia");
-        Departure {
-            mass_factor: (1.0 + self.mass_frac * mass.normal()).max(0.1),
-            center_of_mass_m: [(); 2].map(|()| self.center_of_mass_m * center.normal()),
-            inertia_factor: [(); 3].map(|()| (1.0 + self.inertia_frac * inertia.normal()).max(0.1)),
-            motor_lag_s: self.motor_lag_s * chance("motor lag").uniform(),
-            lighthouse_distortion_m: self.lighthouse_distortion_m,
-            gust_m_s: self.gust_m_s,
-            led_delay_s: self.led_delay_s * chance("led delay").uniform(),
-            charge_used_frac: self.charge_used_frac * chance("charge").uniform(),
-        }
-    }
-}
-
-/// How one flight departs from its scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Departure {
-    /// Mass by the scene's.
-    pub mass_factor: f64,
-    /// Added to the scene's.
-    pub center_of_mass_m: [f64; 2],
-    /// Moments of inertia by the scene's.
-    pub inertia_factor: [f64; 3],
-    /// Added to both time constants of the rotors.
-    pub motor_lag_s: f64,
-    /// Joins the scene's own by the sum of squares.
-    pub lighthouse_distortion_m: f64,
-    /// Joins the scene's own by the sum of squares.
-    pub gust_m_s: f64,
-    /// Added to the scene's.
-    pub led_delay_s: f64,
-    /// Taken off the battery's charge.
-    pub charge_used_frac: f64,
-}
-
-impl Departure {
-    /// The drone and the lamps that fly.
-    #[must_use]
-    pub fn apply(&self, scene: &Scene) -> (SimOptions, LightOptions) {
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
+
         let body = &mut sim.vehicle;
-        body.mass_kg *= self.mass_factor;
-        for (own, more) in body.center_of_mass_m.iter_mut().zip(self.center_of_mass_m) {
-            *own += more;
+        body.mass_kg *= (1.0 + self.mass_frac * chance("mass").normal()).max(0.1);
+        for own in &mut body.center_of_mass_m {
+            *own += self.center_of_mass_m * center.normal();
         }
-        for (own, factor) in body.inertia_kg_m2.iter_mut().zip(self.inertia_factor) {
-            *own *= factor;
+        for own in &mut body.inertia_kg_m2 {
+            *own *= (1.0 + self.inertia_frac * inertia.normal()).max(0.1);
         }
-        body.motor_rise_s += self.motor_lag_s;
-        body.motor_fall_s += self.motor_lag_s;
+        let lag_s = self.motor_lag_s * chance("motor lag").uniform();
+        body.motor_rise_s += lag_s;
+        body.motor_fall_s += lag_s;
+
         let sensors = &mut sim.sensors.lighthouse;
         for own in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *own = libm::hypot(*own, self.lighthouse_distortion_m);
@@ -266,19 +203,21 @@ impl Departure {
                 body.body_drag_n_s_m = DRAG_N_S_M;
             }
         }
-        sim.battery.charge_frac = (sim.battery.charge_frac - self.charge_used_frac).max(0.0);
-        light.radio_delay_s += self.led_delay_s;
-        (sim, light)
+        let used_frac = self.charge_used_frac * chance("charge").uniform();
+        sim.battery.charge_frac = (sim.battery.charge_frac - used_frac).max(0.0);
+        light.radio_delay_s += self.led_delay_s * chance("led delay").uniform();
+        Actual { sim, light }
     }
 }
 
-/// Chance of one factor in one flight: a function of the seed and the factor's name alone.
+/// Random numbers of one factor in one flight: a function of seed, drone and the factor's name.
 struct Chance(ChaCha8Rng);
 
 impl Chance {
-    fn new(seed: u64, factor: &str) -> Self {
+    fn new(seed: u64, drone: u64, factor: &str) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(super::fnv_1a(b"study:".iter().copied().chain(factor.bytes())));
+        let drone = if drone == 0 { String::new() } else { format!("{drone}:") };
+        rng.set_stream(fnv_1a(format!("study:{drone}{factor}").bytes()));
         Self(rng)
     }
 
@@ -301,30 +240,36 @@ mod tests {
     #[test]
     fn still_conditions_fly_the_scene_itself() {
         let scene = Scene::default();
-        let (sim, light) = Conditions::still().draw(7).apply(&scene);
-        assert_eq!((sim, light), (scene.sim(), scene.light.clone()));
+        let actual = Conditions::still().draw(&scene, 7, 0);
+        assert_eq!(actual, Actual { sim: scene.sim(), light: scene.light });
     }
 
     #[test]
     fn a_seed_draws_the_same_whatever_other_factors_do() {
-        let all = Conditions::default();
-        let (with, alone) = (all.draw(3), all.only(Factor::MotorLag).draw(3));
-        assert_eq!(with.motor_lag_s, alone.motor_lag_s);
-        assert_ne!(with.motor_lag_s, all.draw(4).motor_lag_s);
-        assert_eq!(all.times(2.0).draw(3).motor_lag_s, 2.0 * with.motor_lag_s);
+        let (all, scene) = (Conditions::default(), Scene::default());
+        let lag_s = |conditions: &Conditions, seed, drone| {
+            conditions.draw(&scene, seed, drone).sim.vehicle.motor_rise_s
+        };
+        let with_s = lag_s(&all, 3, 0);
+        assert_eq!(with_s, lag_s(&all.only(Factor::MotorLag), 3, 0));
+        assert!(with_s != lag_s(&all, 4, 0) && with_s != lag_s(&all, 3, 1), "others differ");
+        assert_eq!(lag_s(&all.times(2.0), 3, 0), 2.0 * with_s);
     }
 
     #[test]
     fn draws_have_the_stated_spread() {
-        let n = 4000_u32;
-        let draws: Vec<Departure> =
-            (0..n).map(|seed| Conditions::default().draw(seed.into())).collect();
-        let mean =
-            |value: &dyn Fn(&Departure) -> f64| draws.iter().map(value).sum::<f64>() / f64::from(n);
-        let sigma = mean(&|d| (d.mass_factor - 1.0) * (d.mass_factor - 1.0)).sqrt();
+        let (n, scene) = (4000_u32, Scene::default());
+        let draws =
+            (0..n).map(|seed| Conditions::default().draw(&scene, seed.into(), 0).sim.vehicle);
+        let draws: Vec<_> =
+            draws.map(|v| (v.mass_kg / scene.vehicle.mass_kg, v.motor_rise_s)).collect();
+        let mean = |value: &dyn Fn(&(f64, f64)) -> f64| {
+            draws.iter().map(value).sum::<f64>() / f64::from(n)
+        };
+        let sigma = mean(&|(mass, _)| (mass - 1.0) * (mass - 1.0)).sqrt();
         assert!((sigma / 0.03 - 1.0).abs() < 0.05, "{sigma}");
-        assert!((mean(&|d| d.motor_lag_s) / 0.025 - 1.0).abs() < 0.05);
-        assert!(draws.iter().all(|d| (0.0..0.05).contains(&d.motor_lag_s)));
+        assert!((mean(&|(_, lag_s)| *lag_s) / 0.025 - 1.0).abs() < 0.05);
+        assert!(draws.iter().all(|(_, lag_s)| (0.0..0.05).contains(lag_s)));
     }
 
     #[test]

@@ -5,8 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Conditions, Contender, Outcome, Prepared, Record, Store};
+use super::{Conditions, Prepared, Record, Store};
+use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
+use crate::scene::NamedScene;
 
 /// Most flights of a study: a week of one core.
 const MAX_TRIALS: usize = 20_000_000;
@@ -17,7 +19,7 @@ const MAX_TRIALS: usize = 20_000_000;
 #[serde(deny_unknown_fields)]
 pub struct Study {
     /// Scenes under comparison.
-    pub contenders: Vec<Contender>,
+    pub contenders: Vec<NamedScene>,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
     /// How flights differ from their scene.
@@ -42,9 +44,9 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] saying what is missing.
+    /// [`Error::Input`] with the missing part.
     pub fn check(&self) -> Result<()> {
-        let hint = "for example: noctograph rank team tuned --words NOOR --seeds 50";
+        let hint = "name scenes and words, such as NOOR with 50 seeds";
         if self.contenders.is_empty() || self.words.iter().all(|(_, n)| *n == 0) {
             let found = format!("{} scenes, {} words", self.contenders.len(), self.words.len());
             return Err(Error::input("study", found, "at least one of each, and a seed", hint));
@@ -89,41 +91,30 @@ impl Study {
     /// that a scene file takes it.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
-        super::fnv_1a(bytes.chain(word.bytes())) >> 33
+        fnv_1a(bytes.chain(word.bytes())) >> 33
     }
 
     /// Every contender made ready for every word, contender by contender.
     ///
     /// # Errors
     ///
-    /// What [`Prepared::new`] says.
+    /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
         both.map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
             .collect()
     }
-
-    /// What a trial leaves behind.
-    #[must_use]
-    pub fn record(&self, trial: Trial, prepared: &Prepared, outcome: Outcome) -> Record {
-        Record {
-            scene: prepared.digest().to_owned(),
-            contender: self.contenders[trial.contender].name.clone(),
-            word: prepared.word().to_owned(),
-            seed: trial.seed,
-            outcome,
-        }
-    }
 }
 
-/// Flies trials, on as many threads as rayon's pool has; what the store holds is not flown again, and
-/// what is flown goes into it at once. `done` hears how many trials are done, from any thread.
+/// Flies trials, on as many threads as rayon's pool has; trials in the
+/// store are not flown again, and new ones go into it at once. `done` is called with the number of
+/// trials that are done, from any thread.
 ///
 /// The records come in the order of the trials: they depend on nothing but the study.
 ///
 /// # Errors
 ///
-/// What the flights and the store say; what was flown before stays in the store.
+/// Those of the flights and the store; earlier trials stay in the store.
 pub fn evaluate(
     study: &Study,
     trials: &[Trial],
@@ -133,7 +124,7 @@ pub fn evaluate(
     evaluate_prepared(study, &study.prepare()?, trials, store, done)
 }
 
-/// The same with what [`Study::prepare`] made before.
+/// The same with the scenes of [`Study::prepare`].
 pub(super) fn evaluate_prepared(
     study: &Study,
     prepared: &[Prepared],
@@ -144,11 +135,11 @@ pub(super) fn evaluate_prepared(
     let finished = AtomicUsize::new(0);
     let record = |trial: &Trial| {
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
-        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
-        let record = match known {
-            Some(outcome) => study.record(*trial, ready, outcome),
+        let name = &study.contenders[trial.contender].name;
+        let record = match store.and_then(|store| store.get(ready.digest(), trial.seed)) {
+            Some(outcome) => ready.record(name, trial.seed, outcome),
             None => {
-                let record = study.record(*trial, ready, ready.outcome(trial.seed)?);
+                let record = ready.record(name, trial.seed, ready.outcome(trial.seed)?);
                 store.map_or(Ok(()), |store| store.put(&record))?;
                 record
             }
@@ -167,8 +158,8 @@ mod tests {
     fn study() -> Study {
         Study {
             contenders: vec![
-                Contender::new("team", Scene::default()),
-                Contender::find("geometric").unwrap(),
+                NamedScene::new("team", Scene::default()),
+                Scene::find("geometric", &[]).unwrap(),
             ],
             words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],
             conditions: Conditions::default(),

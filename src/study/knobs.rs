@@ -1,4 +1,4 @@
-//! Knobs: what a search may turn in a scene, named by the scene's own keys.
+//! Knobs: the settings of a scene that a search varies, named by their keys.
 
 use std::str::FromStr;
 
@@ -36,7 +36,7 @@ impl Knob {
         Self { turn: Turn::To([least, most]), ..Self::times(keys, 1.0, 1.0) }
     }
 
-    /// What is worth turning in a scene: weights by groups that share a meaning, feed-forward, trust in
+    /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
     /// the measured position, speed.
     #[must_use]
     pub fn usual(scene: &Scene) -> Vec<Self> {
@@ -109,16 +109,15 @@ impl Knob {
     }
 }
 
-const HINT: &str = "for example --knob plan.stroke_speed_m_s=0.1..0.4, --knob 'controller.lqr.q[2]*=\
-                    0.1..10' or --knob controller.kind=lqr|lqr-feedforward; `noctograph scene` \
-                    prints the keys";
+const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
+                    controller.kind=lqr|lqr-feedforward";
 
 /// A scene with its knobs set to a point of the unit cube.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and what the
-/// scene's checks say.
+/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and as
+/// [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut value = toml::Value::try_from(scene).expect("a scene is a table");
     for (knob, at) in knobs.iter().zip(point) {
@@ -126,7 +125,7 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     }
     let scene: Scene = value.try_into().map_err(|error: toml::de::Error| {
         let found = error.message().to_owned();
-        Error::input("--knob", found, "values that the scene's keys take", HINT)
+        Error::input("knob", found, "values that the scene's keys take", HINT)
     })?;
     scene.check()?;
     Ok(scene)
@@ -141,7 +140,7 @@ fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value
             toml::Value::Array(array) => array.get_mut(part.parse::<usize>().ok()?),
             _ => None,
         })
-        .ok_or_else(|| Error::input("--knob", key, "a key of the scene", HINT))
+        .ok_or_else(|| Error::input("knob", key, "a key of the scene", HINT))
 }
 
 /// Between two positive numbers, evenly in the logarithm.
@@ -153,7 +152,7 @@ impl FromStr for Knob {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let broken = || Error::input("--knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
+        let broken = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
         let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
         let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
         let keys = keys.split('+').map(str::to_owned).collect();

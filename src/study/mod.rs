@@ -1,13 +1,13 @@
-//! Study: which controller paints the most legible word, and with what confidence.
+//! Study: which controller paints the most legible word, with confidence intervals.
 //!
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene, a
-//! learned plan, a table of what breaks the word.
+//! learned plan, a table of the factors that break the word.
 //!
 //! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
 //!    the reader's own resolution on a small film and read: one [`Outcome`].
 //! 2. The seed alone decides gusts, noise and how the drone departs from its scene, so controllers
 //!    are compared flight by flight under common random numbers.
-//! 3. Every outcome goes into a [`Store`] at once; what is in there is never flown again. An
+//! 3. Every outcome goes into a [`Store`] at once; trials in there are never flown again. An
 //!    interrupted study continues with the numbers of an uninterrupted one, on any number of threads
 //!    and machines.
 //!
@@ -22,37 +22,34 @@
 //! each controller.
 
 mod conditions;
-mod contender;
+mod correct;
 mod design;
 mod hold;
 mod knobs;
 mod learn;
+mod outcome;
 mod rank;
 mod robustness;
 mod search;
 pub mod statistics;
 mod store;
 mod sweep;
+mod tables;
 mod trial;
 mod tune;
 
-pub use conditions::{Conditions, Departure, Factor};
-pub use contender::{Contender, KNOWN};
+pub use conditions::{Conditions, Factor};
+pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
 pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
 pub use knobs::{Knob, Turn, turned};
-pub use learn::{LearnOptions, Learned, Round, correct, learn};
-pub use rank::{FlownMeasures, Measures, Pair, Ranking, rank};
+pub use learn::{Learned, Round, learn};
+pub use outcome::{Flown, Outcome};
+pub use rank::{Measures, Pair, Ranking, rank};
 pub use robustness::{Endurance, Level, RobustnessOptions, robustness};
 pub use search::{Search, SearchKind};
 pub use store::{Record, Store};
 pub use sweep::{Shard, Sweep};
-pub use trial::{Flown, Outcome, Prepared};
+pub use tables::{candidates_csv, flights_csv, ranking_csv, robustness_csv};
+pub use trial::Prepared;
 pub use tune::{Candidate, Limits, TuneOptions, Tuned, tune};
-
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): a hash that stays what it is in every release.
-fn fnv_1a(bytes: impl Iterator<Item = u8>) -> u64 {
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
-}

@@ -1,4 +1,4 @@
-//! Ranking: contenders in order of legibility, and which of them cannot be told apart.
+//! Ranking: contenders in order of legibility, and which of them are indistinguishable.
 
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct Ranking {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best; those that cannot be told from a better one share its place.
+    /// 1 for the best; those indistinguishable from a better one share its place.
     pub place: usize,
     /// Flights.
     pub n_flights: usize,
@@ -35,38 +35,13 @@ pub struct Measures {
     /// Share of flights in which every letter was read as it should.
     pub all_read: Estimate,
     /// Mean of the figures of the flights that were not lost; `None` where all were.
-    pub flown: Option<FlownMeasures>,
+    pub flown: Option<Flown<Estimate>>,
     /// Index among the study's contenders.
     #[serde(skip)]
     pub index: usize,
     /// Trials whose photo is the median and the worst, as indices into the records.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
-}
-
-/// Means of [`Flown`] with their intervals.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FlownMeasures {
-    /// Distance from the path.
-    pub contour_m: Estimate,
-    /// Lag behind the design.
-    pub lag_s: Estimate,
-    /// RMSE along x.
-    pub rmse_x_m: Estimate,
-    /// Along y.
-    pub rmse_y_m: Estimate,
-    /// Along z.
-    pub rmse_z_m: Estimate,
-    /// Farthest from the word's plane.
-    pub drift_y_m: Estimate,
-    /// Largest tilt.
-    pub tilt_rad: Estimate,
-    /// Share of the time at a motor's limit.
-    pub saturated_frac: Estimate,
-    /// Time of a flight.
-    pub duration_s: Estimate,
-    /// Energy of a flight.
-    pub energy_j: Estimate,
 }
 
 /// Two contenders, flight against flight of the same word and seed.
@@ -79,7 +54,7 @@ pub struct Pair {
     /// Mean difference of probability, with an interval at a level that holds for all pairs
     /// together (Bonferroni).
     pub difference: Estimate,
-    /// Whether they can be told apart: the interval has no zero.
+    /// Whether the interval excludes zero.
     pub distinguishable: bool,
 }
 
@@ -122,19 +97,20 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
         }
     }
     for index in 0..measures.len() {
-        let told = |better: &Measures| {
+        let surely_worse = |better: &Measures| {
             let of_both = |pair: &&Pair| {
                 pair.better == better.contender && pair.worse == measures[index].contender
             };
             pairs.iter().find(of_both).is_some_and(|pair| pair.distinguishable)
         };
-        measures[index].place = 1 + measures[..index].iter().filter(|better| told(better)).count();
+        measures[index].place =
+            1 + measures[..index].iter().filter(|better| surely_worse(better)).count();
     }
     Ranking { measures, pairs }
 }
 
 /// The values of one contender's records, word by word.
-fn strata(study: &Study, records: &[Record], value: impl Fn(&Record) -> f64) -> Vec<Vec<f64>> {
+fn strata<T>(study: &Study, records: &[Record], value: impl Fn(&Record) -> T) -> Vec<Vec<T>> {
     let mut rest = records;
     let words = study.words.iter().map(|(_, n)| {
         let (of_word, others) = rest.split_at(*n as usize);
@@ -170,42 +146,29 @@ fn measure(study: &Study, index: usize, records: &[Record], first: usize) -> Mea
     }
 }
 
-fn flown(study: &Study, records: &[Record]) -> Option<FlownMeasures> {
+fn flown(study: &Study, records: &[Record]) -> Option<Flown<Estimate>> {
     records.iter().find(|record| record.outcome.flown.is_some())?;
-    let of = |value: fn(&Flown) -> f64| {
-        let mut rest = records;
-        let words = study.words.iter().map(|(_, n)| {
-            let (of_word, others) = rest.split_at(*n as usize);
-            rest = others;
-            of_word.iter().filter_map(|r| r.outcome.flown.as_ref()).map(value).collect()
-        });
-        bootstrap(&words.collect::<Vec<_>>(), LEVEL, |values| mean(values))
+    let values = strata(study, records, |r| r.outcome.flown.map(|flown| flown.values()));
+    let figure = |index: usize| {
+        let of_word = |word: &Vec<Option<[f64; 10]>>| {
+            word.iter().flatten().map(|values| values[index]).collect()
+        };
+        bootstrap(&values.iter().map(of_word).collect::<Vec<_>>(), LEVEL, |values| mean(values))
     };
-    Some(FlownMeasures {
-        contour_m: of(|f| f.contour_m),
-        lag_s: of(|f| f.lag_s),
-        rmse_x_m: of(|f| f.rmse_x_m),
-        rmse_y_m: of(|f| f.rmse_y_m),
-        rmse_z_m: of(|f| f.rmse_z_m),
-        drift_y_m: of(|f| f.drift_y_m),
-        tilt_rad: of(|f| f.tilt_rad),
-        saturated_frac: of(|f| f.saturated_frac),
-        duration_s: of(|f| f.duration_s),
-        energy_j: of(|f| f.energy_j),
-    })
+    Some(Flown::from_values(std::array::from_fn(figure)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-    use crate::study::{Conditions, Contender, Outcome};
+    use crate::scene::{NamedScene, Scene};
+    use crate::study::{Conditions, Outcome};
 
     /// A ranking of made-up probabilities: one list a contender, one word.
     fn ranked(probabilities: &[&[f64]]) -> Ranking {
         let names = ["a", "b", "c"];
         let contenders = (0..probabilities.len())
-            .map(|index| Contender::new(names[index], Scene::default()))
+            .map(|index| NamedScene::new(names[index], Scene::default()))
             .collect();
         let n = u32::try_from(probabilities[0].len()).unwrap();
         let words = vec![("I".to_owned(), n)];
@@ -219,23 +182,14 @@ mod tests {
                 contender: study.contenders[trial.contender].name.clone(),
                 word: "I".into(),
                 seed: trial.seed,
-                outcome: Outcome {
-                    read: "I".into(),
-                    all_read: probability > 0.5,
-                    legible: probability > 0.7,
-                    probability,
-                    log_odds: 0.0,
-                    similarity: 0.5,
-                    flown: None,
-                    lost: None,
-                },
+                outcome: Outcome::example(probability),
             })
             .collect();
         rank(&study, &records)
     }
 
     #[test]
-    fn a_small_steady_difference_is_told_from_a_large_one_by_chance() {
+    fn a_small_steady_difference_is_distinguishable_and_a_large_random_one_is_not() {
         let steps: Vec<f64> = (0..40).map(|k| 0.3 + 0.01 * f64::from(k)).collect();
         let steadily_better: Vec<f64> = steps.iter().map(|p| p + 0.004).collect();
         let ranking = ranked(&[&steps, &steadily_better]);

@@ -1,26 +1,27 @@
 //! Robustness: which of the things that differ from flight to flight breaks the word first.
 //!
-//! Each factor by itself, and all together, is made wider step by step, in multiples of what is usual
+//! Each factor by itself, and all together, is made wider step by step, in multiples of the usual
 //! ([`Conditions::default`]), while all others stay as the scene has them. A word breaks where half of
 //! the flights no longer read letter by letter.
 
 use serde::Serialize;
 
 use super::statistics::{Estimate, bootstrap, mean};
-use super::{Conditions, Contender, Factor, Record, Store, Study, Trial, evaluate};
+use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
+use crate::scene::NamedScene;
 
 /// Share of flights that must read.
 const HALF: f64 = 0.5;
 
-/// What is tried.
+/// Options of [`robustness`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobustnessOptions {
-    /// The scene and what it writes, each word with its seeds.
-    pub contender: Contender,
+    /// The scene.
+    pub contender: NamedScene,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
-    /// What counts as once: the usual width of every factor.
+    /// The usual width of every factor, which counts as once.
     pub usual: Conditions,
     /// Multiples of it, rising from 0.
     pub times: Vec<f64>,
@@ -28,7 +29,7 @@ pub struct RobustnessOptions {
     pub seed: u64,
 }
 
-/// How the word stands one factor.
+/// Endurance of the word under one factor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Endurance {
     /// The factor; `None`: all of them together.
@@ -51,12 +52,12 @@ pub struct Level {
     pub all_read: f64,
 }
 
-/// Tries every factor and all together; what breaks the word first comes first. `done` hears how many
-/// flights are done.
+/// Tries every factor and all together; the factor that breaks the word first comes first.
+/// `done` is called with the number of flights that are done.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for multiples that do not rise; what the flights and the store say.
+/// [`Error::Input`] for multiples that do not rise; those of the flights and the store.
 pub fn robustness(
     options: &RobustnessOptions,
     store: Option<&Store>,
@@ -65,8 +66,8 @@ pub fn robustness(
     let rises = options.times.windows(2).all(|pair| pair[0] < pair[1]);
     if options.times.len() < 2 || !rises || options.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
         let wanted = "at least two numbers from 0 to 1000, each above the one before";
-        let hint = "for example --times 0,1,2,4,8";
-        return Err(Error::input("--times", format!("{:?}", options.times), wanted, hint));
+        let hint = "for example 0, 1, 2, 4, 8";
+        return Err(Error::input("times", format!("{:?}", options.times), wanted, hint));
     }
     let mut before = 0;
     let mut endurances = Vec::new();
@@ -123,7 +124,7 @@ fn breaks_at(levels: &[Level]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{NamedScene, Scene};
 
     #[test]
     fn a_word_breaks_where_half_of_its_flights_no_longer_read() {
@@ -141,7 +142,7 @@ mod tests {
     #[test]
     fn gusts_break_an_l_before_late_lamps_do() {
         let options = RobustnessOptions {
-            contender: Contender::new("team", Scene::default()),
+            contender: NamedScene::new("team", Scene::default()),
             words: vec![("L".into(), 2)],
             usual: Conditions::default(),
             times: vec![0.0, 10.0],
@@ -154,6 +155,6 @@ mod tests {
         let scene = found[0].levels[0];
         assert!(found.iter().all(|e| e.levels[0] == scene), "0 times is the scene: {found:?}");
         let wrong = RobustnessOptions { times: vec![1.0, 1.0], ..options };
-        assert!(robustness(&wrong, None, &|_| {}).unwrap_err().to_string().contains("--times"));
+        assert!(robustness(&wrong, None, &|_| {}).unwrap_err().to_string().starts_with("times"));
     }
 }

@@ -1,8 +1,8 @@
-//! Search: points of a unit cube, asked for and told the cost of.
+//! Search: proposes points of a unit cube and learns from their costs.
 //!
 //! Tree-structured Parzen estimation (Bergstra et al., "Algorithms for Hyper-Parameter
 //! Optimization", NIPS 2011) by the crate `tpe`, one estimator a coordinate; beside it a grid and
-//! random points, which a search must beat to be worth its name.
+//! random points as baselines.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -32,12 +32,12 @@ pub struct Search {
 
 #[derive(Debug)]
 enum Way {
-    Tpe { coordinates: Vec<TpeOptimizer>, told: usize },
+    Tpe { coordinates: Vec<TpeOptimizer>, n_told: usize },
     Random,
     Grid { levels: u64, next: u64, stride: u64 },
 }
 
-/// Share of the points told that count as good.
+/// Share of the points that count as good.
 const GOOD: f64 = 0.15;
 
 impl Search {
@@ -58,7 +58,7 @@ impl Search {
                     let mut builder = TpeOptimizerBuilder::new();
                     builder.gamma(GOOD).build(parzen_estimator(), unit).expect("within 0 to 1")
                 };
-                Way::Tpe { coordinates: (0..n_coordinates).map(|_| one()).collect(), told: 0 }
+                Way::Tpe { coordinates: (0..n_coordinates).map(|_| one()).collect(), n_told: 0 }
             }
             SearchKind::Grid => {
                 #[expect(clippy::cast_precision_loss, reason = "a budget")]
@@ -89,10 +89,10 @@ impl Search {
     pub fn ask(&mut self) -> Vec<f64> {
         let (rng, n) = (&mut self.rng, self.n_coordinates);
         match &mut self.way {
-            // Estimators of few points know nothing.
-            Way::Tpe { coordinates, told } if *told >= 2 * n => coordinates
+            // Few points give no estimate.
+            Way::Tpe { coordinates, n_told } if *n_told >= 2 * n => coordinates
                 .iter_mut()
-                .map(|one| one.ask(rng).expect("points were told").clamp(0.0, 1.0 - 1e-12))
+                .map(|one| one.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12))
                 .collect(),
             Way::Tpe { .. } | Way::Random => (0..n).map(|_| rng.random()).collect(),
             Way::Grid { levels, next, stride } => {
@@ -109,14 +109,14 @@ impl Search {
         }
     }
 
-    /// What a point costs.
+    /// Adds the cost of a point.
     ///
     /// # Panics
     ///
     /// If the cost is no number, or the point not one of the cube.
     pub fn tell(&mut self, point: &[f64], cost: f64) {
-        if let Way::Tpe { coordinates, told } = &mut self.way {
-            *told += 1;
+        if let Way::Tpe { coordinates, n_told } = &mut self.way {
+            *n_told += 1;
             for (one, at) in coordinates.iter_mut().zip(point) {
                 one.tell(*at, cost).expect("a number, within the cube");
             }

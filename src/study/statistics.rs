@@ -38,6 +38,16 @@ pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / n
 }
 
+/// Standard error of the mean; 0 of fewer than two values.
+#[must_use]
+pub fn standard_error(values: &[f64]) -> f64 {
+    let middle = mean(values);
+    let squares: Vec<f64> = values.iter().map(|v| (v - middle) * (v - middle)).collect();
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+    let n = values.len() as f64;
+    if n < 2.0 { 0.0 } else { (mean(&squares) / (n - 1.0)).sqrt() }
+}
+
 /// Mean of the lowest tenth, at least of one value; 0 of nothing. Sorts the values.
 #[must_use]
 pub fn worst_decile(values: &mut [f64]) -> f64 {

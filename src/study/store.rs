@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 
 /// Layout of the folder.
 const FORMAT: u32 = 1;
-/// Records between two calls for the disk to keep what it has. Killing the program loses none of
+/// Records between two syncs to disk. Killing the program loses none of
 /// them; pulling the plug loses at most so many.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
@@ -31,16 +31,16 @@ pub struct Record {
     pub scene: String,
     /// Name of the contender that flew.
     pub contender: String,
-    /// What it wrote.
+    /// The word.
     pub word: String,
     /// Seed of the flight.
     pub seed: u64,
-    /// What came of it.
+    /// Its outcome.
     #[serde(flatten)]
     pub outcome: Outcome,
 }
 
-/// Who wrote a folder.
+/// Program and layout that wrote a folder.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     noctograph: String,
@@ -95,7 +95,7 @@ impl Store {
         Ok(Self { path, known, log, _lock: lock })
     }
 
-    /// What is known of a flight from before the store was opened.
+    /// The outcome of a flight that was stored before the store was opened.
     #[must_use]
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(&(scene.to_owned(), seed)).cloned()
@@ -156,7 +156,7 @@ impl Store {
 impl Drop for Store {
     fn drop(&mut self) {
         if let Ok(log) = self.log.lock() {
-            // What was written is safe from us; this is against the plug.
+            // Against a power failure: written lines outlive the program.
             let _ = log.file.sync_data();
         }
     }
@@ -196,13 +196,13 @@ fn lock(folder: &Path) -> Result<File> {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::Infeasible {
             what: format!("{}: another noctograph is writing here", folder.display()),
-            hint: "wait until it is done, or name another folder with -o".into(),
+            hint: "wait until it is done, or name another folder".into(),
         }),
         Err(TryLockError::Error(source)) => Err(unwritable(source)),
     }
 }
 
-/// Checks who wrote the folder; signs a new one.
+/// Checks the header of the folder; writes that of a new one.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join("study.json");
     let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
@@ -218,7 +218,7 @@ fn check_header(folder: &Path) -> Result<()> {
         }
         Err(source) => return Err(Error::read(&path, source)),
     };
-    let hint = "name another folder with -o: flights of two versions cannot be compared";
+    let hint = "name another folder: flights of two versions cannot be compared";
     let header: Header = serde_json::from_str(&text).map_err(|_broken| {
         let found: String = text.chars().take(60).collect();
         Error::input(path.display().to_string(), found, "the header of a store", hint)
@@ -245,7 +245,7 @@ fn read_lines(file: &File, path: &Path) -> Result<(Vec<Record>, u64)> {
         }
         let record = serde_json::from_slice(&line).map_err(|error| {
             let place = format!("{}:{}", path.display(), records.len() + 1);
-            let hint = "take the line out, or name another folder with -o";
+            let hint = "take the line out, or name another folder";
             Error::input(place, error.to_string(), "a flight as one JSON object", hint)
         })?;
         records.push(record);

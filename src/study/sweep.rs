@@ -1,6 +1,6 @@
 //! Sweep: a study flown in shards, by any number of processes and machines, in any order.
 //!
-//! A shard is a range of the study's trials. What it leaves is a function of the plan and the range
+//! A shard is a range of the study's trials. Its file is a function of the plan and the range
 //! alone and appears whole or not at all, so a shard may be run twice, be killed and run again, or
 //! be cut otherwise the next time: the merged flights are the same bytes.
 
@@ -56,9 +56,7 @@ impl std::str::FromStr for Shard {
             text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match parts {
             Some((index, count)) if (1..=count).contains(&index) => Ok(Self { index, count }),
-            _ => {
-                Err(Error::input("--shard", text, "I/N with I from 1 to N", "such as --shard 3/20"))
-            }
+            _ => Err(Error::input("shard", text, "I/N with I from 1 to N", "such as 3/20")),
         }
     }
 }
@@ -68,7 +66,7 @@ impl Sweep {
     ///
     /// # Errors
     ///
-    /// What [`Study::check`] and preparing its scenes say.
+    /// As [`Study::check`] and [`Study::prepare`].
     pub fn new(study: Study) -> Result<Self> {
         study.check()?;
         study.prepare()?;
@@ -86,7 +84,7 @@ impl Sweep {
     pub fn read(path: &Path) -> Result<Self> {
         let unreadable = |source| Error::read(path, source);
         let place = path.display().to_string();
-        let hint = "make the plan anew with `noctograph sweep plan`";
+        let hint = "plan the sweep again";
         let length = std::fs::metadata(path).map_err(unreadable)?.len();
         if length > MAX_FILE_BYTES {
             let wanted = format!("at most {MAX_FILE_BYTES} bytes");
@@ -118,7 +116,7 @@ impl Sweep {
     ///
     /// # Errors
     ///
-    /// What the flights say, and [`Error::Io`]; then nothing is left.
+    /// Those of the flights, and [`Error::Io`]; then nothing is left.
     pub fn run(
         &self,
         shard: Shard,
@@ -146,7 +144,7 @@ impl Sweep {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] where flights are missing or two shards disagree, and what reading says.
+    /// [`Error::Infeasible`] where flights are missing or two shards disagree; as [`Store::read`].
     pub fn merge(&self, folder: &Path) -> Result<Vec<Record>> {
         let prepared = self.study.prepare()?;
         let mut known: HashMap<(String, u64), Record> = HashMap::new();
@@ -223,11 +221,11 @@ fn sha256(study: &Study) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-    use crate::study::{Conditions, Contender};
+    use crate::scene::{NamedScene, Scene};
+    use crate::study::Conditions;
 
     fn sweep() -> Sweep {
-        let contenders = vec![Contender::new("team", Scene::default())];
+        let contenders = vec![NamedScene::new("team", Scene::default())];
         let words = vec![("I".to_owned(), 5)];
         let conditions = Conditions::default();
         Sweep::new(Study { contenders, words, conditions, seed: 1 }).unwrap()
@@ -256,7 +254,7 @@ mod tests {
             }
             let (index, count) = cuts[0];
             let again = sweep.run(Shard { index, count }, folder.path(), &|_| {}).unwrap();
-            assert!(!again.1, "what is there is not flown again");
+            assert!(!again.1, "existing shards are not flown again");
             serde_json::to_string(&sweep.merge(folder.path()).unwrap()).unwrap()
         };
         let whole = merged(&[(1, 1)]);

@@ -1,8 +1,8 @@
 //! Tuning: a scene's knobs are turned until its words read as surely as they can.
 //!
 //! A candidate flies the training words with the training seeds; its mean merit
-//! ([`Outcome::merit`](super::Outcome::merit)), less what it breaks of the [`Limits`], is what the
-//! search climbs. Half of its flights come first: a candidate that is then below the median of the
+//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken [`Limits`], is the
+//! objective. Half of its flights come first: a candidate that is then below the median of the
 //! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes to
 //! the promising. At last the best few fly again with fresh seeds, and the winner of those is the
 //! result: the luckiest of many is not the best.
@@ -13,10 +13,10 @@ use super::design::evaluate_prepared;
 use super::knobs::{Knob, turned};
 use super::search::{Search, SearchKind};
 use super::statistics::{mean, median};
-use super::{Conditions, Contender, Prepared, Record, Store, Study, Trial};
+use super::{Conditions, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
 use crate::flight::tracking::CORRIDOR_M;
-use crate::scene::Scene;
+use crate::scene::{NamedScene, Scene};
 use crate::sim::ControllerKind;
 use crate::sim::design::{MOTOR_LAG_S, design};
 
@@ -24,21 +24,21 @@ use crate::sim::design::{MOTOR_LAG_S, design};
 const FINALISTS: usize = 6;
 /// A finalist flies so many times the training flights.
 const FINAL_TIMES: u32 = 4;
-/// What the whole of a limit broken costs, in merit.
+/// Penalty for exceeding a limit by its own size, in merit.
 const PENALTY: f64 = 20.0;
 
 /// How to tune.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuneOptions {
-    /// What may be turned.
+    /// The knobs.
     pub knobs: Vec<Knob>,
-    /// Who proposes.
+    /// The search.
     pub search: SearchKind,
     /// Words that are trained on, each with its number of seeds for a candidate.
     pub words: Vec<(String, u32)>,
     /// Flights in all, finals included.
     pub budget: usize,
-    /// What a candidate must keep to.
+    /// Limits of a candidate.
     pub limits: Limits,
     /// How flights differ from their scene.
     pub conditions: Conditions,
@@ -46,7 +46,7 @@ pub struct TuneOptions {
     pub seed: u64,
 }
 
-/// What a candidate must keep to, in the mean of its flights.
+/// Limits of a candidate, for the mean of its flights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limits {
     /// Root mean square error against the design along x, y, z, m.
@@ -78,7 +78,7 @@ impl Default for Limits {
     }
 }
 
-/// One setting of the knobs and what it was worth.
+/// One setting of the knobs with its figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Candidate {
     /// Its number, in the order of asking.
@@ -105,12 +105,12 @@ impl Candidate {
     }
 }
 
-/// What came of tuning.
+/// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
     /// The scene with the best knobs.
     pub scene: Scene,
-    /// What it was worth in the finals.
+    /// Its figures in the finals.
     pub best: Candidate,
     /// Every candidate in the order of asking; the first is the scene as it was.
     pub candidates: Vec<Candidate>,
@@ -121,13 +121,13 @@ pub struct Tuned {
     pub n_flights: usize,
 }
 
-/// Tunes a scene. `watch` hears after each candidate how many flights are done and the best so far,
-/// and says whether to go on; what follows are the finals.
+/// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
+/// far, and returns whether to go on to the next; then come the finals.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks, no word or too small a budget; what the flights
-/// and the store say.
+/// [`Error::Input`] for knobs that the scene lacks, no word or too small a budget; those of the
+/// flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -139,9 +139,9 @@ pub fn tune(
     let wanted = finals + 10 * n_each;
     if n_each == 0 || options.knobs.is_empty() || options.budget < wanted {
         let found = format!("{} flights, {} knobs", options.budget, options.knobs.len());
-        let hint = "raise --budget, or train on fewer words and seeds";
+        let hint = "raise the budget, or train on fewer words and seeds";
         let wanted = format!("at least {wanted} flights and a knob");
-        return Err(Error::input("--budget", found, wanted, hint));
+        return Err(Error::input("budget", found, wanted, hint));
     }
     let mut tuning = Tuning { base, options, store, limits: options.limits.clone(), n_flights: 0 };
     let as_it_is = tuning.candidate(0, &[], f64::INFINITY)?;
@@ -226,7 +226,7 @@ impl Tuning<'_> {
 
     fn study(&self, point: &[f64], seed: u64, times: u32) -> Result<Study> {
         let words = self.options.words.iter().map(|(word, n)| (word.clone(), n * times)).collect();
-        let contenders = vec![Contender::new("candidate", self.scene(point)?)];
+        let contenders = vec![NamedScene::new("candidate", self.scene(point)?)];
         let study = Study { contenders, words, conditions: self.options.conditions.clone(), seed };
         study.check()?;
         Ok(study)
@@ -242,7 +242,7 @@ impl Tuning<'_> {
         evaluate_prepared(study, prepared, trials, self.store, &|_| {})
     }
 
-    /// What a candidate is worth by its flights; `margin` is what it breaks on paper.
+    /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.
     fn judge(&self, number: usize, point: &[f64], margin: f64, records: &[Record]) -> Candidate {
         let of = |value: fn(&Record) -> f64| mean(&records.iter().map(value).collect::<Vec<_>>());
         let flown: Vec<_> = records.iter().filter_map(|record| record.outcome.flown).collect();

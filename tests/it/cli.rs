@@ -137,13 +137,13 @@ fn a_learned_folder_is_previewed_with_its_plan() {
 fn keys_of_the_scene_are_set_on_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("s.toml"), "[plan]\nstroke_speed_m_s = 0.3\n").unwrap();
-    let set = ["--set", "plan.style=even", "--set", "camera.position_m=[0, -4, 1]"];
+    let set = ["--set", "plan.style=even", "--set", "vehicle.center_of_mass_m=[0, 0.002]"];
     let scene = [&["scene", "ON", "--scene", "s.toml", "--json"], &set[..]].concat();
     let json = run_json(folder.path(), &scene);
     assert_eq!(json["plan"]["stroke_speed_m_s"], 0.3, "a key of the file stays");
     assert_eq!(json["plan"]["style"]["kind"], "even");
     assert_eq!(json["plan"]["light_clock"], "light", "a default of the style");
-    assert_eq!(json["camera"]["position_m"][1], -4.0);
+    assert_eq!(json["vehicle"]["center_of_mass_m"][1], 0.002);
     let by_flag = ["scene", "ON", "--scene", "s.toml", "--json", "--style", "even"];
     assert_eq!(run_json(folder.path(), &by_flag)["plan"], json["plan"], "--style is the same");
     fails(&["scene", "--set", "camera.izo=3"], &[], &["izo", "camera.iso"]);

@@ -31,7 +31,8 @@ pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
     })
 }
 
-/// Leaves golden, photo, amplified difference and the difference that an eye sees (ꟻLIP) in `target/golden/<name>/` with an HTML page.
+/// Leaves the golden, the photo, the amplified difference and the perceived difference (ꟻLIP) in
+/// `target/golden/<name>/` with an HTML page.
 pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden").join(name);
     std::fs::create_dir_all(&folder).unwrap();
@@ -69,7 +70,7 @@ fn photo() -> Photo {
 }
 
 #[test]
-fn the_comparison_sees_one_level_in_one_channel_of_one_pixel() {
+fn the_comparison_finds_one_level_in_one_channel_of_one_pixel() {
     let mut changed = photo();
     assert_eq!(compare(&photo(), &changed), None);
     let at = 3 * (12 * 5 + 7) + 1;
@@ -79,7 +80,7 @@ fn the_comparison_sees_one_level_in_one_channel_of_one_pixel() {
 }
 
 #[test]
-fn the_comparison_sees_shifts_swapped_channels_and_sizes() {
+fn the_comparison_finds_shifts_swapped_channels_and_sizes() {
     let mut shifted = photo();
     shifted.rgb8.rotate_right(3);
     let mut swapped = photo();
@@ -91,7 +92,7 @@ fn the_comparison_sees_shifts_swapped_channels_and_sizes() {
 }
 
 #[test]
-fn a_failure_leaves_a_page_with_the_difference_that_an_eye_sees() {
+fn a_failure_leaves_a_page_with_the_perceived_difference() {
     let mut changed = photo();
     changed.rgb8[0] ^= 0x80;
     let page = leave_page("of-a-test", Some(&photo()), &changed, "the note");

@@ -11,11 +11,13 @@ mod flown;
 mod letters;
 mod plans;
 mod profile;
+mod written;
 
 pub use flown::{Flown, check_flown, even_frac};
 pub use letters::check_letters;
 pub use plans::check_plans;
 pub use profile::Profile;
+pub use written::check_written;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -61,7 +63,7 @@ pub enum Check {
     /// Time in the air, s.
     #[serde(rename = "flight time")]
     FlightTime,
-    /// Straight pieces of the trajectory memory on board.
+    /// Bytes of the compressed trajectory on board.
     Memory,
     /// Entries of the LED timing memory on board.
     #[serde(rename = "LED memory")]

@@ -7,9 +7,6 @@ use crate::plan::{MIN_HORIZONTAL_M, Plan, Setpoint, conflict};
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
-/// Pieces of a trajectory, polynomials of degree 7, in the firmware's memory of 4096 bytes
-/// (`crtp_commander_high_level.c`).
-const MAX_PIECES: usize = 31;
 /// Entries of the LED timing memory (`ledring12.c`).
 const MAX_LED_ENTRIES: usize = 10;
 
@@ -24,7 +21,6 @@ pub fn check_plans(plans: &[Plan], profile: &Profile) -> Vec<Finding> {
             acceleration(plan, profile),
             jumps(plan),
             duration(plan, profile),
-            memory(plan),
             led_entries(plan),
             headlights(plan),
         ]);
@@ -81,23 +77,6 @@ fn duration(plan: &Plan, profile: &Profile) -> Finding {
     let air_s = in_air.map(|pair| pair[1].time_s - pair[0].time_s).sum();
     let limit = profile.flight_time_s;
     Finding::new(Check::FlightTime, air_s <= limit, Severity::Stop, air_s, limit)
-}
-
-/// Straight pieces at constant velocity, as they would be uploaded.
-fn memory(plan: &Plan) -> Finding {
-    let mut pieces = 0;
-    let mut open: Option<Setpoint> = None;
-    for setpoint in &plan.setpoints {
-        let continues = open.is_some_and(|from| {
-            (setpoint.velocity_m_s - from.velocity_m_s).norm() < 1e-3
-                && (setpoint.position_m - from.design_m(setpoint.time_s)).norm() < 0.002
-        });
-        if !continues {
-            pieces += 1;
-            open = Some(Setpoint { acceleration_m_s2: Vector3::zeros(), ..*setpoint });
-        }
-    }
-    counted(Check::Memory, pieces, MAX_PIECES)
 }
 
 fn led_entries(plan: &Plan) -> Finding {

@@ -16,4 +16,4 @@ mod filter;
 mod scalar;
 
 pub use filter::{AltitudeFilter, AltitudeOptions, Sensor, State};
-pub use scalar::{Hold, HoldSample, Reading, Scenario, hold};
+pub use scalar::{Hold, HoldSample, Measurement, Scenario, hold};

@@ -2,8 +2,8 @@
 //!
 //! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
 //! second. Where the rotors lag, this one is designed on the model to which the four lagging inputs
-//! are added as states, and where the position is integrated, the three integrals as well (Anderson,
-//! Moore, "Optimal Control", 1990, chapters 3 and 4).
+//! are added as states, and where the position is integrated, the three integrals as well
+//! (Anderson, Moore, "Optimal Control", 1990, chapters 3 and 4).
 
 use nalgebra::{Const, DimMin, Matrix4, SMatrix, SVector};
 
@@ -144,8 +144,8 @@ mod tests {
 
     #[test]
     fn gain_for_lagging_rotors_is_that_of_scipy() {
-        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121 s,
-        // the team's weights.
+        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121
+        // s, the team's weights.
         let team = SimOptions::default().controller;
         let found = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
         for (found, want) in [

@@ -2,14 +2,14 @@
 //!
 //! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second;
 //! attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
-//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants are
-//! unchanged; pitch has our sign.
+//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
+//! are unchanged; pitch has our sign.
 //!
 //! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
-//! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the body
-//! rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because their
-//! gain is 0. Immediate motors need the rate's filter.
+//! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
+//! body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because
+//! their gain is 0. Immediate motors need the rate's filter.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -72,8 +72,8 @@ impl LowPass {
     }
 }
 
-/// One loop: proportional, integral and derivative gain, bound of the integral, bound of the output.
-/// The derivative is that of the measurement, so that a step of the setpoint gives no kick.
+/// One loop: proportional, integral and derivative gain, bound of the integral, bound of the
+/// output. The derivative is that of the measurement, so that a step of the setpoint gives no kick.
 #[derive(Clone, Debug)]
 struct Pid {
     gains: [f64; 3],

@@ -124,8 +124,8 @@ fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
 
 #[test]
 fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
-    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (the team's log): lag
-    // 0.50–0.58 s, in-plane RMSE 5–12 cm, 3–5 cm after the lag.
+    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (thirteen logs):
+    // lag 0.50–0.58 s, in-plane RMSE 5–12 cm, 3–5 cm after the lag.
     let mut options = SimOptions::cf21();
     options.controller.kind = ControllerKind::Pid;
     options.air.gusts = Gusts::room();
@@ -145,8 +145,8 @@ fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
 
 #[test]
 fn a_regulator_that_knows_of_the_rotors_lag_trails_by_little_more() {
-    // cf21's rotors take 0.12 s: the team's weights, with the gain designed for that. Its drag, which
-    // nothing feeds forward, adds to it.
+    // cf21's rotors take 0.12 s: the team's weights, with the gain designed for that. Its drag,
+    // which nothing feeds forward, adds to it.
     let noor = word("NOOR", Extent::Letters);
     for kind in [ControllerKind::Lqr, ControllerKind::LqrFeedforward, ControllerKind::LqrIntegral] {
         let mut options = undisturbed(kind);

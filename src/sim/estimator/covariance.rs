@@ -90,9 +90,9 @@ impl Covariance {
         }
     }
 
-    /// Corrects by one scalar measurement that differs by `innovation` from the prediction of `errors`, with
-    /// variance `variance`; adds to `errors`. Beyond `gate_sq` variances of the innovation (χ²) it
-    /// is left alone, and the answer is `false`.
+    /// Corrects by one scalar measurement that differs by `innovation` from the prediction of
+    /// `errors`, with variance `variance`; adds to `errors`. Beyond `gate_sq` variances of the
+    /// innovation (χ²) it is left alone, and the answer is `false`.
     ///
     /// `P ← P − a aᵀ / s`: a scalar update subtracts one square from a matrix that stays exactly
     /// symmetric, which at the ratios of variance that occur here (1e-6 and more) is as safe as

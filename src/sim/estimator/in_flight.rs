@@ -1,5 +1,5 @@
-//! The filter against sensors in flight: is its covariance consistent with its errors, and are these
-//! errors those of a real Lighthouse?
+//! The filter against sensors in flight: is its covariance consistent with its errors, and are
+//! these errors those of a real Lighthouse?
 
 use nalgebra::{Cholesky, SVector, Vector3};
 

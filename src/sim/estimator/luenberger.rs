@@ -13,8 +13,9 @@ use crate::sim::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
 
-/// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x w_y w_z a_z − g]`
-/// and `y` the last measured position, by Euler's rule as in the firmware.
+/// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
+/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
+/// firmware.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
     /// `A − L C`.

@@ -29,8 +29,8 @@ pub(super) trait Estimator: std::fmt::Debug {
     fn state(&self) -> State;
 }
 
-/// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks along
-/// world x.
+/// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
+/// along world x.
 ///
 /// # Errors
 ///

@@ -34,8 +34,8 @@ pub struct ReactionTorque {
 }
 
 impl ReactionTorque {
-    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns does
-    /// not.
+    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns
+    /// does not.
     #[must_use]
     pub fn is_identifiable(&self) -> bool {
         self.half_width_n_m < LARGEST_DOUBT * self.k_m_n_m

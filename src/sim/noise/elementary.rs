@@ -1,8 +1,8 @@
 //! Elementary functions without branches, so that the compiler vectorizes loops over them.
 //!
-//! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is fused
-//! with a sum, so that every machine rounds alike. Each is valid for the arguments that occur here;
-//! [`is_hard`] finds those that `libm` itself must compute.
+//! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is
+//! fused with a sum, so that every machine rounds alike. Each is valid for the arguments that occur
+//! here; [`is_hard`] finds those that `libm` itself must compute.
 
 use std::f64::consts::FRAC_2_PI;
 

@@ -1,5 +1,5 @@
-//! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of light
-//! cross a point.
+//! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of
+//! light cross a point.
 //!
 //! A station's frame is x forward (out of the front), y left, z up. Angles are those that the
 //! firmware has after it applied the factory calibration, which is why the calibrations of a
@@ -87,7 +87,8 @@ impl StationPose {
         Crossing { angle_rad, slope_rad_m: self.world_from_station * slope_rad_m }
     }
 
-    /// The direction in the world, a unit vector, in which both planes cross a point at these angles.
+    /// The direction in the world, a unit vector, in which both planes cross a point at these
+    /// angles.
     pub(super) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),

@@ -53,9 +53,9 @@ impl Mixer {
     /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, each clamped
     /// to the motors' range, and whether any was clamped.
     ///
-    /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust gives
-    /// way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy` and
-    /// `powerDistributionCap`).
+    /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust
+    /// gives way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy`
+    /// and `powerDistributionCap`).
     pub(in crate::sim) fn motors_from_commands(
         &self,
         commands: &Vector4<f64>,

@@ -42,7 +42,8 @@ impl Plant {
     /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
     /// already carry it; on the floor they stand still.
     ///
-    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at any.
+    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at
+    /// any.
     #[must_use]
     pub fn new(
         options: &SimOptions,

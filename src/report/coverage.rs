@@ -1,4 +1,4 @@
-//! The map of a coverage as SVG: colour for the error, grey where fewer than two stations see.
+//! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use crate::sim::Coverage;
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
-/// Room for axes on the left, title above, axes below and legend on the right, pixels.
+/// Margins for axes (left), title (above), axes (below) and legend (right), pixels.
 const MARGINS_PX: [f64; 4] = [60.0, 44.0, 52.0, 150.0];
 /// Five stops of the viridis map (van der Walt, Smith 2015), small to large error.
 const VIRIDIS: [[f64; 3]; 5] = [
@@ -19,16 +19,17 @@ const VIRIDIS: [[f64; 3]; 5] = [
 const ONE_STATION: &str = "#b8b8b8";
 const NO_STATION: &str = "#5a5a5a";
 
-/// Draws a coverage, with a frame around the word where there is one.
-pub(super) fn svg(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
+/// Draws a coverage, with a frame around the word if there is one.
+#[must_use]
+pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     Map::new(grid).draw(word_m)
 }
 
 struct Map<'a> {
     grid: &'a Coverage,
     px_per_m: f64,
-    /// Errors of the first and the last colour: the smallest, and what 95 % stay below, so that a
-    /// few places far off don't take all the colours.
+    /// Errors of the first and the last color: the smallest, and the 95th percentile, so that a few
+    /// distant places do not use up the colors.
     errors_m: [f64; 2],
     text: String,
 }
@@ -89,16 +90,16 @@ impl<'a> Map<'a> {
         MARGINS_PX[1] + (top_m - z_m) * self.px_per_m
     }
 
-    /// One rectangle per run of places of one colour in a row, from midway to midway.
+    /// One rectangle per run of places of one color in a row, from midway to midway.
     fn cells(&mut self) {
         let grid = self.grid;
         self.put("<g shape-rendering=\"crispEdges\">");
-        for (row, colours) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
-            let colours: Vec<String> = colours.iter().map(|place| self.colour(place)).collect();
+        for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
+            let colors: Vec<String> = colors.iter().map(|place| self.color(place)).collect();
             let [low, high] = edges_m(&grid.z_m, row, row);
             let (y, height) = (self.y_px(high), (high - low) * self.px_per_m);
             let mut from = 0;
-            for run in colours.chunk_by(|a, b| a == b) {
+            for run in colors.chunk_by(|a, b| a == b) {
                 let [start, end] = edges_m(&grid.x_m, from, from + run.len() - 1);
                 let (x, width) = (self.x_px(start), (end - start) * self.px_per_m);
                 let _ = writeln!(
@@ -113,7 +114,7 @@ impl<'a> Map<'a> {
         self.put("</g>");
     }
 
-    fn colour(&self, place: &crate::sim::Place) -> String {
+    fn color(&self, place: &crate::sim::Place) -> String {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION.to_owned(),
             (1, _) | (_, None) => ONE_STATION.to_owned(),
@@ -156,9 +157,9 @@ impl<'a> Map<'a> {
     }
 
     fn legend(&mut self, x: f64, above: f64) {
-        let swatch = |y: f64, colour: &str, text: &str| {
+        let swatch = |y: f64, color: &str, text: &str| {
             format!(
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"18\" fill=\"{colour}\"/>\
+                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"18\" fill=\"{color}\"/>\
                  <text x=\"{:.1}\" y=\"{:.1}\">{text}</text>",
                 x + 26.0,
                 y + 14.0
@@ -199,9 +200,9 @@ fn ticks(places_m: &[f64]) -> Vec<f64> {
     (first..=last).map(|i| f64::from(i) * step).collect()
 }
 
-/// A colour from dark (0) to light (1).
-fn viridis(share: f64) -> String {
-    let place = share.clamp(0.0, 1.0) * 4.0;
+/// A color from dark (0) to light (1).
+fn viridis(fraction: f64) -> String {
+    let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
     let i = (place as usize).min(3);
     #[expect(clippy::cast_precision_loss, reason = "0 to 3")]
@@ -222,9 +223,9 @@ mod tests {
     use crate::sim::{SensorOptions, coverage};
 
     #[test]
-    fn the_cells_fill_the_frame_and_take_their_colours() {
+    fn the_cells_fill_the_frame_and_take_their_colors() {
         let grid = coverage(&SensorOptions::default(), [-3.0, 0.0, 3.0, 3.0], 0.0, 0.5).unwrap();
-        let map = svg(&grid, Some([-0.5, 0.5, 0.5, 1.0]));
+        let map = coverage_map(&grid, Some([-0.5, 0.5, 0.5, 1.0]));
         let area = |line: &str| -> f64 {
             let value = |key: &str| -> f64 {
                 let (_, rest) = line.split_once(&format!(" {key}=\"")).unwrap();
@@ -239,7 +240,7 @@ mod tests {
         assert!(cells.contains(NO_STATION), "above the stations nothing is seen");
         assert!(cells.contains("#440154") && cells.contains("#fde725"), "best and worst");
         assert!(map.contains("stroke-dasharray"), "the word's frame");
-        assert_eq!(map, svg(&grid, Some([-0.5, 0.5, 0.5, 1.0])), "same grid, same bytes");
+        assert_eq!(map, coverage_map(&grid, Some([-0.5, 0.5, 0.5, 1.0])), "same grid, same bytes");
     }
 
     #[test]

@@ -1,0 +1,186 @@
+//! The flight of a trajectory on board as a plan, so that the simulator flies what was exported.
+//!
+//! The script of [`super::cflib`] takes off, goes to the beginning of the trajectory, starts it and
+//! lands with the firmware's high-level commander, which moves from rest to rest on polynomials of
+//! degree 7 (`pptraj.c`, `poly7_nojerk`). Between these the decoded trajectory is flown.
+
+use nalgebra::Vector3;
+
+use super::compressed::Compressed;
+use super::pieces::Stretch;
+use super::poly4d::Poly4d;
+use crate::error::{Error, Result};
+use crate::plan::{Plan, Setpoint, conflict};
+use crate::settings::settings;
+
+/// Duration of take-off, and of the way to the beginning, s; as in `cflib.py`.
+const TAKE_OFF_S: f64 = 3.0;
+/// Hover after each, s.
+const HOVER_S: f64 = 0.5;
+/// Speed of landing, m/s, and its shortest duration, s.
+const SINK_M_S: f64 = 0.3;
+const MIN_LAND_S: f64 = 2.0;
+/// Time between two setpoints of the plan, s: the commander on board computes as often.
+const STEP_S: f64 = 0.01;
+/// Step of the differences for velocity and acceleration, s.
+const DIFFERENCE_S: f64 = 5e-4;
+
+settings! {
+    /// A trajectory that is stored on board.
+    pub enum Form {
+        /// Bézier curves of whole millimeters.
+        "compressed" => Compressed,
+        /// Polynomials of degree 7.
+        "poly4d" => Poly4d,
+    }
+}
+
+impl Form {
+    /// Distance from the design that each form is exported within, unless another is asked for, m:
+    /// polynomials of degree 7 need more memory for the same.
+    #[must_use]
+    pub fn tolerance_m(self) -> f64 {
+        match self {
+            Self::Compressed => 0.002,
+            Self::Poly4d => 0.005,
+        }
+    }
+}
+
+/// Plans as they are flown with trajectories on board that all start together.
+///
+/// # Errors
+///
+/// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] where a drone that hovers
+/// at its beginning is in another one's way.
+pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<Vec<Plan>> {
+    let before_s = earliest_s(plans)?;
+    let flown = plans.iter().map(|plan| match form {
+        Form::Compressed => {
+            let trajectory = Compressed::encode(plan, tolerance_m)?;
+            flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+        }
+        Form::Poly4d => {
+            let trajectory = Poly4d::fit(plan, tolerance_m)?;
+            flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+        }
+    });
+    let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
+    let pairs =
+        flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
+    if let Some(near) = pairs.into_iter().find_map(|(a, b)| conflict(a, b)) {
+        return Err(Error::Infeasible {
+            what: format!(
+                "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
+                 for its turn in the air",
+                near.horizontal_m, near.time_s
+            ),
+            hint: "send setpoints, or share the word among fewer drones".into(),
+        });
+    }
+    Ok(flown)
+}
+
+/// When the first of several trajectories starts, in the time of their plans, s.
+pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
+    let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
+    Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
+}
+
+/// When a drone with a trajectory on board is where; time zero is the command to take off.
+pub(super) struct Timeline {
+    /// That command in the time of the plan, s.
+    pub(super) zero_s: f64,
+    /// Rest to rest before the trajectory, and after it: end, s, and place.
+    pub(super) before: [(f64, Vector3<f64>); 5],
+    pub(super) after: [(f64, Vector3<f64>); 2],
+}
+
+impl Timeline {
+    /// The flight around a trajectory from `first_m` to `last_m`.
+    pub(super) fn new(
+        plan: &Plan,
+        stretch: &Stretch,
+        before_s: f64,
+        [first_m, last_m]: [Vector3<f64>; 2],
+    ) -> Self {
+        let home_m = plan.setpoints[0].position_m;
+        let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
+        let zero_s = before_s - 2.0 * (TAKE_OFF_S + HOVER_S);
+        let start_s = stretch.start_s() - zero_s;
+        let hover_s = start_s + stretch.duration_s() + HOVER_S;
+        let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
+        Self {
+            zero_s,
+            before: [
+                (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
+                (TAKE_OFF_S, above_m),
+                (TAKE_OFF_S + HOVER_S, above_m),
+                (2.0 * TAKE_OFF_S + HOVER_S, first_m),
+                (start_s, first_m),
+            ],
+            after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
+        }
+    }
+
+    fn position_m(&self, time_s: f64, trajectory_m: impl Fn(f64) -> Vector3<f64>) -> Vector3<f64> {
+        let start_s = self.before[4].0;
+        if (start_s..self.after[0].0).contains(&time_s) {
+            return trajectory_m(time_s - start_s);
+        }
+        let legs: &[_] = if time_s < start_s { &self.before } else { &self.after };
+        let leg = legs.windows(2).find(|leg| time_s < leg[1].0).unwrap_or(&legs[legs.len() - 2..]);
+        let [(from_s, from_m), (to_s, to_m)] = [leg[0], leg[1]];
+        between(from_m, to_m, (time_s - from_s) / (to_s - from_s))
+    }
+}
+
+/// The same for one drone, with the trajectory as a function of the time since its start.
+pub(super) fn flown_alone(
+    plan: &Plan,
+    before_s: f64,
+    position_m: impl Fn(f64) -> Vector3<f64>,
+) -> Result<Plan> {
+    let stretch = Stretch::new(plan)?;
+    let ends_m = [position_m(0.0), position_m(stretch.duration_s())];
+    let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
+    let (zero_s, end_s) = (timeline.zero_s, timeline.after[1].0);
+    let way = |time_s: f64| timeline.position_m(time_s, &position_m);
+    let mut changes_s: Vec<f64> = plan.setpoints.iter().map(|s| s.time_s - zero_s).collect();
+    changes_s.retain(|time_s| *time_s > 0.0 && *time_s < end_s);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    let steps = (end_s / STEP_S).ceil() as u32;
+    let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
+    times_s.extend(changes_s);
+    times_s.sort_by(f64::total_cmp);
+    times_s.dedup_by(|b, a| *b - *a < 1e-6);
+    let lit = plan.lit();
+    let mut out = Plan::default();
+    for time_s in times_s {
+        let row = plan.setpoints.partition_point(|s| s.time_s <= time_s + zero_s + 1e-6);
+        let row = row.checked_sub(1);
+        out.lit.push(row.map_or(0.0, |row| lit[row]));
+        for (channel, levels) in &plan.lights {
+            let level = row.map_or(0.0, |row| levels[row]);
+            out.lights.entry(channel.clone()).or_default().push(level);
+        }
+        // Derivatives to the right: a piece may begin here.
+        let h = DIFFERENCE_S;
+        let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(way);
+        out.setpoints.push(Setpoint {
+            time_s,
+            position_m: a,
+            velocity_m_s: (4.0 * b - 3.0 * a - c) / (2.0 * h),
+            acceleration_m_s2: (a - 2.0 * b + c) / (h * h),
+            letter: row.and_then(|row| plan.setpoints[row].letter),
+        });
+    }
+    Ok(out)
+}
+
+/// From rest to rest on the polynomial of degree 7 without jerk at its ends.
+fn between(from_m: Vector3<f64>, to_m: Vector3<f64>, share: f64) -> Vector3<f64> {
+    let s = share.clamp(0.0, 1.0);
+    let s4 = s * s * s * s;
+    from_m.lerp(&to_m, s4 * (35.0 - 84.0 * s + 70.0 * s * s - 20.0 * s * s * s))
+}

@@ -1,0 +1,224 @@
+//! Skybrush: `.skyc` shows, with the photographer's camera, and the CSV that its Studio imports.
+//!
+//! Formats: <https://doc.collmot.com/public/skybrush-studio-for-blender> (CSV: a zip of one table
+//! for each drone) and the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are
+//! ours in meters; lights are programs of Skybrush's light player in steps of 20 ms.
+
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use serde_json::{Value, json};
+
+use super::compressed::Compressed;
+use super::lights::{commands, rgb};
+use super::on_board::{Timeline, earliest_s, flown_alone};
+use super::pieces::Stretch;
+use super::zip::{base64, zip};
+use super::{File, Job, stem};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::plan::{MIN_HORIZONTAL_M, Plan};
+
+/// Rows of the CSV per second.
+const ROW_HZ: f64 = 10.0;
+/// Steps of a light program per second.
+const LIGHT_HZ: f64 = 50.0;
+/// Commands of a light program.
+const END: u8 = 0;
+const COLOR: u8 = 4;
+const BLACK: u8 = 6;
+const WHITE: u8 = 7;
+/// Width of the film that Skybrush's focal lengths are for, mm.
+const FILM_MM: f64 = 36.0;
+
+/// A show.
+///
+/// # Errors
+///
+/// As [`Compressed::encode`], without the limit of the memory, and [`commands`].
+pub(super) fn show(job: &Job<'_>) -> Result<File> {
+    let before_s = earliest_s(job.plans)?;
+    let drones =
+        job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, before_s));
+    let speeds = |part: fn(&Vector3<f64>) -> f64| {
+        let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
+        setpoints.map(|s| part(&s.velocity_m_s)).fold(1.0, f64::max)
+    };
+    let heights = job.plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m.z);
+    let show = json!({
+        "version": 1,
+        "environment": { "type": "indoor", "cameras": [camera(job.camera)] },
+        "settings": {
+            "cues": { "version": 1, "items": [] },
+            "validation": {
+                "maxAltitude": (heights.fold(0.0, f64::max) + 0.5).ceil(),
+                "maxVelocityXY": speeds(|v| v.xy().norm()),
+                "maxVelocityZ": speeds(|v| v.z.abs()),
+                "minDistance": MIN_HORIZONTAL_M,
+            },
+        },
+        "swarm": { "drones": drones.collect::<Result<Vec<_>>>()? },
+        "meta": { "title": job.word },
+    });
+    let file = ("show.json".to_owned(), format!("{show}\n").into_bytes());
+    Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
+}
+
+fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Value> {
+    let stretch = Stretch::new(plan)?;
+    let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
+    let curves = trajectory.curves();
+    let ends_m = [curves[0].1[0], curves[curves.len() - 1].1[3]];
+    let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
+    let place = |p: Vector3<f64>| [p.x, p.y, p.z];
+    // Control points at the ends: from rest to rest.
+    let leg = |from: Vector3<f64>, time_s: f64, to: Vector3<f64>| match from == to {
+        true => json!([time_s, place(to), []]),
+        false => json!([time_s, place(to), [place(from), place(to)]]),
+    };
+    let home_m = timeline.before[0].1;
+    let mut points = vec![json!([0.0, place(home_m), []])];
+    points.extend(timeline.before.windows(2).map(|l| leg(l[0].1, l[1].0, l[1].1)));
+    let mut time_s = timeline.before[4].0;
+    for (duration_s, [_, b, c, d]) in curves {
+        time_s += duration_s;
+        points.push(json!([time_s, place(d), [place(b), place(c)]]));
+    }
+    points.push(leg(ends_m[1], timeline.after[0].0, ends_m[1]));
+    points.push(leg(ends_m[1], timeline.after[1].0, timeline.after[1].1));
+    Ok(json!({
+        "type": "generic",
+        "settings": {
+            "name": format!("Drone {}", index + 1),
+            "home": place(home_m),
+            "landAt": place(timeline.after[1].1),
+            "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
+            "lights": { "version": 1, "data": base64(&program(job, plan, timeline.zero_s)?) },
+        },
+    }))
+}
+
+/// The light program of a drone from the command to take off on.
+fn program(job: &Job<'_>, plan: &Plan, zero_s: f64) -> Result<Vec<u8>> {
+    let mut colors = vec![(0, [0; 3])];
+    for command in commands(plan, job.light)? {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+        let step = ((command.time_s - zero_s) * LIGHT_HZ).round() as u64;
+        colors.push((step, rgb(&command)));
+    }
+    let mut bytes = Vec::new();
+    for (index, &(from, color)) in colors.iter().enumerate() {
+        let until = colors.get(index + 1).map_or(from + 1, |next| next.0);
+        if until == from {
+            continue;
+        }
+        match color {
+            [0, 0, 0] => bytes.push(BLACK),
+            [255, 255, 255] => bytes.push(WHITE),
+            [r, g, b] => bytes.extend([COLOR, r, g, b]),
+        }
+        varuint(&mut bytes, until - from);
+    }
+    bytes.push(END);
+    Ok(bytes)
+}
+
+/// Seven bits a byte, the lowest first; the highest bit says that another byte follows.
+fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
+    while value > 127 {
+        bytes.push((value & 127) as u8 | 128);
+        value >>= 7;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "up to 127")]
+    bytes.push(value as u8);
+}
+
+/// The photographer's camera: at rest it looks along -z with +y up.
+fn camera(camera: &Camera) -> Value {
+    // Ours looks along +z with y down.
+    let world_from_camera = camera.camera_from_world.transpose()
+        * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+    let turn = Rotation3::from_matrix_unchecked(world_from_camera);
+    let q = UnitQuaternion::from_rotation_matrix(&turn);
+    let at = camera.position_m;
+    json!({
+        "name": "Photographer", "type": "perspective", "default": true,
+        "position": [at.x, at.y, at.z],
+        "orientation": [q.w, q.i, q.j, q.k],
+        "focalLength": FILM_MM * camera.focal_length_m / camera.sensor_width_m,
+    })
+}
+
+/// A zip of one table for each drone.
+///
+/// # Errors
+///
+/// As [`show`].
+pub(super) fn tables(job: &Job<'_>) -> Result<File> {
+    let before_s = earliest_s(job.plans)?;
+    let tables = job.plans.iter().enumerate().map(|(index, plan)| {
+        let table = table(job, plan, before_s)?;
+        Ok((format!("Drone {}.csv", index + 1), table.into_bytes()))
+    });
+    let tables: Vec<_> = tables.collect::<Result<_>>()?;
+    Ok(File { name: format!("{}.zip", stem(job.word)), bytes: zip(&tables) })
+}
+
+fn table(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<String> {
+    let flown = sampled(job, plan, before_s)?;
+    let lights = commands(&flown, job.light)?;
+    let mut text = "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n".to_owned();
+    for (time_s, at) in rows(&flown, ROW_HZ) {
+        let [r, g, b] = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
+        text += &format!("{:.0},{:.4},{:.4},{:.4},{r},{g},{b}\n", 1e3 * time_s, at.x, at.y, at.z);
+    }
+    Ok(text)
+}
+
+/// A plan as it is flown with a compressed trajectory of any length.
+pub(super) fn sampled(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<Plan> {
+    let trajectory = Compressed::of_any_length(&Stretch::new(plan)?, job.tolerance_m)?;
+    flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+}
+
+/// Times and places of a plan at a rate, to its end.
+pub(super) fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    let n = (plan.duration_s() * hz).ceil() as u32;
+    (0..=n).map(move |row| {
+        let time_s = f64::from(row) / hz;
+        (time_s, plan.design_m(time_s.min(plan.duration_s())))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_of_lights_are_written_seven_bits_at_a_time() {
+        let bytes = |value| {
+            let mut bytes = Vec::new();
+            varuint(&mut bytes, value);
+            bytes
+        };
+        assert_eq!((bytes(5), bytes(127), bytes(300)), (vec![5], vec![127], vec![0xAC, 2]));
+    }
+
+    #[test]
+    fn the_camera_looks_at_the_word() {
+        let camera = Camera {
+            camera_from_world: nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+            ..crate::camera::CameraOptions::default().camera([-1.0, 0.5, 1.0, 1.0], 1.0).unwrap()
+        };
+        let found = super::camera(&camera);
+        let part = |k: usize| found["orientation"][k].as_f64().unwrap();
+        let q = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+            part(0),
+            part(1),
+            part(2),
+            part(3),
+        ));
+        let ahead = q * -Vector3::z();
+        assert!((ahead - Vector3::y()).norm() < 1e-12, "into the scene: {ahead}");
+        assert!((q * Vector3::y() - Vector3::z()).norm() < 1e-12, "upright");
+    }
+}

@@ -1,0 +1,76 @@
+//! VVIZ 1.0, the interchange format of drone shows for viewing (Verge Aero, Finale 3D).
+//!
+//! Steps of position in meters at 10 Hz from each drone's home, x to the right, y up and z forward;
+//! colors in frames of 20 Hz.
+
+use serde_json::{Value, json};
+
+use super::lights::{commands, rgb};
+use super::on_board::earliest_s;
+use super::skybrush::{rows, sampled};
+use super::{File, Job, stem};
+use crate::error::Result;
+use crate::plan::Plan;
+
+/// Positions and color frames per second.
+const POSITION_HZ: f64 = 10.0;
+const COLOR_HZ: f64 = 20.0;
+
+/// The show.
+///
+/// # Errors
+///
+/// As [`sampled`] and [`commands`].
+pub(super) fn show(job: &Job<'_>) -> Result<File> {
+    let before_s = earliest_s(job.plans)?;
+    let drones = job.plans.iter().enumerate().map(|(index, plan)| {
+        let flown = sampled(job, plan, before_s)?;
+        let home = plan.setpoints[0].position_m;
+        Ok(json!({
+            "id": index,
+            "agentDescription": {
+                "airframe": "Crazyflie",
+                "homeX": home.x, "homeY": 0.0, "homeZ": home.y,
+                "agentTraversal": steps(&flown),
+            },
+            "payloadDescription": [{
+                "id": 0, "type": "LED", "payloadActions": colors(job, &flown)?,
+            }],
+        }))
+    });
+    let show = json!({
+        "version": "1.0",
+        "performanceName": job.word,
+        "coordinateFrame": "ogl",
+        "defaultPositionRate": POSITION_HZ,
+        "defaultColorRate": COLOR_HZ,
+        "timeOffsetSecs": 0.0,
+        "performances": drones.collect::<Result<Vec<_>>>()?,
+    });
+    Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{show}\n")))
+}
+
+fn steps(flown: &Plan) -> Vec<Value> {
+    // Rounded places, so that the rounding does not add up.
+    let tenths = rows(flown, POSITION_HZ).map(|(_, at)| (at * 1e4).map(f64::round));
+    let places: Vec<_> = tenths.collect();
+    let from = places.first().copied().into_iter().chain(places.iter().copied());
+    let steps = from.zip(&places).map(|(a, b)| (b - a) / 1e4);
+    steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
+}
+
+fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
+    let mut frames: Vec<([u8; 3], u32)> = Vec::new();
+    let lights = commands(flown, job.light)?;
+    for (time_s, _) in rows(flown, COLOR_HZ) {
+        let color = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
+        match frames.last_mut() {
+            Some((last, n)) if *last == color => *n += 1,
+            _ => frames.push((color, 1)),
+        }
+    }
+    Ok(frames
+        .into_iter()
+        .map(|([r, g, b], frames)| json!({ "r": r, "g": g, "b": b, "frames": frames }))
+        .collect())
+}

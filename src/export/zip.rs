@@ -1,0 +1,69 @@
+//! Archives and texts of bytes: zip without compression, base64.
+//!
+//! Zip: PKWARE's APPNOTE 6.3, stored entries with the date of 1980 (the same files make the same
+//! bytes). Base64: RFC 4648.
+
+/// An archive of files: names and contents.
+pub(super) fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let (mut archive, mut directory) = (Vec::new(), Vec::new());
+    for (name, content) in files {
+        let size = length(content.len());
+        let offset = length(archive.len());
+        // Version 2.0, UTF-8 names, stored, midnight of 1 January 1980.
+        let mut head: Vec<u8> = [20_u16, 1 << 11, 0, 0, 33].map(u16::to_le_bytes).concat();
+        head.extend([crc32fast::hash(content), size, size].map(u32::to_le_bytes).concat());
+        head.extend(
+            [u16::try_from(name.len()).expect("a short name"), 0].map(u16::to_le_bytes).concat(),
+        );
+        archive.extend(b"PK\x03\x04");
+        archive.extend(&head);
+        archive.extend(name.as_bytes());
+        archive.extend(content);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        directory.extend(&head);
+        // No comment, first disk, no attributes.
+        directory.extend([0; 10]);
+        directory.extend(offset.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let (n, offset) = (u16::try_from(files.len()).expect("a few files"), length(archive.len()));
+    let end = [n, n].map(u16::to_le_bytes).concat();
+    let sizes = [length(directory.len()), offset].map(u32::to_le_bytes).concat();
+    archive.extend([directory, b"PK\x05\x06\0\0\0\0".to_vec(), end, sizes, vec![0; 2]].concat());
+    archive
+}
+
+fn length(n: usize) -> u32 {
+    u32::try_from(n).expect("an archive below 4 GiB")
+}
+
+/// Bytes as base64 with padding.
+pub(super) fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let four = |chunk: &[u8]| {
+        let byte = |k: usize| u32::from(chunk.get(k).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        let digit = |k: usize| char::from(DIGITS[(word >> (18 - 6 * k) & 63) as usize]);
+        [0, 1, 2, 3].map(|k| if k > chunk.len() { '=' } else { digit(k) })
+    };
+    bytes.chunks(3).flat_map(four).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        let found = ["", "f", "fo", "foo", "foob"].map(|text| base64(text.as_bytes()));
+        assert_eq!(found, ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="], "RFC 4648, section 10");
+    }
+
+    #[test]
+    fn an_archive_names_its_files_twice() {
+        let bytes = zip(&[("a.csv".into(), b"123456789".to_vec())]);
+        assert_eq!(bytes.len(), 30 + 5 + 9 + 46 + 5 + 22);
+        assert_eq!(&bytes[14..18], &0xCBF4_3926_u32.to_le_bytes(), "the check value of CRC-32");
+        assert_eq!(&bytes[bytes.len() - 6..bytes.len() - 2], &44_u32.to_le_bytes());
+    }
+}

@@ -1,0 +1,183 @@
+//! Scenes by name, with learned plans.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Preset, Scene};
+use crate::error::{Error, Result};
+use crate::plan::Plan;
+use crate::settings::similar;
+
+/// Scenes that ship with the program, as TOML.
+const SHIPPED: [(&str, &str); 4] = [
+    ("team", include_str!("shipped/team.toml")),
+    ("pid", include_str!("shipped/pid.toml")),
+    ("geometric", include_str!("shipped/geometric.toml")),
+    ("tuned", include_str!("shipped/tuned.toml")),
+];
+
+/// A scene with a name, and learned plans.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Texts", into = "Texts")]
+pub struct NamedScene {
+    /// Name in tables.
+    pub name: String,
+    /// The scene.
+    pub scene: Scene,
+    /// Plans that are sent for a word instead of the scene's own, one for each drone.
+    pub plans: BTreeMap<String, Vec<Plan>>,
+}
+
+/// A named scene as JSON holds it: scene and plans as their own files' texts.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Texts {
+    name: String,
+    scene_toml: String,
+    #[serde(default)]
+    plans_csv: BTreeMap<String, Vec<String>>,
+}
+
+impl NamedScene {
+    /// A scene without learned plans.
+    #[must_use]
+    pub fn new(name: &str, scene: Scene) -> Self {
+        Self { name: name.to_owned(), scene, plans: BTreeMap::new() }
+    }
+
+    /// File of a learned plan in a folder: of the drone `drone`, from 0, of `n_drones`.
+    #[must_use]
+    pub fn plan_file(word: &str, drone: usize, n_drones: usize) -> String {
+        let number = if n_drones > 1 { (drone + 1).to_string() } else { String::new() };
+        format!("plan{number}-{word}.csv")
+    }
+}
+
+impl Scene {
+    /// Finds a scene and lays single settings over it, see [`Scene::parse_with`]: a shipped scene
+    /// (team, pid, geometric, tuned), a preset, a scene file, or a folder with `scene.toml` and
+    /// learned plans, `plan-WORD.csv` for one drone, `plan1-WORD.csv` and so on for several.
+    ///
+    /// Names go before files: a folder called as a shipped scene is `./tuned`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a name that is none of these; as [`Scene::parse_with`] and
+    /// [`Plan::read_csv`].
+    pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
+        let parse = |toml: &str| Self::parse_with(toml, name, settings);
+        if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+            return Ok(NamedScene::new(name, parse(toml)?));
+        }
+        if name.parse::<Preset>().is_ok() {
+            return Ok(NamedScene::new(name, parse(&format!("preset = \"{name}\""))?));
+        }
+        let path = Path::new(name);
+        let text = |name: Option<&std::ffi::OsStr>| {
+            name.unwrap_or_default().to_string_lossy().into_owned()
+        };
+        if path.is_dir() {
+            let scene = Self::read_with(&path.join("scene.toml"), settings)?;
+            return Ok(NamedScene { name: text(path.file_name()), scene, plans: plans_in(path)? });
+        }
+        if path.exists() {
+            return Ok(NamedScene::new(&text(path.file_stem()), Self::read_with(path, settings)?));
+        }
+        let shipped = SHIPPED.iter().map(|(name, _)| *name);
+        let names: Vec<&str> =
+            shipped.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
+        let hint = match similar(name, names.iter().copied()) {
+            Some(similar) => format!("did you mean {similar}?"),
+            None => "print a scene into a file to begin with".into(),
+        };
+        let wanted = format!("a scene file, a learned folder, or one of {}", names.join(", "));
+        Err(Error::input(name, "neither a file nor a known name", wanted, hint))
+    }
+}
+
+/// Learned plans of a folder by their word, one for each drone.
+fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
+    let unreadable = |source| Error::read(folder, source);
+    let mut paths = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let rest = name.strip_prefix("plan").and_then(|rest| rest.strip_suffix(".csv"));
+        let Some((number, word)) = rest.and_then(|rest| rest.split_once('-')) else { continue };
+        if number.is_empty() || number.parse::<u32>().is_ok() {
+            paths.insert((word.to_owned(), number.parse::<u32>().ok()), path);
+        }
+    }
+    let mut plans: BTreeMap<String, Vec<Plan>> = BTreeMap::new();
+    for ((word, _), path) in paths {
+        plans.entry(word).or_default().push(Plan::read_csv(&path)?);
+    }
+    Ok(plans)
+}
+
+impl From<NamedScene> for Texts {
+    fn from(named: NamedScene) -> Self {
+        let csv = |plan: &Plan| {
+            let mut csv = Vec::new();
+            plan.write_csv(&mut csv).expect("writing into memory");
+            String::from_utf8(csv).expect("a plan is ASCII but for its channels' names")
+        };
+        let plans = named.plans.iter();
+        let plans = plans.map(|(word, plans)| (word.clone(), plans.iter().map(csv).collect()));
+        Self { plans_csv: plans.collect(), scene_toml: named.scene.to_toml(), name: named.name }
+    }
+}
+
+impl TryFrom<Texts> for NamedScene {
+    type Error = Error;
+
+    fn try_from(texts: Texts) -> Result<Self> {
+        let scene = Scene::parse(&texts.scene_toml, &format!("scene {}", texts.name))?;
+        let plans = texts.plans_csv.iter().map(|(word, texts)| {
+            let parse = |csv: &String| Plan::parse_csv(csv.as_bytes(), &format!("plan of {word}"));
+            Ok((word.clone(), texts.iter().map(parse).collect::<Result<_>>()?))
+        });
+        Ok(Self { plans: plans.collect::<Result<_>>()?, name: texts.name, scene })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::ControllerKind;
+
+    #[test]
+    fn shipped_scenes_presets_files_and_folders_are_found() {
+        let find = |name| Scene::find(name, &[]).unwrap().scene;
+        assert_eq!(find("team"), Scene::default());
+        assert_eq!(find("pid").controller.kind, ControllerKind::Pid);
+        assert_eq!(find("geometric").controller.kind, ControllerKind::Geometric);
+        assert_eq!(find("tuned").controller.kind, ControllerKind::LqrIntegral);
+        assert_eq!(find("cf21"), Scene::preset(Preset::Cf21));
+        let heavy = Scene::find("cf21", &[("vehicle.mass_kg", "0.04")]).unwrap().scene;
+        assert_eq!(heavy.vehicle.mass_kg, 0.04);
+        let error = Scene::find("unknown", &[]).unwrap_err();
+        assert!(error.to_string().contains("team, pid, geometric"), "{error}");
+        assert_eq!(Scene::find("tunes", &[]).unwrap_err().hint(), "did you mean tuned?");
+    }
+
+    #[test]
+    fn a_folder_of_learned_plans_reads_back() {
+        let strokes = crate::letters::write("I", &Scene::default().letters).unwrap();
+        let plan = crate::plan::plan(&strokes, &Scene::default().plan).unwrap();
+        let mut csv = Vec::new();
+        plan.write_csv(&mut csv).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["plan-I.csv", "plan1-ON.csv", "plan2-ON.csv"] {
+            std::fs::write(folder.path().join(name), &csv).unwrap();
+        }
+        std::fs::write(folder.path().join("scene.toml"), Scene::default().to_toml()).unwrap();
+        let learned = Scene::find(folder.path().to_str().unwrap(), &[]).unwrap();
+        assert_eq!((learned.plans["I"].len(), learned.plans["ON"].len()), (1, 2));
+        assert!(Scene::find("tuned", &[]).unwrap().plans.is_empty(), "in every working folder");
+        let json = serde_json::to_string(&learned).unwrap();
+        assert_eq!(serde_json::from_str::<NamedScene>(&json).unwrap(), learned);
+    }
+}

@@ -1,0 +1,207 @@
+//! Correction of a plan by the errors of its flights.
+//!
+//! 1. The repeating error: the mean over flights of `flown − design` while letters are written,
+//!    shrunk where flights disagree (positive-part James–Stein), smoothed without phase.
+//! 2. The reference moves against a share of it, through the inverse of the scene's loop
+//!    ([`feedforward::learn`]).
+//! 3. The light commands are moved to the strokes' ends of such a flight ([`aim`]).
+
+use nalgebra::Vector3;
+
+use super::Prepared;
+use super::statistics::{mean, standard_error};
+use crate::error::{Error, Result};
+use crate::flight::comparison::{ComparisonOptions, compare};
+use crate::flight::{Flight, FlightSample};
+use crate::plan::{Plan, feedforward, relight};
+use crate::scene::Scene;
+use crate::settings::settings;
+use crate::shoot::{aim, rehearse};
+use crate::sim::step_responses;
+
+/// Grid on which errors are averaged.
+const STEP_S: f64 = 0.02;
+/// Largest error that is corrected at once: larger ones are steps between letters.
+const MAX_ERROR_M: f64 = 0.08;
+
+settings! {
+    /// How to learn.
+    pub struct LearnOptions {
+        /// Largest number of rounds.
+        rounds: u32 = 12;
+        /// Flights of a round.
+        flights: u32 = 8, in 1.0..=10_000.0;
+        /// Share of the error that a round removes. More learns faster, and noise with it.
+        gain: f64 = 0.6, in 0.0..=1.0;
+        /// Smoothing of the error, σ. Less follows corners closer, and is unstable below about the
+        /// response time of the drone.
+        smooth_s: f64 = 0.08, in 0.0..=10.0;
+        /// Seed of all seeds.
+        seed: u64 = 0;
+    }
+}
+
+/// Corrects a plan by its flights, simulated or real, whose clocks begin with the plan's.
+///
+/// # Errors
+///
+/// [`Error::Input`] where no flight writes letters; as [`step_responses`].
+///
+/// # Panics
+///
+/// If there is no flight.
+pub fn correct(
+    sent: &Plan,
+    scene: &Scene,
+    flights: &[Flight],
+    options: &LearnOptions,
+) -> Result<Plan> {
+    assert!(!flights.is_empty(), "something to learn from");
+    let error = smoothed(&repeating(flights), options.smooth_s);
+    let at = |time_s: f64| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let index = (time_s / STEP_S).round().max(0.0) as usize;
+        error.get(index).copied().unwrap_or_default()
+    };
+    // A flight with the repeating error and no other.
+    let mut missed = rehearse(scene, sent)?;
+    let mut typical = missed.clone();
+    for (missed, typical) in missed.samples.iter_mut().zip(&mut typical.samples) {
+        let error_m = at(missed.time_s);
+        missed.position_m = missed.design_m + error_m * options.gain;
+        if typical.letter.is_some() {
+            typical.position_m = typical.design_m + error_m;
+        }
+    }
+    let responses = step_responses(&scene.sim())?;
+    let mut next = feedforward::learn(sent, &missed, &responses);
+    // Take-off and landing stay as they were sent.
+    for (row, setpoint) in sent.setpoints.iter().enumerate() {
+        if setpoint.letter.is_none() {
+            next.sent_m[row] = sent.sent_m(row);
+        }
+    }
+    Ok(aim(scene, &next, &typical)?.plan)
+}
+
+/// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
+const MAX_APART_M: f64 = 0.2;
+
+/// Gives a real flight of a plan the plan's clock, letters and design; `file` is its name in
+/// messages.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a flight of another plan; as [`relight`] and [`compare`].
+pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> Result<Flight> {
+    let writes = |sample: &FlightSample| sample.letter.is_some();
+    // A log with lights of its own may be of a plan in any order of strokes.
+    if flight.lights.is_empty() && !flight.samples.iter().any(writes) {
+        relight(&mut flight, &ready.scene().strokes()?)?;
+    }
+    // The design of a log is what was sent, so the flight that sets its clock gets the same.
+    let mut planned = rehearse(ready.scene(), sent)?;
+    let row_at = |time_s: f64| {
+        sent.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6).saturating_sub(1)
+    };
+    for sample in &mut planned.samples {
+        sample.design_m = sent.sent_m(row_at(sample.time_s));
+    }
+    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
+    for sample in &mut flight.samples {
+        sample.time_s += offset_s;
+    }
+    let mut apart_m = Vec::new();
+    for sample in &mut flight.samples {
+        let row = row_at(sample.time_s);
+        let setpoint = &sent.setpoints[row];
+        if setpoint.letter.is_some() {
+            apart_m.push((sample.design_m - sent.sent_m(row)).norm());
+        }
+        sample.design_m = setpoint.design_m(sample.time_s.max(setpoint.time_s));
+        sample.letter = setpoint.letter;
+    }
+    let apart_m = mean(&apart_m);
+    if apart_m > MAX_APART_M {
+        let found = format!("setpoints {apart_m:.2} m from those of the plan");
+        let hint = "name the plan that was sent, and the word that it wrote";
+        return Err(Error::input(file, found, "a flight of this plan", hint));
+    }
+    Ok(flight)
+}
+
+/// The repeating error of flights, `flown − design` on the grid; zero outside letters.
+fn repeating(flights: &[Flight]) -> Vec<Vector3<f64>> {
+    let ends = flights.iter().filter_map(|flight| flight.samples.last());
+    let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    let n = (end_s / STEP_S) as usize + 1;
+    let mut errors: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); n];
+    for flight in flights {
+        let mut next = 0;
+        for sample in flight.samples.iter().filter(|sample| sample.letter.is_some()) {
+            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
+            while next < n && (next as f64) * STEP_S < sample.time_s - STEP_S {
+                next += 1;
+            }
+            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
+            if next < n && (next as f64) * STEP_S <= sample.time_s {
+                errors[next].push(sample.position_m - sample.design_m);
+                next += 1;
+            }
+        }
+    }
+    errors.iter().map(|seen| shrunk(seen)).collect()
+}
+
+/// The mean of errors, shrunk by its uncertainty; of one error, the error itself.
+fn shrunk(errors: &[Vector3<f64>]) -> Vector3<f64> {
+    if errors.is_empty() {
+        return Vector3::zeros();
+    }
+    Vector3::from_fn(|axis, _| {
+        let values: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
+        let (middle, error) = (mean(&values), standard_error(&values));
+        let trust = if middle == 0.0 { 0.0 } else { 1.0 - (error / middle) * (error / middle) };
+        (middle * trust.max(0.0)).clamp(-MAX_ERROR_M, MAX_ERROR_M)
+    })
+}
+
+/// Gaussian smoothing without phase; ends are held.
+fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
+    let sigma = (sigma_s / STEP_S).max(1e-3);
+    #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
+    let reach = (3.0 * sigma).ceil() as isize;
+    let weight = |tap: isize| {
+        #[expect(clippy::cast_precision_loss, reason = "some seconds")]
+        let z = tap as f64 / sigma;
+        libm::exp(-0.5 * z * z)
+    };
+    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
+    let sum: f64 = weights.iter().sum();
+    let last = values.len().cast_signed() - 1;
+    let at = |index: isize| values[index.clamp(0, last).cast_unsigned()];
+    (0..=last)
+        .map(|middle| {
+            let taps = (-reach..=reach).zip(&weights);
+            taps.map(|(tap, weight)| at(middle + tap) * *weight).sum::<Vector3<f64>>() / sum
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_that_does_not_repeat_is_not_learned() {
+        let one = [Vector3::new(0.02, 0.01, 0.0)];
+        assert_eq!(shrunk(&one), one[0], "of a single flight");
+        let agree = [Vector3::x() * 0.02, Vector3::x() * 0.021, Vector3::x() * 0.019];
+        assert!((shrunk(&agree).x - 0.02).abs() < 1e-4);
+        let differ = [Vector3::x() * 0.05, Vector3::x() * -0.045, Vector3::x() * 0.001];
+        assert_eq!(shrunk(&differ), Vector3::zeros());
+        let wild = [Vector3::x(); 3];
+        assert_eq!(shrunk(&wild).x, MAX_ERROR_M, "limited");
+    }
+}

@@ -1,0 +1,116 @@
+//! Results of studies as CSV: a row for each flight, scene, level of disturbance or candidate.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{Endurance, Factor, Flown, Knob, Ranking, Record, Tuned};
+
+/// A column: its name, and the path of its values in a row's JSON.
+type Column = (String, String);
+
+/// A row for each flight, in the order of the study.
+#[must_use]
+pub fn flights_csv(records: &[Record]) -> String {
+    let verdict = "contender word seed read all_read legible probability log_odds similarity";
+    let names = verdict.split(' ').chain(Flown::<f64>::NAMES).chain(["lost"]);
+    let columns: Vec<Column> = names.map(|name| column(name, name)).collect();
+    table(&columns, records.iter().map(value))
+}
+
+/// A row for each scene, the best first; intervals of 95 %.
+#[must_use]
+pub fn ranking_csv(ranking: &Ranking) -> String {
+    let mut columns = vec![
+        column("place", "place"),
+        column("contender", "contender"),
+        column("flights", "n_flights"),
+        column("lost", "n_lost"),
+    ];
+    let estimate = |name: &str, path: &str| {
+        [("", "value"), ("_low", "low"), ("_high", "high")]
+            .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
+    };
+    for name in ["legibility", "worst_decile", "all_read"] {
+        columns.extend(estimate(name, name));
+    }
+    for name in Flown::<f64>::NAMES {
+        columns.extend(estimate(name, &format!("flown/{name}")));
+    }
+    table(&columns, ranking.measures.iter().map(value))
+}
+
+/// A row for each factor and level.
+#[must_use]
+pub fn robustness_csv(found: &[Endurance]) -> String {
+    let columns = [
+        column("factor", "factor"),
+        column("times", "level/times"),
+        column("all_read", "level/all_read"),
+        column("legibility", "level/legibility/value"),
+        column("low", "level/legibility/low"),
+        column("high", "level/legibility/high"),
+        column("breaks_at", "breaks_at"),
+    ];
+    let rows = found.iter().flat_map(|endurance| {
+        let name = endurance.factor.map_or("all together", Factor::name);
+        let row = move |level| {
+            json!({ "factor": name, "level": level, "breaks_at": endurance.breaks_at })
+        };
+        endurance.levels.iter().map(row)
+    });
+    table(&columns, rows)
+}
+
+/// A row for each candidate, in the order of the search, with its setting of each knob.
+#[must_use]
+pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
+    let mut columns = vec![
+        column("number", "number"),
+        column("flights", "n_flights"),
+        column("given_up", "given_up"),
+        column("merit", "merit"),
+        column("legibility", "legibility"),
+        column("duration_s", "duration_s"),
+        column("broken", "broken"),
+        column("on_front", "on_front"),
+    ];
+    let settings = knobs.iter().enumerate();
+    columns.extend(settings.map(|(i, knob)| column(&knob.keys.join("+"), &format!("point/{i}"))));
+    let rows = tuned.candidates.iter().map(|candidate| {
+        let mut row = value(candidate);
+        row["on_front"] = tuned.front.contains(&candidate.number).into();
+        row
+    });
+    table(&columns, rows)
+}
+
+fn column(name: &str, path: &str) -> Column {
+    (name.to_owned(), format!("/{path}"))
+}
+
+fn value(row: &impl Serialize) -> Value {
+    serde_json::to_value(row).expect("results are plain data")
+}
+
+fn table(columns: &[Column], rows: impl Iterator<Item = Value>) -> String {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    let cells = |row: Value| {
+        columns.iter().map(|(_, path)| row.pointer(path).map_or(String::new(), cell)).collect()
+    };
+    for row in std::iter::once(header).chain(rows.map(cells)) {
+        out.write_record(row).expect("writing into memory");
+    }
+    String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        Value::Number(number) if number.is_f64() => {
+            number.as_f64().map_or(String::new(), |number| number.to_string())
+        }
+        other => other.to_string(),
+    }
+}
