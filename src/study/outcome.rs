@@ -21,11 +21,11 @@ pub struct Outcome {
     pub all_read: bool,
     /// Whether the word counts as legible.
     pub legible: bool,
-    /// Probability that a strict reader reads the word, 0 to 1.
+    /// Probability that a visitor reads the word at first sight, 0 to 1.
     pub probability: f64,
     /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
     pub log_odds: f64,
-    /// Mean similarity of the letters with the intended ones, up to 1.
+    /// Mean share of the intended letters, 0 to 1: it has a slope where the probability has none.
     pub similarity: f64,
     /// Figures of the flight; `None` where a drone was lost.
     #[serde(flatten)]
