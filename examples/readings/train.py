@@ -1,6 +1,6 @@
 """Trains the reader's net and writes its weights.
 
-    python3 train.py PROGRAM OUT.bin FACES... [--photos STRIPS] [--from CHECKPOINT] [--minutes 20] [--seed 1]
+    python3 train.py PROGRAM OUT.bin FACES... [--photos STRIPS] [--from CHECKPOINT] [--minutes 20] [--seed 1] [--frozen]
 
 Needs jax, optax, numpy, scipy, Pillow. PROGRAM is noctograph, which takes the faces apart; FACES are typefaces under
 free licences and names of our own fonts. STRIPS is what `readings strips` (the example) cut out of simulated photos.
@@ -34,7 +34,8 @@ def batches(examples, rng, of_photos):
     groups = [examples[n:n + BATCH] for n in range(0, len(examples) - BATCH + 1, BATCH)]
     rng.shuffle(groups)
     for group in groups:
-        width = -(-max(example[0].shape[1] for example in group) // 32) * 32
+        step = 96 if of_photos else 64
+        width = -(-max(example[0].shape[1] for example in group) // step) * step
         images = np.zeros((BATCH, strips.HEIGHT, width, 2), np.uint8)
         paddings = np.ones((BATCH, width // 2), np.float32)
         labels, label_paddings = np.zeros((BATCH, 12), np.int32), np.ones((BATCH, 12), np.float32)
@@ -59,9 +60,18 @@ def read_strips(path):
         size = strips.HEIGHT * width * 2
         image = np.frombuffer(data, np.uint8, size, at).reshape(strips.HEIGHT, width, 2)
         at += size
-        if 0 < n <= 12 and width <= 420:
+        if 0 < n <= 12 and width <= 330:
             found.append((image, labels))
     return found
+
+
+def varied(rng, image):
+    """A strip of a photo moved up or down, brighter or dimmer, wider or narrower, its second channel dimmer still."""
+    image = np.roll(image, rng.randint(-2, 2), 0).astype(np.float32)
+    columns = np.linspace(0, image.shape[1] - 1, int(image.shape[1] * rng.uniform(0.88, 1.15)) // 2 * 2)
+    image = image[:, np.round(columns).astype(int)]
+    image *= [rng.uniform(0.6, 1.3), rng.uniform(0.4, 1.2)]
+    return np.clip(image + np.random.default_rng(rng.getrandbits(32)).normal(0, 3, image.shape), 0, 255).astype(np.uint8)
 
 
 def main():
@@ -74,6 +84,7 @@ def main():
     parser.add_argument("--minutes", type=float, default=20)
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--frozen", action="store_true", help="normalize as in use, for the end of the training")
     args = parser.parse_args()
     rng = random.Random(args.seed)
     faces = []
@@ -91,7 +102,7 @@ def main():
     state = optimizer.init(params)
 
     def loss(params, stats, images, *wanted):
-        logits, new = net.forward(params, stats, images.astype(jnp.float32) / 255, True)
+        logits, new = net.forward(params, stats, images.astype(jnp.float32) / 255, not args.frozen)
         if len(wanted) == 1:
             targets = wanted[0]
             ln_p = jax.nn.log_softmax(logits)
@@ -122,7 +133,8 @@ def main():
         # Every strip is used twice, with half of those drawn before.
         mixed = list(batches(fresh + rng.sample(pool, min(len(pool), len(fresh))), rng, False))
         if photos:
-            mixed += batches(rng.sample(photos, min(len(photos), 128)), rng, True)
+            drawn = rng.sample(photos, min(len(photos), 192))
+            mixed += batches([(varied(rng, image), labels) for image, labels in drawn], rng, True)
         pool = (pool + fresh)[-6000:]
         for batch in mixed:
             state.hyperparams["learning_rate"] = jnp.asarray(rate["now"])
