@@ -1,0 +1,415 @@
+//! Settings: one declaration holds a setting's documentation, type, default and range.
+//!
+//! The macro [`settings!`] declares three kinds of type. From the same lines come the Rust type
+//! with its `Default`, its form in a scene file, the check of its ranges, the commented scene that
+//! `noctograph scene` prints, and the suggestions for a key that does not exist.
+//!
+//! ```ignore
+//! settings! {
+//!     /// A group: a table of the scene file.
+//!     pub struct PenOptions {
+//!         /// Speed along lit strokes.          (printed up to the first empty line)
+//!         speed_m_s: f64 = 0.2, in 0.001..=100.0;
+//!         /// What happens where strokes meet.
+//!         joint: Joint = Joint::Round;
+//!     }
+//!
+//!     /// A choice by name: a string. The first name is the default.
+//!     pub enum Joint {
+//!         /// Rounded within the corner tolerance.
+//!         "round" => Round,
+//!         /// A full stop.
+//!         "sharp" => Sharp,
+//!     }
+//!
+//!     /// A choice with settings of its own: a table with the key `kind`, or the name alone.
+//!     pub enum Pen tagged {
+//!         /// Any light.
+//!         "brush" => Brush(BrushOptions),
+//!         /// None at all.
+//!         "none" => None,
+//!     }
+//! }
+//! ```
+//!
+//! Numbers without a range must be finite. Rules that involve several settings stay in a function
+//! `check` of the type, which calls [`Described::check`] for the ranges.
+
+use crate::error::{Error, Result};
+
+/// One setting of a group.
+#[derive(Debug)]
+pub(crate) struct Setting {
+    /// Its key in the scene file.
+    pub(crate) key: &'static str,
+    /// Its documentation, line by line.
+    pub(crate) doc: &'static [&'static str],
+    /// Smallest and largest value.
+    pub(crate) range: Option<[f64; 2]>,
+    /// Form of its value.
+    pub(crate) shape: Shape,
+}
+
+/// One name of a choice.
+#[derive(Debug)]
+pub(crate) struct Variant {
+    /// The name in the scene file.
+    pub(crate) name: &'static str,
+    /// Its documentation, line by line.
+    pub(crate) doc: &'static [&'static str],
+    /// Settings that exist with this name only.
+    pub(crate) settings: &'static [Setting],
+}
+
+/// Form of a setting's value in the scene file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shape {
+    /// A number, text, or a list.
+    Plain,
+    /// One of several names.
+    Names(&'static [Variant]),
+    /// A table.
+    Group(&'static [Setting]),
+    /// A table whose key `kind` decides which other keys it has.
+    Tagged(&'static [Variant]),
+}
+
+impl Shape {
+    /// The settings of a group.
+    pub(crate) const fn settings(self) -> &'static [Setting] {
+        match self {
+            Self::Group(settings) => settings,
+            _ => panic!("the payload of a choice is a group"),
+        }
+    }
+}
+
+/// A type that a setting may have.
+pub(crate) trait Described {
+    /// Form in the scene file.
+    const SHAPE: Shape;
+
+    /// Checks all ranges within the value; `place` is its key, and `range` what it must keep to.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the key that is out of range.
+    fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()>;
+}
+
+/// The names of a choice.
+pub(crate) fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
+    let variants: &[Variant] = match shape {
+        Shape::Names(variants) | Shape::Tagged(variants) => variants,
+        Shape::Plain | Shape::Group(_) => &[],
+    };
+    variants.iter().map(|variant| variant.name)
+}
+
+/// The candidate most like a name that does not exist, if any is alike.
+pub(crate) fn similar<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let likeness = |candidate: &&str| strsim::damerau_levenshtein(name, candidate);
+    let nearest = candidates.into_iter().min_by_key(likeness)?;
+    (likeness(&nearest) <= 1 + nearest.len() / 4).then_some(nearest)
+}
+
+/// The error for a name that a choice does not have.
+pub(crate) fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
+    let wanted = names(shape).collect::<Vec<_>>().join(", ");
+    let hint = match similar(name, names(shape)) {
+        Some(similar) => format!("did you mean {similar}?"),
+        None => "choose a name from the list".into(),
+    };
+    Error::input(place, name, format!("one of {wanted}"), hint)
+}
+
+/// Numbers that a range applies to.
+macro_rules! number {
+    ($($type:ty),*) => {$(
+        impl Described for $type {
+            const SHAPE: Shape = Shape::Plain;
+
+            #[allow(clippy::cast_lossless, clippy::cast_precision_loss, reason = "one body")]
+            fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
+                let [min, max] = range.unwrap_or([f64::MIN, f64::MAX]);
+                if (min..=max).contains(&(*self as f64)) {
+                    return Ok(());
+                }
+                let wanted = match range {
+                    Some([min, max]) => format!("a number from {min} to {max}"),
+                    None => "a finite number".to_owned(),
+                };
+                Err(Error::input(place, self, wanted, "set a number within the range"))
+            }
+        }
+    )*};
+}
+number!(f64, u8, u32, u64, usize);
+
+/// Values without a range.
+macro_rules! plain {
+    ($($type:ty),*) => {$(
+        impl Described for $type {
+            const SHAPE: Shape = Shape::Plain;
+
+            fn check(&self, _: &str, _: Option<[f64; 2]>) -> Result<()> {
+                Ok(())
+            }
+        }
+    )*};
+}
+plain!(bool, String);
+
+impl<T: Described> Described for Option<T> {
+    const SHAPE: Shape = T::SHAPE;
+
+    fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
+        self.iter().try_for_each(|value| value.check(place, range))
+    }
+}
+
+impl<T: Described> Described for Vec<T> {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
+        let mut values = self.iter().enumerate();
+        values.try_for_each(|(i, value)| value.check(&format!("{place}[{i}]"), range))
+    }
+}
+
+impl<T: Described, const N: usize> Described for [T; N] {
+    const SHAPE: Shape = Shape::Plain;
+
+    fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
+        let mut values = self.iter().enumerate();
+        values.try_for_each(|(i, value)| value.check(&format!("{place}[{i}]"), range))
+    }
+}
+
+/// Declares groups and choices of settings; see the module's documentation.
+macro_rules! settings {
+    () => {};
+
+    // A group.
+    (
+        $(#[$meta:meta])*
+        $vis:vis struct $name:ident {
+            $(
+                $(#[doc = $doc:literal])+
+                $key:ident: $type:ty = $default:expr $(, in $range:expr)?;
+            )*
+        }
+        $($rest:tt)*
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        $vis struct $name {
+            $(
+                $(#[doc = $doc])+
+                pub $key: $type,
+            )*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($key: $default,)* }
+            }
+        }
+
+        impl $crate::settings::Described for $name {
+            const SHAPE: $crate::settings::Shape = $crate::settings::Shape::Group(&[
+                $($crate::settings::Setting {
+                    key: stringify!($key),
+                    doc: &[$($doc),+],
+                    range: $crate::settings::range_of!($($range)?),
+                    shape: <$type as $crate::settings::Described>::SHAPE,
+                },)*
+            ]);
+
+            fn check(&self, place: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
+                let dot = if place.is_empty() { "" } else { "." };
+                $($crate::settings::Described::check(
+                    &self.$key,
+                    &format!("{place}{dot}{}", stringify!($key)),
+                    $crate::settings::range_of!($($range)?),
+                )?;)*
+                Ok(())
+            }
+        }
+
+        $crate::settings::settings! { $($rest)* }
+    };
+
+    // A choice with settings of its own.
+    (
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident tagged {
+            $(#[doc = $first_doc:literal])+
+            $first_text:literal => $first:ident $(($first_payload:ty))?,
+            $(
+                $(#[doc = $doc:literal])+
+                $text:literal => $variant:ident $(($payload:ty))?,
+            )*
+        }
+        $($rest:tt)*
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(tag = "kind", deny_unknown_fields)]
+        $vis enum $name {
+            $(#[doc = $first_doc])+
+            #[serde(rename = $first_text)]
+            $first $(($first_payload))?,
+            $(
+                $(#[doc = $doc])+
+                #[serde(rename = $text)]
+                $variant $(($payload))?,
+            )*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self::$first $((<$first_payload>::default()))?
+            }
+        }
+
+        impl $crate::settings::Described for $name {
+            const SHAPE: $crate::settings::Shape = $crate::settings::Shape::Tagged(&[
+                $crate::settings::Variant {
+                    name: $first_text,
+                    doc: &[$($first_doc),+],
+                    settings: $crate::settings::payload_of!($($first_payload)?),
+                },
+                $($crate::settings::Variant {
+                    name: $text,
+                    doc: &[$($doc),+],
+                    settings: $crate::settings::payload_of!($($payload)?),
+                },)*
+            ]);
+
+            #[allow(unused_variables, reason = "a variant without settings has no place")]
+            fn check(&self, place: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
+                $crate::settings::check_variant!(
+                    self, place, $first $($first_payload)?, $($variant $($payload)?,)*
+                )
+            }
+        }
+
+        $crate::settings::settings! { $($rest)* }
+    };
+
+    // A choice by name.
+    (
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident {
+            $(#[doc = $first_doc:literal])+
+            $first_text:literal => $first:ident,
+            $(
+                $(#[doc = $doc:literal])+
+                $text:literal => $variant:ident,
+            )*
+        }
+        $($rest:tt)*
+    ) => {
+        $(#[$meta])*
+        #[derive(
+            Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize,
+        )]
+        $vis enum $name {
+            $(#[doc = $first_doc])+
+            #[default]
+            #[serde(rename = $first_text)]
+            $first,
+            $(
+                $(#[doc = $doc])+
+                #[serde(rename = $text)]
+                $variant,
+            )*
+        }
+
+        #[allow(dead_code, reason = "not every choice is listed or printed")]
+        impl $name {
+            /// All of them, in the order of their declaration.
+            $vis const ALL: &[Self] = &[Self::$first, $(Self::$variant,)*];
+
+            /// Its name in a scene file.
+            #[must_use]
+            $vis fn name(self) -> &'static str {
+                match self {
+                    Self::$first => $first_text,
+                    $(Self::$variant => $text,)*
+                }
+            }
+        }
+
+        impl std::str::FromStr for $name {
+            type Err = $crate::error::Error;
+
+            fn from_str(name: &str) -> $crate::error::Result<Self> {
+                Self::ALL.iter().copied().find(|choice| choice.name() == name).ok_or_else(|| {
+                    let shape = <Self as $crate::settings::Described>::SHAPE;
+                    $crate::settings::unknown_name("name", name, shape)
+                })
+            }
+        }
+
+        impl $crate::settings::Described for $name {
+            const SHAPE: $crate::settings::Shape = $crate::settings::Shape::Names(&[
+                $crate::settings::Variant {
+                    name: $first_text,
+                    doc: &[$($first_doc),+],
+                    settings: &[],
+                },
+                $($crate::settings::Variant { name: $text, doc: &[$($doc),+], settings: &[] },)*
+            ]);
+
+            fn check(&self, _: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
+                Ok(())
+            }
+        }
+
+        $crate::settings::settings! { $($rest)* }
+    };
+}
+
+/// The range of a declaration.
+macro_rules! range_of {
+    () => {
+        None
+    };
+    ($range:expr) => {{
+        const RANGE: std::ops::RangeInclusive<f64> = $range;
+        Some([*RANGE.start(), *RANGE.end()])
+    }};
+}
+
+/// The settings of a variant's payload.
+macro_rules! payload_of {
+    () => {
+        &[]
+    };
+    ($payload:ty) => {
+        <$payload as $crate::settings::Described>::SHAPE.settings()
+    };
+}
+
+/// Checks the payload of whichever variant is there.
+macro_rules! check_variant {
+    ($self:ident, $place:ident, $($variant:ident $($payload:ty)?,)*) => {{
+        $($crate::settings::check_variant!(@one $self, $place, $variant $($payload)?);)*
+        Ok(())
+    }};
+    (@one $self:ident, $place:ident, $variant:ident) => {};
+    (@one $self:ident, $place:ident, $variant:ident $payload:ty) => {
+        if let Self::$variant(payload) = $self {
+            $crate::settings::Described::check(payload, $place, None)?;
+        }
+    };
+}
+
+pub(crate) use {check_variant, payload_of, range_of, settings};
+
