@@ -4,7 +4,7 @@
 
 OUT/photos/pNNNN.png are plain pictures in shuffled order, without the scene inside; OUT/truth.json
 holds the word, the fault and the half (choose or test) of each, and OUT/scenes/pNNNN.toml the scene
-that `score` needs. FACES are typefaces (*.ttf, *.otf) under free licences. PROGRAM is the one of
+that `score` needs. FACES are typefaces (*.ttf, *.otf) under free licenses. PROGRAM is the one of
 commit 2cc4af9, whose scene files these are; the photos of readings.tsv are its.
 """
 

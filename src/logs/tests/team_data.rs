@@ -1,4 +1,4 @@
-//! The team's log of NOOR must give the figures known of it. It has no licence, so it is not in the
+//! The team's log of NOOR must give the figures known of it. It has no license, so it is not in the
 //! repository: `NOCTOGRAPH_SHARED` names the folder that holds `data/`.
 
 use std::path::Path;
