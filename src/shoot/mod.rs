@@ -7,7 +7,7 @@
 //! 2. [`Shoot::take`] flies every plan with noise of its own, exposes the light of all drones on
 //!    one film, develops it and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::light`] stop earlier. A study varies the public fields: the seed of
+//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields: the seed of
 //! the scene, the drones that truly fly, the plans that are sent, the size of the picture.
 //!
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
