@@ -189,6 +189,36 @@ fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
     }
 }
 
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig {
+        cases: 200, failure_persistence: None, ..Default::default()
+    })]
+    #[test]
+    fn a_slow_lamp_has_levels_from_0_to_1_and_ends_dark(
+        rise_s in 0.0..0.5_f64,
+        decay_s in 0.0..0.5_f64,
+        tick_s in proptest::prop_oneof![
+            proptest::prelude::Just(0.0), proptest::prelude::Just(0.05), 0.001..0.2_f64
+        ],
+        switch in 1..40_usize,
+        seed in 0..1000_u64,
+    ) {
+        let mut flight = flight(&["headlights"]);
+        let levels = flight.lights.get_mut("headlights").unwrap();
+        for (i, level) in levels.iter_mut().enumerate() {
+            *level = if i < 300 && (i / switch) % 3 == 1 { 0.7 } else { 0.0 };
+        }
+        let options = LightOptions { rise_s, decay_s, tick_s, ..LightOptions::default() };
+        let trace = light(&flight, &options, seed, 0).unwrap();
+        for sample in trace.lamps.iter().flat_map(|lamp| &lamp.samples) {
+            proptest::prop_assert!((0.0..=1.0).contains(&sample.level), "{:?}", sample);
+        }
+        for lamp in trace.lamps.iter().filter(|l| l.emitter.name.starts_with("headlight")) {
+            proptest::prop_assert_eq!(lamp.samples.last().unwrap().level, 0.0);
+        }
+    }
+}
+
 #[test]
 fn pulses_leave_the_light_of_their_mean() {
     let mean = solid([20, 60, 200]);

@@ -184,14 +184,15 @@ fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
         let full_s = if gap > 0.0 { options.rise_s } else { options.decay_s };
         let ramp_s = full_s * gap.abs();
         let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
-        let end_s = (change.time_s + ramp_s).min(until_s);
+        let end_s = change.time_s + ramp_s;
         knots.push(Knot { time_s: change.time_s, level });
-        level = if ramp_s > 0.0 {
-            level + gap * (end_s - change.time_s) / ramp_s
-        } else {
+        // A whole ramp ends on the level itself: sums of rounded times would miss it, below 0.
+        level = if end_s <= until_s {
             change.level
+        } else {
+            level + gap * ((until_s - change.time_s) / ramp_s)
         };
-        knots.push(Knot { time_s: end_s, level });
+        knots.push(Knot { time_s: end_s.min(until_s), level });
     }
     knots
 }

@@ -44,6 +44,7 @@ const RENAMED: &[(&str, &str)] = &[
     ("sensors.barometer_noise_m", "sensors.barometer.noise_m"),
     ("sensors.barometer_drift_m_sqrt_s", "sensors.barometer.drift_m_sqrt_s"),
     ("sensors.gnss_noise_m", "sensors.gnss.noise_m"),
+    ("photo.base_iso", "camera.base_iso"),
     ("light.ring_effect", "light.ring"),
     ("light.ring_color", "light.ring.color"),
     ("light.ring_fade_s", "light.ring.fade_s"),
