@@ -26,23 +26,28 @@ fn flight(channels: &[&str]) -> Flight {
 }
 
 #[test]
-fn no_light_crosses_a_gap_of_the_log() {
-    let mut flight = flight(&["headlights"]);
+fn light_crosses_a_short_gap_of_the_log_and_no_long_one() {
     let lit_s = |flight: &Flight| -> f64 {
         let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
         let samples = &trace.lamps.iter().find(|l| l.emitter.name.contains("headlight")).unwrap();
         let mean = |p: &[LightSample]| 0.5 * (p[0].level + p[1].level);
         samples.samples.windows(2).map(|p| mean(p) * (p[1].time_s - p[0].time_s)).sum()
     };
-    let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < 1.3 - 1e-9;
-    let whole_s = lit_s(&flight);
-    let levels = flight.lights.get_mut("headlights").unwrap();
-    let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
-    *levels = kept.map(|(_, level)| *level).collect();
-    flight.samples.retain(|s| !hole(s));
-    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "interpolated without a gap");
-    flight.gaps = vec![[1.1, 1.3]];
-    assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
+    let gapped = |to_s: f64, named: bool| {
+        let mut flight = flight(&["headlights"]);
+        let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < to_s - 1e-9;
+        let levels = flight.lights.get_mut("headlights").unwrap();
+        let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
+        *levels = kept.map(|(_, level)| *level).collect();
+        flight.samples.retain(|s| !hole(s));
+        flight.gaps = if named { vec![[1.1, to_s]] } else { Vec::new() };
+        lit_s(&flight)
+    };
+    let whole_s = lit_s(&flight(&["headlights"]));
+    assert!((gapped(1.3, false) - whole_s).abs() < 1e-9, "interpolated without a gap");
+    assert!((gapped(1.5, true) - whole_s).abs() < 1e-6, "bridged");
+    let long_s = gapped(2.0, true);
+    assert!((long_s - (whole_s - 0.9)).abs() < 1e-6, "{long_s} of {whole_s}");
 }
 
 fn solid(color: [u8; 3]) -> LightOptions {

@@ -6,6 +6,7 @@ use super::{Recording, Shoot, Watch};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::light::gaps::{Gap, gaps};
 use crate::light::{LightSample, LightTrace, light};
 
 /// Smallest distance of a lit lamp from the camera.
@@ -56,6 +57,7 @@ impl Shoot {
                         warnings
                             .extend(flight.warnings.iter().map(|text| format!("{number}{text}")));
                     }
+                    warnings.extend(gaps_in_words(&flight));
                     let trace = self.light_drone(drone, &flight)?;
                     flights.push(flight);
                     trace
@@ -103,6 +105,35 @@ impl Shoot {
             Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
+}
+
+/// Warnings of the gaps in a real flight's log.
+fn gaps_in_words(flight: &Flight) -> Vec<String> {
+    let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
+    let spans = |gaps: &[Gap]| {
+        let first: Vec<String> =
+            gaps.iter().take(5).map(|g| format!("{:.2}–{:.2} s", g.span_s[0], g.span_s[1])).collect();
+        let more = if gaps.len() > first.len() { ", …" } else { "" };
+        first.join(", ") + more
+    };
+    let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
+    let bridges = (!bridged.is_empty()).then(|| {
+        format!(
+            "{} gap(s) of the log are bridged, to within {:.0} mm: {}",
+            bridged.len(),
+            1e3 * most_m,
+            spans(&bridged)
+        )
+    });
+    let breaks = (!open.is_empty()).then(|| {
+        format!(
+            "{} gap(s) of the log are too long to bridge: trails break there, though the lamps may \
+             have shone: {}",
+            open.len(),
+            spans(&open)
+        )
+    });
+    [bridges, breaks].into_iter().flatten().collect()
 }
 
 /// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
