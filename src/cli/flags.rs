@@ -87,7 +87,9 @@ impl SceneFlags {
             warn_of(path, &config.warnings);
             scene.sensors.lighthouse.stations = config.stations;
         }
-        scene.check()
+        scene.check()?;
+        warn_of_idle_keys(scene);
+        Ok(())
     }
 }
 
@@ -362,6 +364,13 @@ impl FlightFlags {
             Ok(recording)
         };
         Shoot::with_recordings(scene, paths.iter().map(read).collect::<Result<_>>()?)
+    }
+}
+
+/// Warns of keys that were set and have no effect.
+pub(super) fn warn_of_idle_keys(scene: &Scene) {
+    for (key, why) in scene.idle_keys() {
+        message("warning: ", &format!("{key} has no effect: {why}"));
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SetFlag, find_scene};
+use super::flags::{SetFlag, find_scene, warn_of_idle_keys};
 use super::message;
 use super::output::Output;
 use super::progress::Progress;
@@ -55,7 +55,9 @@ impl StudyFlags {
 
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
-        find_scene(named, &self.set.set)
+        let found = find_scene(named, &self.set.set)?;
+        warn_of_idle_keys(&found.scene);
+        Ok(found)
     }
 
     /// The conditions that were named.

@@ -22,10 +22,13 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
+mod idle;
 mod named;
 mod preset;
 mod text;
 
+#[cfg(test)]
+pub(crate) use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 
@@ -135,21 +138,10 @@ impl Scene {
             Some(_) => scene.plan = PlanOptions::default(),
             None => {}
         }
-        // A deck brings its own lamps, unless these are listed.
-        let light = |key: &str| {
-            layers
-                .iter()
-                .any(|layer| layer.get("light").is_some_and(|light| light.get(key).is_some()))
-        };
-        let lamps_of_deck = light("deck") && !light("fixtures");
         let mut values = Table::try_from(scene).expect("a preset is a table");
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
         let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
-        let mut scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
-        if lamps_of_deck {
-            scene.light.fixtures = None;
-        }
-        scene.light.fixtures = Some(scene.light.fixtures());
+        let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
         scene.check().map_err(with_line)?;
         Ok(scene)
     }
@@ -258,7 +250,9 @@ mod tests {
         let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
         scene.camera.shutter_close_s = Some(0.1 + 0.2);
         scene.vehicle.mass_kg = 0.1 / 3.0;
-        scene.light.fixtures.as_mut().unwrap().pop();
+        let mut fixtures = scene.light.fixtures();
+        fixtures.pop();
+        scene.light.fixtures = Some(fixtures);
         assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
     }
 
@@ -311,6 +305,10 @@ mod tests {
         assert!(names("").contains(&"ring 0".to_owned()));
         assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
         assert_eq!(names("[light]\ndeck = \"none\"").len(), 4, "those of the board");
+        let printed = Scene::default().to_toml();
+        let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
+        assert_ne!(printed, edited);
+        assert_eq!(names(&edited)[0], "color LED", "in a printed scene too");
     }
 
     #[test]

@@ -34,6 +34,8 @@ use crate::score::Reader;
 use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
 mod planned;
 mod preflight;
