@@ -33,6 +33,14 @@ pub(super) fn json(finding: &Finding) -> serde_json::Value {
     json
 }
 
+/// The stops in one line; `None` where there are none.
+pub(super) fn stops(findings: &[Finding]) -> Option<String> {
+    let stops = findings.iter().filter(|finding| finding.severity == Severity::Stop);
+    let stops: Vec<String> =
+        stops.map(|stop| format!("{} ({})", name(stop.check), found(stop))).collect();
+    (!stops.is_empty()).then(|| stops.join("; "))
+}
+
 fn name(check: Check) -> String {
     let name = serde_json::json!(check);
     name.as_str().unwrap_or_default().to_owned()
@@ -88,6 +96,8 @@ fn found(finding: &Finding) -> String {
         Check::Evenness => format!("{:.1} % within half a stop", 100.0 * value),
         Check::Coverage if finding.value.is_none() => "the scene has no base stations".into(),
         Check::Coverage => format!("{:.1} % of the flight's box is seen", 100.0 * value),
+        Check::Picture if is_fine => "shows the word while it is written".into(),
+        Check::Picture => detail.clone(),
     }
 }
 
@@ -184,6 +194,10 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         Check::Coverage => (
             "two Lighthouse stations see every place".into(),
             "move the word or the stations (see `coverage`)",
+        ),
+        Check::Picture => (
+            "the word in the picture, lit, the shutter open".into(),
+            "as the finding says, or --camera auto",
         ),
     };
     (wanted, change)

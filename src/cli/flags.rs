@@ -88,6 +88,7 @@ impl SceneFlags {
             scene.sensors.lighthouse.stations = config.stations;
         }
         scene.check()?;
+        scene.settle_files()?;
         warn_of_idle_keys(scene);
         Ok(())
     }
@@ -123,7 +124,11 @@ impl LetterFlags {
     pub(super) fn settings(&self) -> Vec<Setting> {
         let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
         let drawing = self.drawing.iter();
-        let drawing = drawing.flat_map(|file| [("letters.drawing", file.as_str()), ("word", "")]);
+        let drawing = drawing.flat_map(|file| [
+            ("letters.drawing", file.as_str()),
+            ("letters.drawing_sha256", ""),
+            ("word", ""),
+        ]);
         owned(font.chain(drawing))
     }
 }

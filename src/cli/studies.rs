@@ -86,6 +86,8 @@ impl StudyFlags {
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
                 }
+            } else if is_path(named) {
+                return Err(Error::read(named.as_ref(), std::io::ErrorKind::NotFound.into()));
             } else {
                 words.push(self.word(named, usual)?);
             }
@@ -103,6 +105,12 @@ impl StudyFlags {
         })?;
         Ok((word.to_owned(), n))
     }
+}
+
+/// Whether a word looks like the name of a file.
+fn is_path(named: &str) -> bool {
+    let lower = named.to_lowercase();
+    named.contains(['/', '\\']) || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
 }
 
 fn read_text(file: &str) -> Result<String> {

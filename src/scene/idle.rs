@@ -7,7 +7,7 @@ use super::Scene;
 use crate::light::{Drive, Fixture};
 use crate::plan::{Extent, PlanOptions, Style};
 use crate::sim::{
-    ControllerKind, EstimatorKind, GroundEffect, Gusts, HeightSensor, Positioning, VehicleOptions,
+    ControllerKind, EstimatorKind, Generation, GroundEffect, Gusts, HeightSensor, Positioning, VehicleOptions,
 };
 
 /// A key, or the table of many; whether it is without effect in a scene; and why.
@@ -15,6 +15,7 @@ type Rule = (&'static str, fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
     ("word", |s| !s.letters.drawing.is_empty(), "letters.drawing is drawn instead"),
+    ("letters.drawing_sha256", |s| s.letters.drawing.is_empty(), "there is no letters.drawing"),
     ("letters.font", |s| !s.letters.drawing.is_empty(), "letters.drawing is drawn instead"),
     ("letters.trace", |s| !is_typeface(s), "letters.font is no typeface"),
     ("letters.smoothing_m", |s| !is_handwriting(s), "letters.drawing is no handwriting"),
@@ -52,15 +53,34 @@ const RULES: &[Rule] = &[
         "controller.kind is no regulator",
     ),
     ("controller.geometric", |s| s.controller.kind != ControllerKind::Geometric, "controller.kind is not geometric"),
+    ("controller.pid", |s| s.controller.kind != ControllerKind::Pid, "controller.kind is not pid"),
+    (
+        "observer.ekf.two_way_sigma_m",
+        |s| s.sensors.positioning != Positioning::UwbTwr,
+        "sensors.positioning is not uwb-twr",
+    ),
+    (
+        "observer.ekf.sweep_v1_sigma_rad",
+        |s| !has_generation(s, Generation::V1),
+        "no swept station is of the first generation",
+    ),
+    (
+        "observer.ekf.sweep_sigma_rad",
+        |s| !has_generation(s, Generation::V2),
+        "no swept station is of the second generation",
+    ),
     ("observer.luenberger", |s| s.observer.kind != EstimatorKind::Luenberger, "observer.kind is not luenberger"),
     ("observer.ekf", |s| s.observer.kind != EstimatorKind::Ekf, "observer.kind is not ekf"),
-    ("observer.ekf.sweep_sigma_rad", |s| s.sensors.positioning != Positioning::Sweeps, "sensors.positioning is not sweeps"),
     (
         "observer.ekf.position_sigma_m",
         |s| !s.sensors.positioning.gives_positions(),
         "sensors.positioning gives no positions",
     ),
-    ("observer.ekf.range_sigma_m", |s| !is_uwb(s), "sensors.positioning is not ultra-wideband"),
+    (
+        "observer.ekf.range_sigma_m",
+        |s| s.sensors.positioning != Positioning::UwbTdoa,
+        "sensors.positioning is not uwb-tdoa",
+    ),
     ("observer.ekf.barometer_sigma_m", |s| !has_barometer(s), "sensors.heights has no barometer"),
     ("sensors", |s| s.observer.kind == EstimatorKind::Truth, "observer.kind is truth: it needs no sensor"),
     (
@@ -138,6 +158,11 @@ fn is_lighthouse(scene: &Scene) -> bool {
         scene.sensors.positioning,
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps
     )
+}
+
+fn has_generation(scene: &Scene, generation: Generation) -> bool {
+    scene.sensors.positioning == Positioning::Sweeps
+        && scene.sensors.lighthouse.stations.iter().any(|s| s.generation == generation)
 }
 
 fn has_barometer(scene: &Scene) -> bool {

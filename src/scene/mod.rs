@@ -9,6 +9,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use crate::camera::CameraOptions;
+use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
 use crate::letters::{self, LetterOptions, Strokes};
@@ -179,6 +180,37 @@ impl Scene {
     pub fn set_word(&mut self, word: &str) {
         word.clone_into(&mut self.word);
         self.letters.drawing.clear();
+        self.letters.drawing_sha256.clear();
+    }
+
+    /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
+    /// means the same from every folder. A drawing that is not there is left to [`Self::strokes`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
+    pub fn settle_files(&mut self) -> Result<()> {
+        let is_file = self.letters.font.contains('.').then_some(&mut self.letters.font);
+        for path in is_file.into_iter().chain([&mut self.letters.drawing, &mut self.photo.background])
+        {
+            if let Ok(absolute) = std::path::absolute(&*path)
+                && absolute.exists()
+            {
+                *path = absolute.display().to_string();
+            }
+        }
+        if let Ok(bytes) = std::fs::read(&self.letters.drawing) {
+            let found = sha256(&bytes);
+            let wanted = &mut self.letters.drawing_sha256;
+            if !wanted.is_empty() && *wanted != found {
+                let hint = "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
+                let place = "letters.drawing_sha256";
+                let found = format!("{} with digest {found}", self.letters.drawing);
+                return Err(Error::input(place, found, format!("digest {wanted}"), hint));
+            }
+            *wanted = found;
+        }
+        Ok(())
     }
 
     /// The strokes of the drawing, or else of the word.
@@ -282,6 +314,28 @@ mod tests {
         assert_eq!(typed.plan, want);
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
         assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
+    fn a_drawing_is_the_same_from_every_folder_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("star.svg");
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg'/>").unwrap();
+        let mut scene = Scene::default();
+        scene.letters.drawing = path.display().to_string();
+        scene.settle_files().unwrap();
+        assert_eq!(scene.letters.drawing_sha256.len(), 64);
+        assert!(Path::new(&scene.letters.drawing).is_absolute());
+        let mut again = Scene::parse(&scene.to_toml(), "scene.toml").unwrap();
+        again.settle_files().unwrap();
+        assert_eq!(again, scene);
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg' width='2'/>").unwrap();
+        let error = again.settle_files().unwrap_err().to_string();
+        assert!(error.starts_with("letters.drawing_sha256"), "{error}");
+        let relative = std::path::absolute("Cargo.toml").unwrap();
+        scene.letters = LetterOptions { drawing: "Cargo.toml".into(), ..LetterOptions::default() };
+        scene.settle_files().unwrap();
+        assert_eq!(Path::new(&scene.letters.drawing), relative);
     }
 
     #[test]

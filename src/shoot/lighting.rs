@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Recording, Shoot, Watch};
+use super::{Recording, Shoot, Watch, obstacles};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -21,6 +21,8 @@ pub struct Lighting {
     pub trace: LightTrace,
     /// The scene's camera.
     pub camera: Camera,
+    /// What keeps the word from being read whatever its letters are, the first cause first.
+    pub obstacles: Vec<String>,
     /// Warnings of the simulated flights, and of light outside the picture.
     pub warnings: Vec<String>,
 }
@@ -72,7 +74,8 @@ impl Shoot {
         let camera = self.scene.camera.camera(bounds_m, end_s)?;
         check_place(&all, bounds_m, &camera)?;
         warnings.extend(outside(&all, bounds_m, &camera));
-        Ok(Lighting { flights, trace: all, camera, warnings })
+        let obstacles = obstacles::before(&flights, &all, &self.scene.light, &camera);
+        Ok(Lighting { flights, trace: all, camera, obstacles, warnings })
     }
 
     /// Lights the lamps of one drone, counted from 0.

@@ -37,6 +37,7 @@ mod file;
 #[cfg(test)]
 mod keys;
 mod lighting;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;

@@ -55,7 +55,7 @@ impl Covariance {
         span_s: f64,
         lever: &Matrix3<f64>,
         turn_rad: &Vector3<f64>,
-        acceleration_density: f64,
+        acceleration_density: [f64; 3],
         rate_density: f64,
     ) {
         let b = lever * span_s;
@@ -75,16 +75,13 @@ impl Covariance {
         self.vt = vt_next * t_transposed;
         self.tt = t_transposed.transpose() * self.tt * t_transposed;
 
-        let velocity = acceleration_density * span_s;
-        let add = |block: &mut Matrix3<f64>, value: f64| {
-            for i in 0..3 {
-                block[(i, i)] += value;
-            }
-        };
-        add(&mut self.pp, velocity * span_s * span_s / 3.0);
-        add(&mut self.pv, velocity * span_s / 2.0);
-        add(&mut self.vv, velocity);
-        add(&mut self.tt, rate_density * span_s);
+        for (i, density) in acceleration_density.into_iter().enumerate() {
+            let velocity = density * span_s;
+            self.pp[(i, i)] += velocity * span_s * span_s / 3.0;
+            self.pv[(i, i)] += velocity * span_s / 2.0;
+            self.vv[(i, i)] += velocity;
+            self.tt[(i, i)] += rate_density * span_s;
+        }
         for block in [&mut self.pp, &mut self.vv, &mut self.tt] {
             *block = (*block + block.transpose()) * 0.5;
         }
