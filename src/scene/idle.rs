@@ -7,7 +7,8 @@ use super::Scene;
 use crate::light::{Drive, Fixture};
 use crate::plan::{Extent, PlanOptions, Style};
 use crate::sim::{
-    ControllerKind, EstimatorKind, Generation, GroundEffect, Gusts, HeightSensor, Positioning, VehicleOptions,
+    ControllerKind, EstimatorKind, Generation, GroundEffect, Gusts, HeightSensor, Positioning,
+    VehicleOptions,
 };
 
 /// A key, or the table of many; whether it is without effect in a scene; and why.
@@ -30,9 +31,21 @@ const RULES: &[Rule] = &[
     ("letters.line_gap_m", |s| !s.word.contains('\n'), "the word has one line"),
     ("plan.floor_wait_s", |s| s.plan.extent == Extent::Letters, "plan.extent is letters"),
     ("plan.landing_height_m", |s| s.plan.extent == Extent::Letters, "plan.extent is letters"),
-    ("vehicle.rotor_thrust_n_s2", |s| !has_rotor_speeds(&s.vehicle), "the rotors have no lag, drag or inertia"),
-    ("vehicle.rotor_radius_m", |s| s.vehicle.ground_effect == GroundEffect::None, "there is no ground effect"),
-    ("vehicle.rotor_height_m", |s| s.vehicle.ground_effect == GroundEffect::None, "there is no ground effect"),
+    (
+        "vehicle.rotor_thrust_n_s2",
+        |s| !has_rotor_speeds(&s.vehicle),
+        "the rotors have no lag, drag or inertia",
+    ),
+    (
+        "vehicle.rotor_radius_m",
+        |s| s.vehicle.ground_effect == GroundEffect::None,
+        "there is no ground effect",
+    ),
+    (
+        "vehicle.rotor_height_m",
+        |s| s.vehicle.ground_effect == GroundEffect::None,
+        "there is no ground effect",
+    ),
     ("battery.capacity_ah", |_| false, ""),
     ("battery", |s| s.battery.capacity_ah == 0.0, "battery.capacity_ah is 0: no battery"),
     ("air.wind_m_s", |s| !feels_air(&s.vehicle), NO_DRAG),
@@ -44,15 +57,31 @@ const RULES: &[Rule] = &[
     ),
     ("air.gusts.sigma_m_s", |s| !feels_air(&s.vehicle), NO_DRAG),
     ("air.gusts.time_s", |s| !feels_air(&s.vehicle), NO_DRAG),
-    ("rates.position_hz", |s| s.controller.kind != ControllerKind::Pid, "controller.kind is not pid"),
-    ("controller.lqr.q_integral", |s| s.controller.kind != ControllerKind::LqrIntegral, "controller.kind is not lqr-integral"),
-    ("controller.lqr.motor_lag", |s| s.vehicle.motor_rise_s + s.vehicle.motor_fall_s == 0.0, "the motors have no lag"),
+    (
+        "rates.position_hz",
+        |s| s.controller.kind != ControllerKind::Pid,
+        "controller.kind is not pid",
+    ),
+    (
+        "controller.lqr.q_integral",
+        |s| s.controller.kind != ControllerKind::LqrIntegral,
+        "controller.kind is not lqr-integral",
+    ),
+    (
+        "controller.lqr.motor_lag",
+        |s| s.vehicle.motor_rise_s + s.vehicle.motor_fall_s == 0.0,
+        "the motors have no lag",
+    ),
     (
         "controller.lqr",
         |s| matches!(s.controller.kind, ControllerKind::Pid | ControllerKind::Geometric),
         "controller.kind is no regulator",
     ),
-    ("controller.geometric", |s| s.controller.kind != ControllerKind::Geometric, "controller.kind is not geometric"),
+    (
+        "controller.geometric",
+        |s| s.controller.kind != ControllerKind::Geometric,
+        "controller.kind is not geometric",
+    ),
     ("controller.pid", |s| s.controller.kind != ControllerKind::Pid, "controller.kind is not pid"),
     (
         "observer.ekf.two_way_sigma_m",
@@ -69,7 +98,11 @@ const RULES: &[Rule] = &[
         |s| !has_generation(s, Generation::V2),
         "no swept station is of the second generation",
     ),
-    ("observer.luenberger", |s| s.observer.kind != EstimatorKind::Luenberger, "observer.kind is not luenberger"),
+    (
+        "observer.luenberger",
+        |s| s.observer.kind != EstimatorKind::Luenberger,
+        "observer.kind is not luenberger",
+    ),
     ("observer.ekf", |s| s.observer.kind != EstimatorKind::Ekf, "observer.kind is not ekf"),
     (
         "observer.ekf.position_sigma_m",
@@ -82,27 +115,45 @@ const RULES: &[Rule] = &[
         "sensors.positioning is not uwb-tdoa",
     ),
     ("observer.ekf.barometer_sigma_m", |s| !has_barometer(s), "sensors.heights has no barometer"),
-    ("sensors", |s| s.observer.kind == EstimatorKind::Truth, "observer.kind is truth: it needs no sensor"),
+    (
+        "sensors",
+        |s| s.observer.kind == EstimatorKind::Truth,
+        "observer.kind is truth: it needs no sensor",
+    ),
     (
         "sensors.heights",
         |s| s.observer.kind != EstimatorKind::Ekf,
         "observer.kind is not ekf, which alone takes heights",
     ),
     ("sensors.lighthouse.stations", |_| false, ""),
-    ("sensors.lighthouse.jitter_m", |s| s.sensors.positioning != Positioning::Position, "sensors.positioning is not position"),
+    (
+        "sensors.lighthouse.jitter_m",
+        |s| s.sensors.positioning != Positioning::Position,
+        "sensors.positioning is not position",
+    ),
     ("sensors.lighthouse.distortion_m", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
     ("sensors.lighthouse.distortion_length_m", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
     (
         "sensors.lighthouse",
-        |s| !matches!(s.sensors.positioning, Positioning::Sweeps | Positioning::CrossingBeams)
-            && !is_lighthouse(s),
+        |s| {
+            !matches!(s.sensors.positioning, Positioning::Sweeps | Positioning::CrossingBeams)
+                && !is_lighthouse(s)
+        },
         NO_LIGHTHOUSE,
     ),
     ("sensors.uwb", |s| !is_uwb(s), "sensors.positioning is not ultra-wideband"),
     ("sensors.barometer", |s| !has_barometer(s), "sensors.heights has no barometer"),
-    ("sensors.gnss", |s| s.sensors.positioning != Positioning::Gnss, "sensors.positioning is not gnss"),
+    (
+        "sensors.gnss",
+        |s| s.sensors.positioning != Positioning::Gnss,
+        "sensors.positioning is not gnss",
+    ),
     ("light.deck", |s| s.light.fixtures.is_some(), "light.fixtures lists the lamps"),
-    ("light.ring", |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))), "no lamp is of the ring"),
+    (
+        "light.ring",
+        |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
+        "no lamp is of the ring",
+    ),
     (
         "light.radio_write_s",
         |s| !s.plan.lights.iter().any(|channel| channel.starts_with("ring.")),
@@ -111,13 +162,33 @@ const RULES: &[Rule] = &[
     ("light.color_led_wrgb", |s| !has_color_led(s), "no lamp is of the color LED deck"),
     ("light.color_led_levels", |s| !has_color_led(s), "no lamp is of the color LED deck"),
     ("light.led_bitmask", |s| !has_lamp(s, |f| f.bitmask_bit.is_some()), "no lamp has a bit in it"),
-    ("light.led_bitmask", |s| s.light.led_bitmask < 128, "bit 7 is not set, so that it switches nothing"),
+    (
+        "light.led_bitmask",
+        |s| s.light.led_bitmask < 128,
+        "bit 7 is not set, so that it switches nothing",
+    ),
     ("light.pwm", |s| !has_lamp(s, |f| f.pwm_hz > 0.0), "no lamp is dimmed by pulse width"),
-    ("light.tick_phase_s", |s| s.light.tick_s == 0.0 && !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))), "light.tick_s is 0"),
-    ("expose.floor_z_m", |s| s.expose.floor_albedo == 0.0, "expose.floor_albedo is 0: a black floor"),
+    (
+        "light.tick_phase_s",
+        |s| s.light.tick_s == 0.0 && !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
+        "light.tick_s is 0",
+    ),
+    (
+        "expose.floor_z_m",
+        |s| s.expose.floor_albedo == 0.0,
+        "expose.floor_albedo is 0: a black floor",
+    ),
     ("photo.glare_radius_m", |s| s.photo.glare_frac == 0.0, "photo.glare_frac is 0"),
-    ("photo.ambient_rgb", |s| s.photo.ambient_cd_m2 == 0.0, "photo.ambient_cd_m2 is 0: a dark room"),
-    ("photo.background_stops", |s| s.photo.background.is_empty(), "photo.background names no picture"),
+    (
+        "photo.ambient_rgb",
+        |s| s.photo.ambient_cd_m2 == 0.0,
+        "photo.ambient_cd_m2 is 0: a dark room",
+    ),
+    (
+        "photo.background_stops",
+        |s| s.photo.background.is_empty(),
+        "photo.background names no picture",
+    ),
 ];
 
 const NO_DRAG: &str =
@@ -203,7 +274,10 @@ impl Scene {
             [self, &usual].map(|scene| Table::try_from(scene).expect("a scene is a table"));
         let mut keys = Vec::new();
         differing("", &own, &usual, &mut keys);
-        keys.into_iter().filter_map(|key| Some((reason(self, &key)?, key))).map(|(r, k)| (k, r)).collect()
+        keys.into_iter()
+            .filter_map(|key| Some((reason(self, &key)?, key)))
+            .map(|(r, k)| (k, r))
+            .collect()
     }
 }
 
@@ -214,7 +288,9 @@ fn differing(path: &str, own: &Table, usual: &Table, keys: &mut Vec<String>) {
         let path = format!("{path}{dot}{key}");
         match (value, usual.get(key)) {
             (value, Some(same)) if value == same => {}
-            (Value::Table(own), Some(Value::Table(usual))) if own.get("kind") == usual.get("kind") => {
+            (Value::Table(own), Some(Value::Table(usual)))
+                if own.get("kind") == usual.get("kind") =>
+            {
                 differing(&path, own, usual, keys);
             }
             _ => keys.push(path),
@@ -236,10 +312,14 @@ mod tests {
         let bare = "preset = \"ae483-2022\"\n";
         let idle = |toml: &str| idle(&format!("{bare}{toml}"));
         assert_eq!(idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]"), ["air.wind_m_s"]);
-        assert_eq!(idle("[controller]\nkind = \"pid\"\nlqr.q_integral = [1.0, 1.0, 1.0]"), [
-            "controller.lqr.q_integral"
-        ]);
-        assert_eq!(idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]\n[vehicle]\nbody_drag_n_s_m = [0.1, 0.1, 0.1]"), [""; 0]);
+        assert_eq!(
+            idle("[controller]\nkind = \"pid\"\nlqr.q_integral = [1.0, 1.0, 1.0]"),
+            ["controller.lqr.q_integral"]
+        );
+        assert_eq!(
+            idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]\n[vehicle]\nbody_drag_n_s_m = [0.1, 0.1, 0.1]"),
+            [""; 0]
+        );
         assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
         assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
         assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);

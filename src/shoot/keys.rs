@@ -63,14 +63,19 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
     };
     match (key, setting.shape, value) {
         ("word", ..) => vec!["\"L\"".into()],
-        ("letters.font", ..) => vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()],
+        ("letters.font", ..) => {
+            vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()]
+        }
         ("plan.lights", ..) => vec!["[\"ring\"]".into()],
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
         ("camera.white_balance", ..) => vec!["3200.0".into()],
         ("light.led_bitmask", ..) => vec!["128".into(), "255".into()],
         (_, shape @ (Shape::Names(_) | Shape::Tagged(_)), value) => {
             let now = value.and_then(|v| v.as_str().or_else(|| v.get("kind")?.as_str()));
-            names(shape).filter(|name| Some(*name) != now).map(|name| format!("\"{name}\"")).collect()
+            names(shape)
+                .filter(|name| Some(*name) != now)
+                .map(|name| format!("\"{name}\""))
+                .collect()
         }
         (_, _, None) => match setting.range {
             Some(range) if key.ends_with("_wxyz") || key.ends_with("canvas_m") => {
@@ -108,7 +113,12 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
 }
 
 /// Calls `visit` with every key of a scene that the printed file has.
-fn walk(path: &str, settings: &[Setting], values: &Table, visit: &mut dyn FnMut(&str, &Setting, Option<&Value>)) {
+fn walk(
+    path: &str,
+    settings: &[Setting],
+    values: &Table,
+    visit: &mut dyn FnMut(&str, &Setting, Option<&Value>),
+) {
     for setting in settings {
         let dot = if path.is_empty() { "" } else { "." };
         let path = format!("{path}{dot}{}", setting.key);

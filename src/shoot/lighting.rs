@@ -2,12 +2,14 @@
 
 use nalgebra::Vector3;
 
+use super::metering::{Metered, metered};
 use super::{Recording, Shoot, Watch, obstacles};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::light::gaps::{Gap, gaps};
 use crate::light::{LightSample, LightTrace, light};
+use crate::scene::Scene;
 
 /// Smallest distance of a lit lamp from the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
@@ -19,10 +21,12 @@ pub struct Lighting {
     pub flights: Vec<Flight>,
     /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
     pub trace: LightTrace,
-    /// The scene's camera.
+    /// The scene's camera, as the meter set it.
     pub camera: Camera,
     /// What keeps the word from being read whatever its letters are, the first cause first.
     pub obstacles: Vec<String>,
+    /// What the meter set, if the scene asks for it.
+    pub metered: Option<Metered>,
     /// Warnings of the simulated flights, and of light outside the picture.
     pub warnings: Vec<String>,
 }
@@ -71,11 +75,13 @@ impl Shoot {
             all.append(trace);
         }
         let bounds_m = self.bounds_m(&flights)?;
-        let camera = self.scene.camera.camera(bounds_m, end_s)?;
+        let Scene { camera: options, photo, .. } = &self.scene;
+        let mut camera = options.camera(bounds_m, end_s)?;
+        let metered = metered(&all, &mut camera, options, photo)?;
         check_place(&all, bounds_m, &camera)?;
         warnings.extend(outside(&all, bounds_m, &camera));
         let obstacles = obstacles::before(&flights, &all, &self.scene.light, &camera);
-        Ok(Lighting { flights, trace: all, camera, obstacles, warnings })
+        Ok(Lighting { flights, trace: all, camera, metered, obstacles, warnings })
     }
 
     /// Lights the lamps of one drone, counted from 0.
@@ -114,8 +120,11 @@ impl Shoot {
 fn gaps_in_words(flight: &Flight) -> Vec<String> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let spans = |gaps: &[Gap]| {
-        let first: Vec<String> =
-            gaps.iter().take(5).map(|g| format!("{:.2}–{:.2} s", g.span_s[0], g.span_s[1])).collect();
+        let first: Vec<String> = gaps
+            .iter()
+            .take(5)
+            .map(|g| format!("{:.2}–{:.2} s", g.span_s[0], g.span_s[1]))
+            .collect();
         let more = if gaps.len() > first.len() { ", …" } else { "" };
         first.join(", ") + more
     };

@@ -37,6 +37,7 @@ mod file;
 #[cfg(test)]
 mod keys;
 mod lighting;
+mod metering;
 mod obstacles;
 mod planned;
 mod preflight;
@@ -44,6 +45,7 @@ mod shot;
 
 pub use file::Format;
 pub use lighting::Lighting;
+pub use metering::Metered;
 pub use planned::{Planned, aim, plan, rehearse};
 pub use shot::{Shot, flight_sha256, known};
 

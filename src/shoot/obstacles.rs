@@ -24,17 +24,27 @@ const WHITE: (u8, f64) = (245, 0.5);
 /// Time by which a shutter may miss the ends of a word.
 const SLACK_S: f64 = 0.1;
 
-/// The lamps that write: those that follow the plan while they are lit, else all.
-fn writing<'a>(trace: &'a LightTrace, options: &LightOptions) -> Vec<&'a Lamp> {
+/// The lamps that write: those that follow a channel of the flights; all, of light without any.
+fn writing<'a>(flights: &[Flight], trace: &'a LightTrace, options: &LightOptions) -> Vec<&'a Lamp> {
     let fixtures = options.fixtures();
+    let has = |wanted: &str| {
+        let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
+        channels.any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
+    };
     let follows = |lamp: &&Lamp| {
         // Lamps of several drones have the drone's number before their name.
         let name = lamp.emitter.name.rsplit(": ").next().unwrap_or_default();
-        let mut commanded = fixtures.iter().filter(|f| matches!(f.drive, Drive::Command(_)));
-        commanded.any(|fixture| fixture.name == name)
+        fixtures.iter().filter(|fixture| fixture.name == name).any(|fixture| match &fixture.drive {
+            Drive::Command(channel) => has(channel),
+            Drive::Ring(_) => has("ring"),
+            Drive::ColorLed => has("color-led"),
+            Drive::Always | Drive::Blink { .. } | Drive::Flicker { .. } => false,
+        })
     };
-    let lamps: Vec<&Lamp> = trace.lamps.iter().filter(follows).collect();
-    if lamps.is_empty() { trace.lamps.iter().collect() } else { lamps }
+    if flights.iter().all(|flight| flight.lights.is_empty()) {
+        return trace.lamps.iter().collect();
+    }
+    trace.lamps.iter().filter(follows).collect()
 }
 
 /// Obstacles that flights, lamps and camera show before a photo is taken.
@@ -46,8 +56,8 @@ pub(super) fn before(
 ) -> Vec<String> {
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
-    let [first_s, last_s] = written
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
+    let [first_s, last_s] =
+        written.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
     let [open_s, close_s] = [camera.shutter_open_s, camera.shutter_close_s];
     let early = (close_s < last_s - SLACK_S).then(|| {
         format!(
@@ -63,15 +73,16 @@ pub(super) fn before(
             open_s - first_s
         )
     });
-    early.into_iter().chain(late).chain(unlit_or_away(trace, options, camera)).collect()
+    let lamps = writing(flights, trace, options);
+    early.into_iter().chain(late).chain(unlit_or_away(&lamps, camera)).collect()
 }
 
 /// Lamps that are never lit while the shutter is open, or that face away from the camera.
-fn unlit_or_away(trace: &LightTrace, options: &LightOptions, camera: &Camera) -> Option<String> {
+fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<String> {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
     let mut most_share: Option<f64> = None;
-    for lamp in writing(trace, options) {
+    for lamp in lamps {
         for sample in lamp.samples.iter().filter(lit) {
             let toward: Vector3<f64> = camera.position_m - sample.position_m;
             let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
@@ -81,7 +92,8 @@ fn unlit_or_away(trace: &LightTrace, options: &LightOptions, camera: &Camera) ->
     }
     match most_share {
         None => Some(
-            "no lamp is lit while the shutter is open: check plan.lights and light.fixtures".into(),
+            "no lamp that writes is lit while the shutter is open: check plan.lights and light.deck"
+                .into(),
         ),
         Some(share) if share < AWAY_SHARE => Some(
             "the lamps that write face away from the camera: move the camera in front of them \
@@ -100,10 +112,10 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<String> {
     }
     let n = photo.rgb8.len() / 3;
     #[expect(clippy::cast_precision_loss, reason = "pixels")]
-    let brighter = |level: u8| {
-        histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64
-    };
-    let level_of = |share: f64| (0..=255).rev().find(|level| brighter(*level) >= share).unwrap_or(0);
+    let brighter =
+        |level: u8| histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64;
+    let level_of =
+        |share: f64| (0..=255).rev().find(|level| brighter(*level) >= share).unwrap_or(0);
     let (white, hiding) = WHITE;
     let settings = format!("f/{}, ISO {}", camera.f_number, camera.iso);
     if brighter(white) > hiding {

@@ -23,7 +23,10 @@ fn each_obstacle_is_named_before_the_letters() {
     assert!(first(&[("camera.iso", "10000000")]).contains("everything is exposed"));
     let dark = [("camera.f_number", "256"), ("camera.iso", "1")];
     assert!(first(&dark).contains("nothing is exposed"));
-    assert!(first(&[("plan.lights", "[\"color-led\"]"), ("light.deck", "none")]).contains("no lamp"));
+    assert!(
+        first(&[("plan.lights", "[\"color-led\"]"), ("light.deck", "none")])
+            .contains("no lamp that writes")
+    );
 }
 
 #[test]

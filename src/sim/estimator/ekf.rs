@@ -86,7 +86,12 @@ impl Ekf {
             turn_rad: Vector3::zeros(),
             errors: Errors::default(),
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
-            is_v2: sensors.lighthouse.stations.iter().map(|s| s.generation == Generation::V2).collect(),
+            is_v2: sensors
+                .lighthouse
+                .stations
+                .iter()
+                .map(|s| s.generation == Generation::V2)
+                .collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
                 acceleration: [

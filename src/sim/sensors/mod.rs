@@ -86,9 +86,8 @@ impl Sensors {
                 || sensor.starts_with("station") && sensor.ends_with("pose")
                 || sensor.starts_with("station") && sensor.ends_with("distortion")
         };
-        let noise = |sensor: &str| {
-            Noise::new(seed, if of_room(sensor) { 0 } else { drone }, sensor)
-        };
+        let noise =
+            |sensor: &str| Noise::new(seed, if of_room(sensor) { 0 } else { drone }, sensor);
         let lighthouse = &options.lighthouse;
         let has = |sensor| options.heights.contains(&sensor);
         Self {
