@@ -6,6 +6,7 @@ use toml::{Table, Value};
 use super::Scene;
 use crate::light::{Drive, Fixture};
 use crate::plan::{Extent, PlanOptions, Style};
+use crate::settings::{Described, Setting, Shape};
 use crate::sim::{
     ControllerKind, EstimatorKind, Generation, GroundEffect, Gusts, HeightSensor, Positioning,
     VehicleOptions,
@@ -273,7 +274,7 @@ impl Scene {
         let [own, usual] =
             [self, &usual].map(|scene| Table::try_from(scene).expect("a scene is a table"));
         let mut keys = Vec::new();
-        differing("", &own, &usual, &mut keys);
+        differing("", Self::SHAPE.settings(), [&own, &usual], &mut keys);
         keys.into_iter()
             .filter_map(|key| Some((reason(self, &key)?, key)))
             .map(|(r, k)| (k, r))
@@ -282,16 +283,23 @@ impl Scene {
 }
 
 /// The keys of two tables that differ; of a choice that was made otherwise, the choice alone.
-fn differing(path: &str, own: &Table, usual: &Table, keys: &mut Vec<String>) {
-    for (key, value) in own {
+fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
+    for setting in settings {
         let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{key}");
-        match (value, usual.get(key)) {
-            (value, Some(same)) if value == same => {}
-            (Value::Table(own), Some(Value::Table(usual)))
-                if own.get("kind") == usual.get("kind") =>
+        let path = format!("{path}{dot}{}", setting.key);
+        let [a, b] = [own, usual].map(|table| table.get(setting.key));
+        match (setting.shape, a, b) {
+            (_, a, b) if a == b => {}
+            (Shape::Group(settings), Some(Value::Table(a)), Some(Value::Table(b))) => {
+                differing(&path, settings, [a, b], keys);
+            }
+            (Shape::Tagged(variants), Some(Value::Table(a)), Some(Value::Table(b)))
+                if a.get("kind") == b.get("kind") =>
             {
-                differing(&path, own, usual, keys);
+                let kind = a.get("kind").and_then(Value::as_str);
+                let variant = variants.iter().find(|variant| Some(variant.name) == kind);
+                let settings = variant.map_or(&[][..], |variant| variant.settings);
+                differing(&path, settings, [a, b], keys);
             }
             _ => keys.push(path),
         }

@@ -82,8 +82,9 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
     let offset_s = match options.alignment {
         Alignment::Design => {
+            let offset_s = align::offset_s(a, b)?;
             check_words(a, b)?;
-            align::offset_s(a, b)?
+            offset_s
         }
         Alignment::Offset(offset_s) => {
             within("offset_s", offset_s, -1e6, 1e6)?;
