@@ -26,7 +26,7 @@ settings! {
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Aperture number; with metering, the one from which the meter starts.
+        /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0;
         /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / base_iso lx s below the
         /// base sensitivity.

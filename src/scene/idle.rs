@@ -4,6 +4,7 @@
 use toml::{Table, Value};
 
 use super::Scene;
+use crate::camera::Metering;
 use crate::light::{Drive, Fixture};
 use crate::plan::{Extent, PlanOptions, Style};
 use crate::settings::{Described, Setting, Shape};
@@ -174,6 +175,8 @@ const RULES: &[Rule] = &[
         |s| s.light.tick_s == 0.0 && !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
         "light.tick_s is 0",
     ),
+    ("camera.f_number", is_metered, "camera.metering sets it"),
+    ("camera.iso", is_metered, "camera.metering sets it"),
     (
         "expose.floor_z_m",
         |s| s.expose.floor_albedo == 0.0,
@@ -195,6 +198,10 @@ const RULES: &[Rule] = &[
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 const NO_LIGHTHOUSE: &str = "sensors.positioning is not Lighthouse";
+
+fn is_metered(scene: &Scene) -> bool {
+    matches!(scene.camera.metering, Metering::Trail(_))
+}
 
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()

@@ -12,6 +12,9 @@ use crate::settings::{Described, Setting, Shape, names};
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
+    ("light.pwm", "lamps that are dimmed"),
+    ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
+    ("photo.aperture_blades", "spikes, where a lamp dwells"),
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
 ];
 
@@ -141,7 +144,7 @@ fn walk(
 
 /// Keys of a scene without effect, refusal or reason, and keys with a reason that have an effect.
 fn faults(settings: &[(&str, &str)]) -> Vec<String> {
-    let small = [("camera.width_px", "320"), ("camera.height_px", "180"), ("word", "I")];
+    let small = [("camera.width_px", "320"), ("camera.height_px", "180"), ("word", "EO")];
     let settings: Vec<(&str, &str)> = small.iter().chain(settings).copied().collect();
     let base = Case::new("", &settings).unwrap();
     base.shot().as_ref().unwrap();
