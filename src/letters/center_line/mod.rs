@@ -89,8 +89,9 @@ fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: 
         legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
     };
     let untouched: Vec<bool> = (0..whole.len()).map(untouched).collect();
+    let untouched = &untouched;
     let kept =
-        |node: usize| whole[node].iter().copied().filter(|n| untouched[node] && untouched[*n]);
+        |node: usize| whole[node].iter().copied().filter(move |n| untouched[node] && untouched[*n]);
     let links: Vec<Vec<usize>> = (0..whole.len()).map(|node| kept(node).collect()).collect();
     let length = |part: &Vec<usize>| {
         let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
