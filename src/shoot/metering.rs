@@ -139,10 +139,10 @@ mod tests {
 
     #[test]
     fn a_faint_lamp_raises_the_sensitivity_where_the_lens_opens_no_further() {
-        let faint = of(0.001, 2.0, |_| {}).1.unwrap();
+        let faint = of(0.004, 0.5, |_| {}).1.unwrap();
         assert_eq!(faint.f_number, 2.8);
         assert!(faint.iso > 100.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
-        let kit = of(0.001, 2.0, |options| options.lens = LensModel::Kit16).1.unwrap();
+        let kit = of(0.004, 0.5, |options| options.lens = LensModel::Kit16).1.unwrap();
         assert!(kit.f_number == 3.5, "{kit:?}");
     }
 
