@@ -53,11 +53,19 @@ fn found(finding: &Finding) -> String {
     let detail = &finding.detail;
     let is_fine = finding.severity == Severity::Fine;
     match finding.check {
-        Check::DoubledStroke | Check::Tail | Check::LightNeverOff | Check::PenJump if is_fine => {
+        Check::DoubledStroke
+        | Check::LostStroke
+        | Check::Tail
+        | Check::LightNeverOff
+        | Check::PenJump
+            if is_fine =>
+        {
             "none".into()
         }
-        Check::DoubledStroke if detail.contains(',') => format!("{detail} (up to {value:.2} m)"),
-        Check::DoubledStroke => format!("{detail} ({value:.2} m)"),
+        Check::DoubledStroke | Check::LostStroke if detail.contains(',') => {
+            format!("{detail} (up to {value:.2} m)")
+        }
+        Check::DoubledStroke | Check::LostStroke => format!("{detail} ({value:.2} m)"),
         Check::Tail | Check::LightNeverOff | Check::PenJump => detail.clone(),
         Check::Volume if value > 0.0 => {
             format!("{value:.2} m outside{at} ({x:.2}, {y:.2}, {z:.2})")
@@ -108,6 +116,10 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         Check::DoubledStroke => {
             ("every line drawn once".into(), "write with --font ae483-fixed or simplex")
         }
+        Check::LostStroke => (
+            "every stroke of the typeface drawn".into(),
+            "write with --font simplex or a plainer typeface",
+        ),
         Check::Tail => (
             "letters reached in the dark".into(),
             "write with --font ae483-fixed, or plan with --style even",

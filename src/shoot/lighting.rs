@@ -74,6 +74,7 @@ impl Shoot {
             }
             all.append(trace);
         }
+        warnings.extend(self.lost_strokes());
         let bounds_m = self.bounds_m(&flights)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
@@ -92,6 +93,23 @@ impl Shoot {
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         light(flight, lamps, self.scene.seed, drone as u64)
+    }
+
+    /// A warning where the center lines of a typeface lack one of its strokes.
+    fn lost_strokes(&self) -> Option<String> {
+        let strokes = self.strokes.as_ref()?;
+        let font = strokes.font.as_ref()?;
+        let mut lost: Vec<char> = strokes.glyphs.iter().map(|glyph| glyph.character).collect();
+        lost.sort_unstable();
+        lost.dedup();
+        lost.retain(|character| font.lost(*character) > 0.0);
+        let letters: String = lost.into_iter().collect();
+        (!letters.is_empty()).then(|| {
+            format!(
+                "the center lines of {} lack a stroke of {letters}: they may misread",
+                font.name()
+            )
+        })
     }
 
     /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
