@@ -80,7 +80,8 @@ pub(crate) fn draw(set: Set, index: usize, background: &str) -> Result<Draw> {
         if lamps < 2 {
             scene.light.led_bitmask = 0;
         }
-        for fixture in scene.light.fixtures.iter_mut().flatten() {
+        let lamps = scene.light.fixtures();
+        for fixture in scene.light.fixtures.insert(lamps) {
             if fixture.name.starts_with("headlight") {
                 fixture.dies[0].chromaticity = color;
             }

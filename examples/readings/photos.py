@@ -207,7 +207,9 @@ def fixtures(program, preset, color, stops, folder):
     import tomllib
 
     text = subprocess.run([program, "scene", "--preset", preset], capture_output=True, text=True, check=True).stdout
-    lamps = tomllib.loads(text)["light"].get("fixtures", [])
+    # The printed scene has the lamps of its deck as a comment.
+    rows = text.split("as light.fixtures lists them.\n")[1]
+    lamps = tomllib.loads("\n".join(row.removeprefix("#").strip() for row in rows.splitlines()))["light"]["fixtures"]
     for lamp in lamps:
         for die in lamp["dies"]:
             die["intensity_cd"] = die["intensity_cd"] * 2.0 ** -stops
