@@ -34,13 +34,18 @@ use crate::score::Reader;
 use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
+mod metering;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;
 
 pub use file::Format;
 pub use lighting::Lighting;
+pub use metering::Metered;
 pub use planned::{Planned, aim, plan, rehearse};
 pub use shot::{Shot, flight_sha256, known};
 

@@ -6,7 +6,7 @@ use noctograph::expose::{BackendChoice, Film};
 use noctograph::light::RingEffect;
 use noctograph::photo::{Noise, SensorNoise};
 use noctograph::plan::PlanOptions;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::{self, Verdict};
 use noctograph::shoot::{Judging, Shoot, Shot};
 
@@ -16,7 +16,7 @@ use crate::gpu_required;
 struct Taken(Shot);
 
 fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
-    let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
+    let mut scene = Scene { word: word.to_owned(), ..Scene::preset(Preset::Ae4832022) };
     change(&mut scene);
     let shoot = Shoot { judging: Judging::Scored, backend, ..Shoot::new(scene).unwrap() };
     Taken(shoot.take(&|_, _| {}).unwrap())
@@ -83,8 +83,10 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 #[test]
 fn a_dark_flight_reads_as_nothing() {
     let dark = |scene: &mut Scene| {
-        let fixtures = scene.light.fixtures.iter_mut().flatten();
-        fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
+        let mut fixtures = scene.light.fixtures();
+        let dies = fixtures.iter_mut().flat_map(|row| &mut row.dies);
+        dies.for_each(|die| die.intensity_cd = 0.0);
+        scene.light.fixtures = Some(fixtures);
     };
     // Hot photosites shine, but they are too few to be ink.
     let hot = on_cpu("NOOR", dark).verdict();
