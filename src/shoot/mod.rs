@@ -31,7 +31,7 @@ use crate::logs::{ImportOptions, import};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
 use crate::score::Reader;
-use crate::sim::{Drone, SimOptions, fly};
+use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
 
 mod file;
 mod lighting;
@@ -196,6 +196,9 @@ impl Shoot {
     /// As [`crate::sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
+        if n > 1 && self.scene.observer.kind == EstimatorKind::Cooperative {
+            return self.fly_in_step(watch);
+        }
         let done = Mutex::new(vec![0.0; n]);
         let one = |drone: usize| {
             self.fly_drone(drone, &mut |share| {
@@ -212,6 +215,22 @@ impl Shoot {
         flights.into_iter().collect()
     }
 
+    /// Flies all plans with drones that hear each other.
+    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let believed = self.scene.sim();
+        let mut fleet = Vec::new();
+        for (drone, planned) in self.plans.iter().enumerate() {
+            fleet.push((&planned.plan, self.drone(drone, &believed)));
+        }
+        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
+    }
+
+    /// A drone of the fleet, which its controller believes to be the scene's.
+    fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
+        let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
+        Drone { believed, actual, seed: self.scene.seed, index: drone as u64 }
+    }
+
     /// Flies the plan of one drone, counted from 0.
     ///
     /// # Errors
@@ -223,9 +242,7 @@ impl Shoot {
     /// If there is no such plan.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
-        let actual = self.actual.get(drone).map_or(&believed, |actual| &actual.sim);
-        let (plan, seed) = (&self.plans[drone].plan, self.scene.seed);
-        fly(plan, &Drone { believed: &believed, actual, seed, index: drone as u64 }, progress)
+        fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
     /// Flies, exposes, develops and reads.

@@ -31,6 +31,7 @@ mod fly;
 pub mod identify;
 mod noise;
 mod options;
+mod peers;
 mod presets;
 mod recorder;
 #[cfg(test)]
@@ -41,13 +42,13 @@ mod vehicle;
 
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
-pub use fly::fly;
+pub use fly::{fly, fly_fleet};
 pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
-    EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
-    GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
-    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    UwbOptions, VehicleOptions,
+    CooperativeOptions, EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions,
+    GroundEffect, GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions,
+    LuenbergerOptions, MotorLag, ObserverOptions, PeerOptions, Positioning, RateOptions,
+    SensorOptions, Share, SimOptions, Station, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};
