@@ -29,6 +29,7 @@ mod drone;
 mod estimator;
 mod fly;
 pub mod identify;
+pub mod localization;
 mod noise;
 mod options;
 mod peers;
@@ -42,6 +43,7 @@ mod vehicle;
 
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
+pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
 pub use fly::{fly, fly_fleet};
 pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,

@@ -3,6 +3,7 @@
 //! In: the [`Readings`] of a tick. Out: all twelve states, the controller's input.
 
 mod attitude;
+mod bound;
 mod cooperative;
 mod covariance;
 mod ekf;
@@ -14,6 +15,7 @@ mod truth;
 
 use nalgebra::{Matrix3, Vector3};
 
+pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::luenberger::Observer;

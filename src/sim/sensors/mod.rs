@@ -29,7 +29,7 @@ use super::peers::Fleet;
 use super::vehicle::RigidBody;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
-pub(super) use self::height::time_of_flight_sigma_m;
+pub(super) use self::height::{BAROMETER_HZ, TIME_OF_FLIGHT_HZ, time_of_flight_sigma_m};
 pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub(super) use self::station::StationPose;
 pub(super) use self::uwb::{PeerRange, Range};
