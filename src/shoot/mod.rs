@@ -13,7 +13,8 @@
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
 //!
-//! Not modelled: wake and collisions between drones.
+//! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
+//! side. Not modelled: wake and collisions between drones.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -196,7 +197,7 @@ impl Shoot {
     /// As [`crate::sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
-        if n > 1 && self.scene.observer.kind == EstimatorKind::Cooperative {
+        if self.in_step() {
             return self.fly_in_step(watch);
         }
         let done = Mutex::new(vec![0.0; n]);
@@ -215,6 +216,11 @@ impl Shoot {
         flights.into_iter().collect()
     }
 
+    /// Whether the drones hear each other.
+    fn in_step(&self) -> bool {
+        self.plans.len() > 1 && self.scene.observer.kind == EstimatorKind::Cooperative
+    }
+
     /// Flies all plans with drones that hear each other.
     fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let believed = self.scene.sim();
@@ -231,7 +237,7 @@ impl Shoot {
         Drone { believed, actual, seed: self.scene.seed, index: drone as u64 }
     }
 
-    /// Flies the plan of one drone, counted from 0.
+    /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.
     ///
     /// # Errors
     ///

@@ -37,16 +37,32 @@ impl Shoot {
         }
         let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
         findings.extend(check_plans(&plans, profile));
+        // Drones that hear each other fly together; of others, each is checked by itself.
+        let mut together = self.in_step().then(|| self.fly(&|_, _| {}).map(Vec::into_iter));
         for (drone, plan) in plans.iter().enumerate() {
             findings.push(check_memory(plan));
-            findings.extend(self.check_flight(drone, plan, profile)?);
+            let flight = match &mut together {
+                None => self.fly_drone(drone, &mut |_| {}),
+                Some(Ok(flights)) => Ok(flights.next().expect("a flight for each plan")),
+                Some(Err(Error::Infeasible { what, hint })) => {
+                    Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+                }
+                Some(Err(_)) => return together.expect("it flew").map(|_| findings),
+            };
+            findings.extend(self.check_flight(drone, plan, flight, profile)?);
             findings.extend(check_coverage(plan, &self.scene)?);
         }
         Ok(findings)
     }
 
-    fn check_flight(&self, drone: usize, plan: &Plan, profile: &Profile) -> Result<Vec<Finding>> {
-        let flight = match self.fly_drone(drone, &mut |_| {}) {
+    fn check_flight(
+        &self,
+        drone: usize,
+        plan: &Plan,
+        flight: Result<Flight>,
+        profile: &Profile,
+    ) -> Result<Vec<Finding>> {
+        let flight = match flight {
             Ok(flight) => flight,
             Err(Error::Infeasible { what, .. }) => {
                 let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
