@@ -46,13 +46,17 @@ impl Member {
     }
 }
 
-/// What a range was measured to.
+/// What a distance was measured to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Target {
     /// An anchor, by index.
     Anchor(usize),
     /// A drone, by its place in the fleet.
     Drone(usize),
+    /// The floor, by time of flight.
+    Floor,
+    /// The floor, by air pressure.
+    Air,
 }
 
 /// A range in a message.
@@ -67,6 +71,8 @@ pub(super) struct ToldRange {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ToldHeight {
     pub(super) time_s: f64,
+    /// [`Target::Floor`] or [`Target::Air`].
+    pub(super) target: Target,
     pub(super) height_m: f64,
     pub(super) variance: f64,
 }

@@ -108,12 +108,15 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
             ("sensors.uwb.heard", "[]"),
             ("sensors.heights", "[\"time-of-flight\", \"barometer\"]"),
             ("observer.cooperative.start_tilt_rad", "0.02"),
+            // The single filter may lock a link out for good, the fleet's believes it again.
+            ("observer.ekf.gate_sigmas", "1e6"),
             ("observer.kind", kind),
         ];
         let scene = Scene::find(FLOOR, &settings).unwrap().scene;
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap().remove(0)
     };
-    assert_eq!(alone("cooperative").samples, alone("ekf").samples);
+    let (fleet, single) = (alone("cooperative").samples, alone("ekf").samples);
+    assert!(!fleet.is_empty() && fleet == single, "they differ");
 }
 
 #[test]

@@ -160,11 +160,13 @@ impl Cooperative {
             let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
             let sigma_m = time_of_flight_sigma_m(distance_m) * cos_tilt;
             let height_m = distance_m * cos_tilt;
-            self.heights.push(ToldHeight { time_s, height_m, variance: sigma_m * sigma_m });
+            let (target, variance) = (Target::Floor, sigma_m * sigma_m);
+            self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
         if let Some(height_m) = readings.barometer_m {
             let variance = self.own.trust.barometer;
-            self.heights.push(ToldHeight { time_s, height_m, variance });
+            let target = Target::Air;
+            self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
     }
 
@@ -193,10 +195,7 @@ impl Cooperative {
     fn correct(&mut self, link: (usize, Target), parts: &[Part], innovation: f64, variance: f64) {
         let gate_sq = self.own.trust.gate_sq;
         let refused = self.refused.entry(link).or_default();
-        let locked_out = *refused >= MOST_REFUSALS;
-        let variance = if locked_out { variance.max(innovation * innovation) } else { variance };
-        let taken = self.joint.correct(parts, innovation, variance, gate_sq);
-        *refused = if taken { 0 } else { *refused + 1 };
+        through_gate(&mut self.joint, refused, parts, innovation, variance, gate_sq);
     }
 
     /// Place of another drone at a time up to its last message.
@@ -210,7 +209,7 @@ impl Cooperative {
     /// Takes in a range of another drone to an anchor, or a height.
     fn correct_peer(&mut self, k: usize, told: &Message) {
         let drone = k + 1;
-        let trust = self.own.trust;
+        let range_variance = self.own.trust.range;
         for range in &told.ranges {
             let Target::Anchor(anchor) = range.target else { continue };
             let anchor_m = self.own.anchors_m.get(anchor).copied();
@@ -219,13 +218,14 @@ impl Cooperative {
             let (direction, expected_m) = toward(&(past.position_m - anchor_m));
             let part = past.part(drone, direction, None);
             let link = (told.from, range.target);
-            self.correct(link, &[part], range.distance_m - expected_m, trust.range);
+            self.correct(link, &[part], range.distance_m - expected_m, range_variance);
         }
         for height in &told.heights {
             let Some(past) = self.past_of_peer(k, height.time_s) else { continue };
             let part = past.part(drone, Vector3::z(), None);
             let innovation = height.height_m - past.position_m.z;
-            self.joint.correct(&[part], innovation, height.variance, trust.gate_sq);
+            let link = (told.from, height.target);
+            self.correct(link, &[part], innovation, height.variance);
         }
     }
 
@@ -324,18 +324,11 @@ impl Estimator for Cooperative {
         }
         let Self { own, joint, refused, place, .. } = self;
         let gate_sq = own.trust.gate_sq;
-        own.residuals(readings, |Residual { slope, innovation, mut variance }, anchor| {
+        own.residuals(readings, |Residual { slope, innovation, variance }, target| {
             let part = [Part::now(0, slope)];
-            let Some(anchor) = anchor else {
-                joint.correct(&part, innovation, variance, gate_sq);
-                return;
-            };
-            let refused = refused.entry((*place, Target::Anchor(anchor))).or_default();
-            if *refused >= MOST_REFUSALS {
-                variance = variance.max(innovation * innovation);
-            }
-            let taken = joint.correct(&part, innovation, variance, gate_sq);
-            *refused = if taken { 0 } else { *refused + 1 };
+            let target = target.expect("ranges and heights only");
+            let refused = refused.entry((*place, target)).or_default();
+            through_gate(joint, refused, &part, innovation, variance, gate_sq);
         });
         self.settle();
     }
@@ -396,6 +389,22 @@ impl Past {
         let slope = Slope { position: direction, turn };
         Part { drone, slope, velocity: direction * -self.span_s }
     }
+}
+
+/// Takes a measurement in unless the gate refuses it; after five refusals in a row it is believed
+/// with the variance that it asks for.
+fn through_gate(
+    joint: &mut Joint,
+    refused: &mut u32,
+    parts: &[Part],
+    innovation: f64,
+    variance: f64,
+    gate_sq: f64,
+) {
+    let locked_out = *refused >= MOST_REFUSALS;
+    let variance = if locked_out { variance.max(innovation * innovation) } else { variance };
+    let taken = joint.correct(parts, innovation, variance, gate_sq);
+    *refused = if taken { 0 } else { *refused + 1 };
 }
 
 /// The place at the time `then`, of a drone that is now at `position_m`.

@@ -18,6 +18,7 @@ use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
 use crate::sim::options::{EkfOptions, SensorOptions};
+use crate::sim::peers::Target;
 use crate::sim::sensors::{
     DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
 };
@@ -165,20 +166,24 @@ impl Motion {
         }
     }
 
-    /// Passes every measurement on, with its anchor where it is a range.
+    /// Passes every measurement on, with what it was measured to where that is one thing.
     #[inline(always)]
     pub(super) fn residuals(
         &self,
         readings: &Readings<'_>,
-        mut each: impl FnMut(Residual, Option<usize>),
+        mut each: impl FnMut(Residual, Option<Target>),
     ) {
         let mut other = |residual| each(residual, None);
         readings.sweeps.iter().for_each(|sweep| self.sweep(sweep, &mut other));
-        readings.ranges.iter().for_each(|range| each(self.range(range), Some(range.anchor)));
+        for range in readings.ranges {
+            each(self.range(range), Some(Target::Anchor(range.anchor)));
+        }
         let mut other = |residual| each(residual, None);
         readings.position_m.iter().for_each(|position_m| self.position(position_m, &mut other));
-        readings.time_of_flight_m.iter().filter_map(|d| self.distance(*d)).for_each(&mut other);
-        readings.barometer_m.iter().for_each(|height_m| other(self.height(*height_m)));
+        let floor = readings.time_of_flight_m.and_then(|distance_m| self.distance(distance_m));
+        floor.into_iter().for_each(|residual| each(residual, Some(Target::Floor)));
+        let air = readings.barometer_m.map(|height_m| self.height(height_m));
+        air.into_iter().for_each(|residual| each(residual, Some(Target::Air)));
     }
 
     fn sweep(&self, sweep: &Sweep, each: &mut impl FnMut(Residual)) {
