@@ -1,9 +1,13 @@
 //! Two drones that share a word and three anchors.
 
+use std::fmt::Write;
+
 use noctograph::flight::{ESTIMATE_NEES, Flight};
 use noctograph::scene::Scene;
 use noctograph::shoot::Shoot;
 use noctograph::sim::{Drone, fly_fleet};
+
+use crate::cli::{fails, noctograph, run_json};
 
 /// Root mean square of the position's error over lit samples after 2 s, and the mean NEES.
 fn errors(flights: &[Flight]) -> (f64, f64) {
@@ -142,4 +146,83 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
         let found = refused(&[(key, value)]);
         assert!(found.contains(reason), "{key} = {value}: {found}");
     }
+}
+
+const ANCHORS: [[f64; 3]; 5] =
+    [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
+
+/// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
+fn recorded() -> [(&'static str, String); 3] {
+    let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
+    (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
+    let mut flight = "t,x,y,z\n".to_owned();
+    for row in 0..2000_u32 {
+        let time_s = f64::from(row) * 0.01;
+        let place = [0.8 * (0.7 * time_s).sin(), 0.4 * (1.1 * time_s).sin(), 1.0 + 0.02 * time_s];
+        let anchor = row as usize % 5;
+        let square: f64 = (0..3).map(|k| (place[k] - ANCHORS[anchor][k]).powi(2)).sum();
+        held[anchor] = square.sqrt();
+        write!(log, "\n{row},2023-05-04 12:00:{time_s:09.6}").unwrap();
+        held.iter().for_each(|distance| write!(log, ",{distance:.6}").unwrap());
+        writeln!(flight, "{time_s},{},{},{}", place[0], place[1], place[2]).unwrap();
+    }
+    let mut anchors = String::new();
+    for (index, [x, y, z]) in ANCHORS.iter().enumerate() {
+        writeln!(anchors, "{index}:\n  x: {x:?}\n  y: {y:?}\n  z: {z:?}").unwrap();
+    }
+    [("ranges.csv", log), ("flight.csv", flight), ("anchors.yaml", anchors)]
+}
+
+#[test]
+fn a_log_of_ranges_becomes_a_flight_beside_its_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in recorded() {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
+    let arguments = [&arguments[..], &["--reference", "flight.csv", "-o", "out"]].concat();
+    let json = run_json(folder.path(), &[&arguments[..], &["--json"]].concat());
+    let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
+    assert!(rmse_m < 0.01, "{rmse_m} m: without noise");
+    for file in ["flight-1.csv", "flight-xy.svg", "flight-xz.svg"] {
+        assert!(folder.path().join("out").join(file).exists(), "{file}");
+    }
+    let compared = ["compare", "out/flight-1.csv", "flight.csv", "--offset", "0", "--part", "all"];
+    noctograph(folder.path()).args(compared).assert().success();
+}
+
+#[test]
+fn logs_that_cannot_be_located_are_refused_with_the_reason() {
+    let [(log, ranges), _, (yaml, anchors)] = recorded();
+    let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
+    let refused = |ranges: &str, anchors: &str, wanted: &[&str]| {
+        fails(&arguments, &[(log, ranges), (yaml, anchors)], wanted);
+    };
+    refused(&ranges.replace("ranging.", "other."), &anchors, &["ranges.csv"]);
+    refused(&ranges.replacen(",2.", ",-2.", 40), &anchors, &["range at", "above 0 m"]);
+    let (three, _) = anchors.split_once("3:").unwrap();
+    refused(&ranges, three, &["anchor 3 of drone 1"]);
+    refused(&ranges, &anchors.replace("1:\n", "7:\n"), &["anchors.yaml", "anchor 1"]);
+    let few = ranges.replace("ranging.distance2", "x").replace("ranging.distance3", "y");
+    refused(&few.replace("ranging.distance4", "z"), &anchors, &["2 links"]);
+}
+
+#[test]
+fn the_bound_of_three_anchors_is_printed_for_each_letter() {
+    let folder = tempfile::tempdir().unwrap();
+    let bound = |scene| {
+        let json = run_json(folder.path(), &["coverage", "--scene", scene, "--json"]);
+        let map = std::fs::read_to_string(folder.path().join("coverage.svg")).unwrap();
+        assert!(map.contains("one more here"), "a picture");
+        assert_eq!(json["letters"].as_array().unwrap().len(), 4, "{json}");
+        let more_m = json["one_more_anchor"]["bound_m"].as_f64().unwrap();
+        let bound_m = json["bound_m"].as_f64().unwrap();
+        assert!(more_m < bound_m, "{more_m} m, {bound_m} m");
+        bound_m
+    };
+    let (five_m, floor_m) = (bound(FIVE_LINKS), bound(FLOOR));
+    assert!(
+        (0.05..0.12).contains(&five_m) && (0.015..0.035).contains(&floor_m),
+        "{five_m} {floor_m}"
+    );
 }
