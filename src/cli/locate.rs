@@ -92,7 +92,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let anchors_m: Vec<Vector3<f64>> =
         scene.sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
     let options = LocateOptions {
-        range_sigma_m: scene.observer.ekf.range_sigma_m,
+        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
         acceleration_m_s2_sqrt_hz: args.acceleration,
         smooth: !args.filter,
         ..LocateOptions::default()

@@ -35,8 +35,11 @@ use crate::score::Reader;
 use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
 mod metering;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::Shoot;
 use super::planned::ends;
+use super::{Lighting, Recording, Shoot};
 use crate::error::{Error, Result};
 use crate::export::Form;
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
@@ -31,26 +31,57 @@ impl Shoot {
     ///
     /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
+        if !self.in_step() {
+            let fly = |drone| self.fly_drone(drone, &mut |_| {});
+            return self.findings((0..self.plans.len()).map(fly).collect(), profile);
+        }
+        let lost = |(what, hint): &(String, String)| {
+            Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+        };
+        let flown = match self.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                vec![(what, hint); self.plans.len()].iter().map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        };
+        self.findings(flown, profile)
+    }
+
+    /// The same, of flights that were flown already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::preflight`].
+    pub fn inspect(&self, flights: &[Flight], profile: &Profile) -> Result<Vec<Finding>> {
+        self.findings(flights.iter().cloned().map(Ok).collect(), profile)
+    }
+
+    fn findings(&self, flown: Vec<Result<Flight>>, profile: &Profile) -> Result<Vec<Finding>> {
         let mut findings = Vec::new();
         if let Some(strokes) = &self.strokes {
             findings.extend(check_letters(strokes, &self.scene.plan.style));
         }
         let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
         findings.extend(check_plans(&plans, profile));
-        // Drones that hear each other fly together; of others, each is checked by itself.
-        let mut together = self.in_step().then(|| self.fly(&|_, _| {}).map(Vec::into_iter));
-        for (drone, plan) in plans.iter().enumerate() {
+        let mut recordings = Vec::new();
+        for (drone, (plan, flight)) in plans.iter().zip(flown).enumerate() {
             findings.push(check_memory(plan));
-            let flight = match &mut together {
-                None => self.fly_drone(drone, &mut |_| {}),
-                Some(Ok(flights)) => Ok(flights.next().expect("a flight for each plan")),
-                Some(Err(Error::Infeasible { what, hint })) => {
-                    Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+            match flight {
+                Ok(flight) => {
+                    findings.extend(self.check_flight(drone, plan, &flight, profile)?);
+                    recordings.push(Recording::Flight(flight));
                 }
-                Some(Err(_)) => return together.expect("it flew").map(|_| findings),
-            };
-            findings.extend(self.check_flight(drone, plan, flight, profile)?);
+                Err(Error::Infeasible { what, .. }) => {
+                    let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
+                    findings.push(Finding { detail: what, ..finding });
+                }
+                Err(error) => return Err(error),
+            }
             findings.extend(check_coverage(plan, &self.scene)?);
+        }
+        if recordings.len() == plans.len() {
+            findings.extend(self.check_picture(recordings));
         }
         Ok(findings)
     }
@@ -59,28 +90,34 @@ impl Shoot {
         &self,
         drone: usize,
         plan: &Plan,
-        flight: Result<Flight>,
+        flight: &Flight,
         profile: &Profile,
     ) -> Result<Vec<Finding>> {
-        let flight = match flight {
-            Ok(flight) => flight,
-            Err(Error::Infeasible { what, .. }) => {
-                let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
-                return Ok(vec![Finding { detail: what, ..finding }]);
-            }
-            Err(error) => return Err(error),
-        };
         let scene = &self.scene;
-        let ends = ends(scene, plan, &flight).unwrap_or_default();
-        let painted = painted(&flight, &self.light_drone(drone, &flight)?, scene);
+        let ends = ends(scene, plan, flight).unwrap_or_default();
+        let painted = painted(flight, &self.light_drone(drone, flight)?, scene);
         let flown = Flown {
-            flight: &flight,
+            flight,
             ends: &ends,
             painted: &painted,
             motor_max: scene.vehicle.motor_max,
             battery_modelled: scene.battery.capacity_ah > 0.0,
         };
         Ok(check_flown(&flown, profile))
+    }
+
+    /// What only a preview would show: the word in the picture, while the shutter is open, lit.
+    fn check_picture(&self, recordings: Vec<Recording>) -> Vec<Finding> {
+        let texts = match self.light(recordings) {
+            Ok(Lighting { obstacles, warnings, .. }) => [obstacles, warnings].concat(),
+            Err(error) => vec![error.to_string()],
+        };
+        let finding = |severity| Finding::without_value(Check::Picture, severity, 0.0);
+        if texts.is_empty() {
+            return vec![finding(Severity::Fine)];
+        }
+        let warn = |detail| Finding { detail, ..finding(Severity::Warning) };
+        texts.into_iter().map(warn).collect()
     }
 }
 

@@ -49,8 +49,8 @@ pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
     CooperativeOptions, EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions,
     GroundEffect, GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions,
-    LuenbergerOptions, MotorLag, ObserverOptions, PeerOptions, Positioning, RateOptions,
-    SensorOptions, Share, SimOptions, Station, UwbOptions, VehicleOptions,
+    LuenbergerOptions, MotorLag, ObserverOptions, PeerOptions, PidOptions, Positioning,
+    RateOptions, SensorOptions, Share, SimOptions, Station, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

@@ -85,7 +85,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let mut found = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
     let square = |x: f64| x * x;
-    let acceleration = 0.5 * square(sensors.imu.accelerometer_noise_m_s2_sqrt_hz);
+    let acceleration = [0.5 * square(sensors.imu.accelerometer_noise_m_s2_sqrt_hz); 3];
     let rate = 0.5 * square(sensors.imu.gyro_noise_rad_s_sqrt_hz);
     let variance = square(uwb.noise_m.max(LEAST_SIGMA_M));
     let heights =
@@ -283,6 +283,7 @@ mod tests {
         let (place_m, three_m) = one_more_anchor(&[&plan], &options).unwrap();
         assert!(three_m < 0.8 * two_m, "{three_m} m after {two_m} m, at {place_m:?}");
         options.sensors.positioning = Positioning::Gnss;
+        options.observer.kind = EstimatorKind::Ekf;
         assert!(bounds(&[&plan], &options).unwrap_err().to_string().contains("gnss"));
     }
 }

@@ -32,6 +32,8 @@ use crate::sim::peers::{Fleet, Message, Reckoning, Target, ToldHeight, ToldRange
 use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
 use crate::sim::vehicle::{GRAVITY_M_S2, State};
 
+/// Index of the variance of two-way ranging.
+const TWO_WAY: usize = 1;
 /// Refusals of one link in a row after which it is believed again.
 const MOST_REFUSALS: u32 = 5;
 /// Ranges that have waited longer for messages are forgotten.
@@ -209,7 +211,7 @@ impl Cooperative {
     /// Takes in a range of another drone to an anchor, or a height.
     fn correct_peer(&mut self, k: usize, told: &Message) {
         let drone = k + 1;
-        let range_variance = self.own.trust.range;
+        let range_variance = self.own.trust.range[TWO_WAY];
         for range in &told.ranges {
             let Target::Anchor(anchor) = range.target else { continue };
             let anchor_m = self.own.anchors_m.get(anchor).copied();
@@ -244,7 +246,7 @@ impl Cooperative {
             let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.reckoned, &then);
             let world_from_body = own.world_from_body;
             let link = (self.place, Target::Drone(place));
-            let variance = own.trust.range;
+            let variance = own.trust.range[TWO_WAY];
             if self.share == Share::Estimates {
                 let (position_m, velocity_m_s, covariance) = told.estimate;
                 let there_m = position_m - velocity_m_s * (told.motion.time_s - then.time_s);
@@ -294,7 +296,7 @@ impl Cooperative {
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
             let parts = [one.part(i + 1, direction, None), two.part(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
-            let variance = self.own.trust.range;
+            let variance = self.own.trust.range[TWO_WAY];
             self.correct(link, &parts, range.distance_m - expected_m, variance);
         }
     }

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
-use crate::sim::options::{EkfOptions, SensorOptions};
+use crate::sim::options::{EkfOptions, Generation, SensorOptions};
 use crate::sim::peers::Target;
 use crate::sim::sensors::{
     DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
@@ -53,6 +53,8 @@ pub(super) struct Motion {
     span_s: f64,
     turn_rad: Vector3<f64>,
     stations: Vec<StationPose>,
+    /// Whether each station is of the second generation.
+    is_v2: Vec<bool>,
     pub(super) anchors_m: Vec<Vector3<f64>>,
     pub(super) trust: Trust,
 }
@@ -60,11 +62,14 @@ pub(super) struct Motion {
 /// Spectral densities (two-sided), variances and the gate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trust {
-    pub(super) acceleration: f64,
+    /// Along world x, y, z.
+    pub(super) acceleration: [f64; 3],
     pub(super) rate: f64,
-    sweep: f64,
+    /// Of a station of the first and of the second generation.
+    sweep: [f64; 2],
     position: f64,
-    pub(super) range: f64,
+    /// Of a difference, and of two-way ranging.
+    pub(super) range: [f64; 2],
     pub(super) barometer: f64,
     pub(super) gate_sq: f64,
 }
@@ -118,13 +123,24 @@ impl Motion {
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
+            is_v2: sensors
+                .lighthouse
+                .stations
+                .iter()
+                .map(|s| s.generation == Generation::V2)
+                .collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
-                acceleration: 0.5 * square(options.acceleration_noise_m_s2_sqrt_hz),
+                acceleration: [
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_z_m_s2_sqrt_hz,
+                ]
+                .map(|density| 0.5 * square(density)),
                 rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
-                sweep: square(options.sweep_sigma_rad),
+                sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
                 position: square(options.position_sigma_m),
-                range: square(options.range_sigma_m),
+                range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
                 barometer: square(options.barometer_sigma_m),
                 gate_sq: square(options.gate_sigmas),
             },
@@ -187,17 +203,14 @@ impl Motion {
     }
 
     fn sweep(&self, sweep: &Sweep, each: &mut impl FnMut(Residual)) {
+        let variance = self.trust.sweep[usize::from(self.is_v2[sweep.station])];
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
             let place_m = self.position_m + self.world_from_body * lever;
             let crossing = self.stations[sweep.station].crossing(sweep.plane, &place_m);
             let position = crossing.slope_rad_m;
             let turn = lever.cross(&self.world_from_body.tr_mul(&position));
             let innovation = angle_rad - crossing.angle_rad;
-            each(Residual {
-                slope: Slope { position, turn },
-                innovation,
-                variance: self.trust.sweep,
-            });
+            each(Residual { slope: Slope { position, turn }, innovation, variance });
         }
     }
 
@@ -212,7 +225,8 @@ impl Motion {
             position -= away / distance_m.max(f64::MIN_POSITIVE);
         }
         let slope = Slope { position, turn: Vector3::zeros() };
-        Residual { slope, innovation: range.distance_m - expected_m, variance: self.trust.range }
+        let variance = self.trust.range[usize::from(range.minus.is_none())];
+        Residual { slope, innovation: range.distance_m - expected_m, variance }
     }
 
     fn position(&self, position_m: &Vector3<f64>, each: &mut impl FnMut(Residual)) {

@@ -64,7 +64,7 @@ impl Joint {
     }
 
     /// Carries the errors of one drone over a span, see [`Covariance::carry`].
-    pub(super) fn carry(&mut self, drone: usize, span: &Span, acceleration: f64, rate: f64) {
+    pub(super) fn carry(&mut self, drone: usize, span: &Span, acceleration: [f64; 3], rate: f64) {
         let Span { span_s, lever, turn_rad } = span;
         self.own[drone].carry(*span_s, lever, turn_rad, acceleration, rate);
         if self.own.len() == 1 {
@@ -212,7 +212,7 @@ mod tests {
             let drone = step % 3;
             let lever = -(vector() + Vector3::z() * 9.8).cross_matrix();
             let span = Span { span_s: 0.05, lever, turn_rad: vector() * 0.02 };
-            joint.carry(drone, &span, 0.3, 0.04);
+            joint.carry(drone, &span, [0.3; 3], 0.04);
             let mut phi = DMatrix::identity(27, 27);
             let at = 9 * drone;
             let i3 = Matrix3::identity();
