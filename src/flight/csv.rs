@@ -116,6 +116,15 @@ impl Flight {
         Self::from_table(&Table::read(path)?)
     }
 
+    /// Reads a flight from the text of such a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with line and column.
+    pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
+        Self::from_table(&Table::parse(csv, file)?)
+    }
+
     fn from_table(table: &Table) -> Result<Self> {
         let time_s = table.time_s()?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];

@@ -8,6 +8,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files::{Limit, Lines};
 
 /// Most rows that a table may have: a 1 kHz log of more than an hour.
 const MAX_ROWS: usize = 4_000_000;
@@ -17,6 +18,10 @@ const MAX_COLUMNS: usize = 1024;
 
 /// Most numbers that a table may have: 512 MiB of memory, and as much again while it grows.
 const MAX_NUMBERS: usize = 64 << 20;
+
+/// Largest file: [`MAX_NUMBERS`] of eight digits.
+const LIMIT: Limit =
+    Limit { bytes: 640 << 20, what: "a table", hint: "thin the log out, or cut it into parts" };
 
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
@@ -52,8 +57,7 @@ impl Table {
     /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
     /// a cell is no finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        Self::parse(file, &path.display().to_string())
+        Self::parse(LIMIT.open(path)?, &path.display().to_string())
     }
 
     /// Reads CSV text; `file` is its name in messages.
@@ -66,7 +70,8 @@ impl Table {
     }
 
     fn parse_up_to(max_numbers: usize, text: impl Read, file: &str) -> Result<Self> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(Lines::new(text));
         let broken = |source: &csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
             let wanted = "a CSV table with a header line and rows of equal length";

@@ -19,12 +19,10 @@ const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
 const DIGIT_CD: f64 = 1e-5;
 
-/// Whether a file's first line is the header of a light trace.
+/// Whether a text's first line is the header of a light trace.
 #[must_use]
-pub fn is_light_trace(path: &Path) -> bool {
-    let mut line = [0; 256];
-    let length = std::fs::File::open(path).and_then(|mut file| file.read(&mut line)).unwrap_or(0);
-    let line = String::from_utf8_lossy(&line[..length]);
+pub fn is_light_trace(text: &[u8]) -> bool {
+    let line = String::from_utf8_lossy(&text[..text.len().min(256)]);
     let header: Vec<&str> = line.lines().next().unwrap_or("").split(',').map(str::trim).collect();
     COLUMNS.iter().all(|column| header.contains(column))
 }
@@ -37,8 +35,7 @@ impl LightTrace {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
     /// cell is not a number, time falls, or an intensity is negative.
     pub fn read_csv(path: &Path) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        Self::parse_csv(file, &path.display().to_string())
+        Self::from_table(&Table::read(path)?, &path.display().to_string())
     }
 
     /// Reads the text of a light trace; `file` is its name in messages.
@@ -47,7 +44,10 @@ impl LightTrace {
     ///
     /// [`Error::Input`], as [`Self::read_csv`].
     pub fn parse_csv(text: impl Read, file: &str) -> Result<Self> {
-        let table = Table::parse(text, file)?;
+        Self::from_table(&Table::parse(text, file)?, file)
+    }
+
+    fn from_table(table: &Table, file: &str) -> Result<Self> {
         let mut columns: [&[f64]; 7] = [&[]; 7];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
             *column = table.column(name)?;

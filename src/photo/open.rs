@@ -6,7 +6,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, metadata::Orientation};
 
 use super::Photo;
-use super::png::{checked_size, read_bounded};
+use super::png::{LIMIT, checked_size};
 use crate::error::{Error, Result};
 
 impl Photo {
@@ -19,7 +19,7 @@ impl Photo {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is not a PNG or JPEG
     /// image, or too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = read_bounded(path)?;
+        let bytes = LIMIT.read(path)?;
         let broken = |source: &dyn std::fmt::Display| {
             let wanted = "a PNG image or a JPEG photo";
             Error::input(path.display().to_string(), source, wanted, "choose another file")

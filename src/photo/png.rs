@@ -1,11 +1,12 @@
 //! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
 
-use std::io::{BufReader, Cursor, Read, Write};
+use std::io::{BufReader, Cursor, Write};
 use std::path::Path;
 
 use super::{Metadata, Photo, Readout, Tone};
 use crate::camera::{Camera, MAX_PIXELS, check_size};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
@@ -14,7 +15,8 @@ const SCENE_KEYWORD: &str = "noctograph.scene";
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
 /// Largest image file: a photo of [`MAX_PIXELS`] without compression.
-const MAX_FILE_BYTES: u64 = 4 * MAX_PIXELS;
+pub(super) const LIMIT: Limit =
+    Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
 impl Photo {
     /// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
@@ -117,19 +119,6 @@ fn write(
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
     Ok(writer.finish()?)
-}
-
-pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>> {
-    let unreadable = |source| Error::read(path, source);
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        let found = format!("more than {MAX_FILE_BYTES} bytes");
-        let wanted = "a PNG image of at most that";
-        return Err(Error::input(path.display().to_string(), found, wanted, "scale it down"));
-    }
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
-use crate::logs::{ImportOptions, import};
+use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
 use crate::score::Reader;
@@ -92,12 +92,16 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`import`] and [`LightTrace::read_csv`].
+    /// As [`logs::import`] and [`LightTrace::read_csv`].
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self> {
-        if is_light_trace(path) {
-            return Ok(Self::Light(LightTrace::read_csv(path)?));
+        if path.is_dir() {
+            return Ok(Self::Flight(logs::import(path, options)?));
         }
-        Ok(Self::Flight(import(path, options)?))
+        let (bytes, file) = (logs::read(path)?, path.display().to_string());
+        if is_light_trace(&bytes) {
+            return Ok(Self::Light(LightTrace::parse_csv(&bytes[..], &file)?));
+        }
+        Ok(Self::Flight(logs::import_bytes(&bytes, &file, options)?))
     }
 }
 
