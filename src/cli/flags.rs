@@ -70,6 +70,11 @@ impl SceneFlags {
         self.scene.is_some()
     }
 
+    /// Whether a key of the scene was typed.
+    pub(super) fn sets(&self, key: &str) -> bool {
+        self.set.set.iter().any(|(typed, _)| typed == key)
+    }
+
     /// The scene that was named, or else that of a text.
     pub(super) fn load_or(&self, toml: &str, file: &str) -> Result<Scene> {
         if self.scene.is_some() {

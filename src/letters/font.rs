@@ -133,6 +133,11 @@ pub(super) enum Kind {
     Outlines,
 }
 
+/// Whether a font comes with the program.
+pub(super) fn is_shipped(name: &str) -> bool {
+    FONTS.iter().any(|(shipped, _)| *shipped == name)
+}
+
 /// The kind of font that a name refers to; opens no file.
 pub(super) fn check_name(name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {

@@ -50,16 +50,13 @@ impl LightTrace {
     fn from_table(table: &Table, file: &str) -> Result<Self> {
         let mut columns: [&[f64]; 7] = [&[]; 7];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            *column = table.column(name)?;
+            *column = if name == "t" { table.times_s(name)? } else { table.quantity(name)? };
         }
         let [t, x, y, z, r, g, b] = columns;
         let refused = |row: usize, column: &str, found: f64, wanted: &str| {
             let place = format!("{file}:{}: column {column}", row + 2);
             Err(Error::input(place, found, wanted, "correct the file, or write it again"))
         };
-        if let Some(row) = t.windows(2).position(|pair| pair[1] < pair[0]) {
-            return refused(row + 1, "t", t[row + 1], "a time not before the last");
-        }
         for (name, column) in [("r", r), ("g", g), ("b", b)] {
             if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
                 return refused(row, name, column[row], "a number from 0 to 1e6");

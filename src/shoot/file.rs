@@ -7,6 +7,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::Film;
 use crate::photo::exr::Precision;
+use crate::photo::png::{FLIGHT_KEYWORD, STROKES_KEYWORD};
 use crate::photo::{Photo, read_out};
 use crate::scene::Scene;
 use crate::settings::settings;
@@ -41,9 +42,9 @@ pub(super) fn encode(
     photo: &Photo,
     film: &Film,
     camera: &Camera,
-    flight_sha256: Option<String>,
+    digests: Digests,
 ) -> Result<Vec<u8>> {
-    let mut notes = notes(scene.seed, camera, flight_sha256);
+    let mut notes = notes(scene.seed, camera, digests);
     let mut out = Cursor::new(Vec::new());
     let readout = || read_out(film, camera, &scene.photo, scene.seed);
     let written = match format {
@@ -63,7 +64,14 @@ pub(super) fn encode(
     Ok(out.into_inner())
 }
 
-fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'static str, String)> {
+/// Digests of what a photo shows.
+pub(super) struct Digests {
+    pub(super) flight_sha256: Option<String>,
+    /// Of strokes from a file of the user's.
+    pub(super) strokes_sha256: Option<String>,
+}
+
+fn notes(seed: u64, camera: &Camera, digests: Digests) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
         "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
@@ -75,6 +83,8 @@ fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'st
         ("noctograph.camera", camera),
         ("noctograph.seed", seed.to_string()),
     ];
-    notes.extend(flight_sha256.map(|digest| ("noctograph.flight_sha256", digest)));
+    let Digests { flight_sha256, strokes_sha256 } = digests;
+    notes.extend(flight_sha256.map(|digest| (FLIGHT_KEYWORD, digest)));
+    notes.extend(strokes_sha256.map(|digest| (STROKES_KEYWORD, digest)));
     notes
 }

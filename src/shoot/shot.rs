@@ -1,6 +1,6 @@
 //! The photograph with every product on the way to it.
 
-use super::file::encode;
+use super::file::{Digests, encode};
 use super::{Judging, Lighting, Planned, Shoot};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -84,8 +84,13 @@ impl Shoot {
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
-                encode(format, scene, &photo, &exposure.film, &camera, flight_sha256(&flights))
-                    .map(Some)
+                let from_file = scene.letters.files().next().is_some();
+                let strokes = self.strokes.as_ref().filter(|_| from_file);
+                let digests = Digests {
+                    flight_sha256: flight_sha256(&flights),
+                    strokes_sha256: strokes.map(Strokes::sha256),
+                };
+                encode(format, scene, &photo, &exposure.film, &camera, digests).map(Some)
             }
         };
         let (verdict, file) = rayon::join(read, encode);
