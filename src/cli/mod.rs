@@ -239,10 +239,17 @@ fn usage(error: &clap::Error) -> ExitCode {
     ExitCode::from(2)
 }
 
+/// Most worker threads: those of the largest machines.
+const MAX_THREADS: usize = 1024;
+
 /// Runs work on a number of threads; 0: one for each processor core.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads == 0 {
         return work();
+    }
+    if threads > MAX_THREADS {
+        let wanted = format!("at most {MAX_THREADS}");
+        return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::Infeasible {

@@ -33,7 +33,7 @@ pub(super) struct ScoreArgs {
     camera: CameraFlags,
     /// Corners of the word in the photo, clockwise from the upper left, in pixels, instead of a
     /// camera
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     /// Plan that was flown: refused unless it writes the word
     #[arg(long, value_name = "FILE")]
