@@ -16,6 +16,7 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
+mod device;
 mod export;
 mod expose;
 mod findings;

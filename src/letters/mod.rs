@@ -6,6 +6,7 @@
 //! Letters know no speed and no drone.
 
 mod center_line;
+mod composites;
 mod curves;
 mod drawing;
 mod font;

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
 use crate::photo::png::{FLIGHT_KEYWORD, STROKES_KEYWORD};
@@ -32,6 +32,36 @@ impl Format {
     pub fn from_path(path: &Path) -> Self {
         let extension = path.extension().unwrap_or_default();
         if extension.eq_ignore_ascii_case("exr") { Self::Exr } else { Self::Png }
+    }
+}
+
+/// Most pixels of a picture that is read out anew and encoded in memory: 0.9 GB.
+const MAX_READ_OUT: u64 = 24_000_000;
+
+impl Format {
+    /// Checks that a picture of a size can be encoded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] with the memory that it would take.
+    pub(super) fn check(self, size_px: [u32; 2]) -> Result<()> {
+        let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+        if self == Self::Png || pixels <= MAX_READ_OUT {
+            return Ok(());
+        }
+        // Film, readout and file: 12 bytes a pixel each.
+        let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
+        Err(Error::Infeasible {
+            what: format!(
+                "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
+                self.name(),
+                size_px[0],
+                size_px[1],
+                gb(pixels),
+                gb(MAX_READ_OUT),
+            ),
+            hint: "choose a smaller picture, or PNG of 8 bits".into(),
+        })
     }
 }
 

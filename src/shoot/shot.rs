@@ -69,6 +69,9 @@ impl Shoot {
         let Lighting { flights, trace, camera, metered, warnings } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
+        if let Some(format) = self.format {
+            format.check([camera.width_px, camera.height_px])?;
+        }
         let latent = project(&trace, &camera, &scene.expose)?;
         let exposure = match self.cores {
             None => developer.develop(&latent)?,

@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, simplify};
 
+mod entities;
 mod handwriting;
 mod inkml;
 mod svg;
