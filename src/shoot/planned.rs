@@ -67,7 +67,7 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
             "the inverse of the loop over {n} setpoints {interval_s:.4} s apart takes {cost:.1e} \
              multiplications, more than {MAX_INVERSE:.0e}"
         ),
-        hint: "send fewer setpoints (a longer interval), split the word, or set plan.reference = \
+        hint: "raise plan.setpoint_interval_s, split the word, or set plan.reference = \
                \"design\""
             .into(),
     })

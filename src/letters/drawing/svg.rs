@@ -8,7 +8,7 @@ use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
-use super::{MAX_POINTS, too_many};
+use super::{MAX_POINTS, entities, too_many};
 use crate::error::{Error, Result};
 use crate::geometry;
 
