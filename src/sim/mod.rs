@@ -46,8 +46,8 @@ pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
     EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
     GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
-    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    UwbOptions, VehicleOptions,
+    MotorLag, ObserverOptions, PidOptions, Positioning, RateOptions, SensorOptions, SimOptions,
+    Station, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

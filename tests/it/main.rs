@@ -15,6 +15,7 @@ mod faults;
 mod golden;
 mod hostile;
 mod letters;
+mod obstacles;
 mod outputs;
 mod photos;
 mod plan;
