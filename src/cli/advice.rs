@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 14] = [
+const FLAGS: [(&str, &str, &str); 15] = [
     ("camera", "corners", "names the corners of the line instead of a camera"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
     (

@@ -59,13 +59,13 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let inside = photo.scene_toml.as_deref().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
-    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file)?;
+    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file, |scene| {
+        if inside.is_some() && !args.trust {
+            distrust(args, scene, &file)?;
+        }
+        Ok(())
+    })?;
     let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
-    if let Some(key) = foreign.filter(|_| !args.trust) {
-        let hint = "name the scene yourself, or trust the photo's if you know who made it";
-        let wanted = "a font that comes with the program: a photo may name any file";
-        return Err(Error::input(format!("{file}: {key}"), "the path of a file", wanted, hint));
-    }
     args.camera.apply(&mut scene)?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, even if another one is looked for now.
@@ -126,6 +126,15 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
 /// The key of a file that the photo's scene names, unless it was typed.
 fn foreign_file(args: &ScoreArgs, scene: &Scene) -> Option<&'static str> {
     scene.letters.files().map(|(key, _)| key).find(|key| !args.scene.sets(key))
+}
+
+/// Refuses a photo's own scene where it names a font or a drawing; its background is not needed.
+fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
+    scene.photo.background.clear();
+    let Some(key) = foreign_file(args, scene) else { return Ok(()) };
+    let hint = "name the scene yourself, or trust the photo's if you know who made it";
+    let wanted = "a font that comes with the program: a photo may name any file";
+    Err(Error::input(format!("{file}: {key}"), "the path of a file", wanted, hint))
 }
 
 /// Refuses flights that are not those of the photo, where it says which these are.

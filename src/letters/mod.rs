@@ -23,6 +23,7 @@ use crate::digest::Digest;
 use crate::geometry::bounds;
 
 pub use curves::glyph_outline;
+pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, draw};
 pub use font::Font;
 pub use layout::write;

@@ -206,7 +206,10 @@ impl Scene {
                 *path = absolute.display().to_string();
             }
         }
-        if let Ok(bytes) = std::fs::read(&self.letters.drawing) {
+        let drawing = Path::new(&self.letters.drawing);
+        // A pipe can be read once, when it is drawn.
+        if drawing.is_file() {
+            let bytes = letters::DRAWING_LIMIT.read(drawing)?;
             let found = sha256(&bytes);
             let wanted = &mut self.letters.drawing_sha256;
             if !wanted.is_empty() && *wanted != found {

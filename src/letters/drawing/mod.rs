@@ -23,7 +23,7 @@ mod svg;
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
-const LIMIT: Limit =
+pub(crate) const LIMIT: Limit =
     Limit { bytes: 8 << 20, what: "a drawing", hint: "simplify its paths in the editor" };
 
 /// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
