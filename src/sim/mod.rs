@@ -39,6 +39,7 @@ mod response;
 mod sensors;
 mod vehicle;
 
+pub(crate) use controller::PID_GAINS;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;

@@ -2,10 +2,10 @@
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs agree, or by a given time, and B is interpolated
-//! linearly at the times of A's samples. Samples of A are left out where B's neighbors are further
-//! apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the compared part
-//! of either flight.
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
+//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's neighbors
+//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the
+//! compared part of either flight.
 //!
 //! Not done: clocks of different rates and different frames; both are converted where a log is
 //! imported.
@@ -18,8 +18,11 @@ use crate::error::{Error, Result, within};
 use crate::geometry::Attitude;
 
 mod align;
+mod cause;
 #[cfg(test)]
 mod tests;
+
+pub use cause::Discrepancy;
 
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +49,9 @@ pub enum Alignment {
     /// Best agreement of the designs. Where one design is held between setpoints and the other is
     /// not, it is off by half the time between two setpoints.
     Design,
+    /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
+    /// as those through the inverse of the position loop do.
+    Flown,
     /// Seconds added to B's times.
     Offset(f64),
 }
@@ -69,6 +75,9 @@ pub struct Comparison {
     pub max_m: f64,
     /// Root mean square of the attitude; `None` where a flight has none.
     pub attitude_rmse: Option<Attitude>,
+    /// What explains most of the difference, and its share of the mean square; `None` where there
+    /// is no difference.
+    pub first: Option<(Discrepancy, f64)>,
 }
 
 /// Compares two flights.
@@ -81,6 +90,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
     let offset_s = match options.alignment {
         Alignment::Design => align::offset_s(a, b)?,
+        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?)?,
         Alignment::Offset(offset_s) => {
             within("offset_s", offset_s, -1e6, 1e6)?;
             offset_s
@@ -113,7 +123,15 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         mean_m: mean(apart()),
         max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
         attitude_rmse: logged.then(|| attitude(rms(turned))),
+        first: cause::first(&pairs),
     })
+}
+
+/// A flight in the air whose design is what was flown.
+fn flown(flight: &Flight) -> Result<Flight> {
+    let samples = Part::Airborne.samples(flight)?.into_iter();
+    let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
+    Ok(Flight { samples, ..Flight::default() })
 }
 
 /// Each sample of A with B at the same time, without those where B is unknown.

@@ -16,6 +16,7 @@ use nalgebra::Vector4;
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
 use self::lqr::Lqr;
+pub(crate) use self::pid::PID_GAINS;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
