@@ -8,9 +8,14 @@ use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 11] = [
+const FLAGS: [(&str, &str, &str); 12] = [
     ("camera", "corners", "names the corners of the line instead of a camera"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
+    (
+        "camera.framing.position_m",
+        "set camera.framing.position_m=[X,Y,Z]",
+        "places it, of a fixed camera, Y below 0",
+    ),
     ("flight", "part", "chooses the part that is compared: letters, airborne or all"),
     ("flight A", "offset", "sets B's clock without the designs"),
     ("flight B", "offset", "sets B's clock without the designs"),

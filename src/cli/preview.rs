@@ -9,12 +9,13 @@ use super::flags::{PictureFlags, SubjectFlags};
 use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
-use super::report::{Outcome, Report, line};
-use super::{show, warn};
+use super::report::{Outcome, Report, line, wrapped};
+use super::{findings, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, flown};
 use crate::plan::Plan;
+use crate::plan::check::Profile;
 use crate::shoot::{Format, Shoot};
 
 #[derive(Debug, Args)]
@@ -37,6 +38,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         fly_as_exported(&mut shoot, form)?;
     }
     let folder = OutputFolder::create(&args.output)?;
+    let before = shoot.clone();
     let backend = args.picture.backend;
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
     warn(&shot.warnings);
@@ -71,7 +73,14 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         Some(verdict) => show::verdict_table(verdict),
         None => line("verdict", "none: only words are read"),
     };
+    if let Some(obstacle) = shot.obstacles.first() {
+        text = wrapped("photo     ", obstacle) + &text;
+    }
     text.push('\n');
+    let findings = before.inspect(&shot.flights, &Profile::indoor())?;
+    json["obstacles"] = shot.obstacles.clone().into();
+    json["stops"] = findings::stops(&findings).into();
+    text.extend(findings::stops(&findings).map(|stops| wrapped("check     ", &stops)));
     text.extend(shot.flights.iter().map(show::flight_lines));
     text += &show::camera_line(&shot);
     text += &line("exposed", &format!("by {backend} on {adapter}"));

@@ -43,8 +43,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Picture to write, PNG or SVG: the photo with intended strokes (blue), missing ones
-    /// (orange), stray light (yellow) and the probability of each letter
+    /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
+    /// (pink), stray light (yellow) and the probability of each letter
     #[arg(short, long, value_name = "FILE", alias = "overlay")]
     output: Option<PathBuf>,
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::report::{line, wrapped};
 use crate::camera::Camera;
 use crate::flight::tracking::{Part, Tracking, track};
-use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S};
+use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::geometry::Attitude;
 use crate::score::{Reason, Verdict};
 use crate::shoot::Shot;
@@ -52,8 +52,15 @@ fn in_words(reason: Reason) -> &'static str {
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
     let digest = format!("digest    {}\n", flight.sha256());
-    let Ok(tracking) = track(flight, Part::from_flight(flight)) else {
-        return format!("flight    {duration_s:.1} s on the floor\n{digest}");
+    let tracking = match track(flight, Part::from_flight(flight)) {
+        Ok(tracking) => tracking,
+        Err(error) => {
+            let why = on_floor(flight).map_or_else(
+                || format!("no tracking error: {error}"),
+                |why| format!("on the floor: {why}"),
+            );
+            return line("flight", &format!("{duration_s:.1} s, {why}")) + &digest;
+        }
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
     let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));

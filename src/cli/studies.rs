@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SetFlag, find_scene};
+use super::flags::{SetFlag, find_scene, warn_of_idle_keys};
 use super::message;
 use super::output::Output;
 use super::progress::Progress;
@@ -55,7 +55,9 @@ impl StudyFlags {
 
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
-        find_scene(named, &self.set.set)
+        let found = find_scene(named, &self.set.set)?;
+        warn_of_idle_keys(&found.scene);
+        Ok(found)
     }
 
     /// The conditions that were named.
@@ -84,6 +86,8 @@ impl StudyFlags {
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
                 }
+            } else if is_path(named) {
+                return Err(Error::read(named.as_ref(), std::io::ErrorKind::NotFound.into()));
             } else {
                 words.push(self.word(named, usual)?);
             }
@@ -101,6 +105,13 @@ impl StudyFlags {
         })?;
         Ok((word.to_owned(), n))
     }
+}
+
+/// Whether a word looks like the name of a file.
+fn is_path(named: &str) -> bool {
+    let lower = named.to_lowercase();
+    named.contains(['/', '\\'])
+        || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
 }
 
 fn read_text(file: &str) -> Result<String> {

@@ -18,7 +18,7 @@ use serde_json::{Map, json};
 use super::File;
 use crate::error::Result;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use crate::sim::{ControllerKind, PID_GAINS, SimOptions};
+use crate::sim::{ControllerKind, SimOptions, pid_gains};
 
 /// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;
@@ -27,7 +27,7 @@ type Parameters = Vec<(String, f64)>;
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
-        ControllerKind::Pid => pid(),
+        ControllerKind::Pid => pid(sim),
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
             Vec::new()
         }
@@ -91,7 +91,7 @@ fn mellinger(sim: &SimOptions) -> Parameters {
 }
 
 /// The firmware's cascade.
-fn pid() -> Parameters {
+fn pid(sim: &SimOptions) -> Parameters {
     let names = [
         ("posCtlPid", ["xK", "yK", "zK"]),
         ("velCtlPid", ["vxK", "vyK", "vzK"]),
@@ -99,12 +99,13 @@ fn pid() -> Parameters {
         ("pid_rate", ["roll_k", "pitch_k", "yaw_k"]),
     ];
     let mut parameters = Parameters::new();
-    for ((group, loops), gains) in names.into_iter().zip(PID_GAINS) {
+    for ((group, loops), gains) in names.into_iter().zip(pid_gains(&sim.controller.pid)) {
         for (name, gains) in loops.into_iter().zip(gains) {
             let terms = ["p", "i", "d"].into_iter().zip(gains);
             parameters.extend(terms.map(|(term, gain)| (format!("{group}.{name}{term}"), gain)));
         }
     }
+    parameters.push(("posCtlPid.thrustBase".to_owned(), sim.controller.pid.thrust_base));
     parameters
 }
 
@@ -123,7 +124,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
         ControllerKind::Pid => json!({
-            "pid": { "stabilizer.controller": 1, "parameters": object(pid()) },
+            "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
@@ -204,13 +205,14 @@ mod tests {
 
     #[test]
     fn pid_gains_have_the_names_of_the_firmware() {
-        let found = pid();
-        assert_eq!(found.len(), 36);
+        let found = pid(&SimOptions::default());
+        assert_eq!(found.len(), 37);
         let gain = |name: &str| found.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
         assert_eq!(gain("posCtlPid.zKi"), Some(0.5));
         assert_eq!(gain("velCtlPid.vxKp"), Some(25.0));
         assert_eq!(gain("pid_attitude.yaw_kd"), Some(0.35));
-        assert_eq!(gain("pid_rate.roll_ki"), Some(500.0));
+        let rate = SimOptions::default().controller.pid.rate_pid;
+        assert_eq!(gain("pid_rate.roll_ki"), Some(rate[1]), "the scene's");
     }
 
     #[test]

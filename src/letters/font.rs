@@ -92,6 +92,12 @@ impl Font {
         }
     }
 
+    /// Length of a stroke of the face that a character's center lines lost, in cap heights; 0: none.
+    #[must_use]
+    pub fn lost(&self, character: char) -> f64 {
+        self.shape(character).map_or(0.0, |shape| shape.lost)
+    }
+
     pub(super) fn fit(&self) -> Fit {
         match &*self.face {
             Face::Strokes(font) => font.fit,

@@ -17,6 +17,9 @@ settings! {
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, `*.json` or `*.inkml`; empty: none.
         drawing: String = String::new();
+        /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
+        /// The scene that a command writes has it.
+        drawing_sha256: String = String::new();
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.

@@ -87,7 +87,7 @@ impl StrokeFont {
                 }
             }
             let whole = runs.iter().all(|run| run.points.len() >= 2);
-            whole.then_some(Shape { advance, runs })?
+            whole.then_some(Shape { advance, runs, lost: 0.0 })?
         };
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
@@ -102,7 +102,11 @@ fn compose(base: &Shape, mark: &Shape, [dx, dy]: [f64; 2]) -> Shape {
         let points = run.points.iter().map(|[x, y]| [x + across + dx, y + lift + dy]);
         Run { lit: run.lit, points: points.collect() }
     });
-    Shape { advance: base.advance, runs: base.runs.iter().cloned().chain(placed).collect() }
+    Shape {
+        advance: base.advance,
+        runs: base.runs.iter().cloned().chain(placed).collect(),
+        lost: 0.0,
+    }
 }
 
 fn parse_name(word: &str) -> Option<char> {

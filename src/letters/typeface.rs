@@ -96,11 +96,16 @@ impl Typeface {
             return None;
         }
         if character.is_whitespace() {
-            return Some(Shape { advance, runs: Vec::new() });
+            return Some(Shape { advance, ..Shape::default() });
         }
         let contours = self.contours(character)?;
+        let mut lost = 0.0;
         let lines = match self.trace {
-            Trace::CenterLine => center_lines(&contours).lines,
+            Trace::CenterLine => {
+                let found = center_lines(&contours);
+                lost = found.lost;
+                found.lines
+            }
             Trace::Outline => {
                 let rim = rim(&contours, &Ink::new(&contours), 0.01);
                 rim.iter().map(|run| simplified(run, FLATNESS)).collect()
@@ -111,7 +116,7 @@ impl Typeface {
         let runs = in_reading_order(lines)
             .into_iter()
             .map(|line| Run { lit: true, points: line.into_iter().map(place).collect() });
-        let shape = Shape { advance, runs: runs.collect() };
+        let shape = Shape { advance, runs: runs.collect(), lost };
         (!shape.runs.is_empty()).then_some(shape)
     }
 

@@ -12,7 +12,7 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is constantly zero is skipped. `estimate_m` is the custom observer, else the firmware's.
+//!   that is frozen while others change is skipped. `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
 //!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
@@ -76,7 +76,7 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following that is logged and not constantly zero.
+        /// The first of the following that is logged and changes while others do.
         "best" => Best,
         /// Motion capture.
         ///
@@ -180,7 +180,7 @@ impl Format {
         let text = bytes.trim_ascii_start();
         match text.first() {
             None => return Err(unknown(file, "an empty file")),
-            Some(b'{') => return Ok(Self::Json),
+            Some(b'{' | b'[') => return Ok(Self::Json),
             Some(_) => {}
         }
         let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
 use crate::photo::{Photo, read_out};
@@ -26,11 +26,23 @@ settings! {
 }
 
 impl Format {
-    /// The format that a file's name asks for: OpenEXR for `*.exr`, else PNG.
-    #[must_use]
-    pub fn from_path(path: &Path) -> Self {
-        let extension = path.extension().unwrap_or_default();
-        if extension.eq_ignore_ascii_case("exr") { Self::Exr } else { Self::Png }
+    /// The format that a file's name asks for: OpenEXR for `*.exr`, PNG for `*.png` and names
+    /// without an ending.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for another ending, whose format is not written.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match &*extension {
+            "exr" => Ok(Self::Exr),
+            "png" | "" => Ok(Self::Png),
+            _ => {
+                let place = path.display().to_string();
+                let hint = "name the photo *.png and convert it, or name its format";
+                Err(Error::input(place, format!("a name *.{extension}"), "*.png or *.exr", hint))
+            }
+        }
     }
 }
 

@@ -34,8 +34,11 @@ use crate::score::Reader;
 use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
 mod metering;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;

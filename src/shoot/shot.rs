@@ -1,7 +1,7 @@
 //! The photograph with every product on the way to it.
 
 use super::file::encode;
-use super::{Judging, Lighting, Metered, Planned, Shoot};
+use super::{Judging, Lighting, Metered, Planned, Shoot, obstacles};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::{Backend, Developer, Exposure, project};
@@ -39,6 +39,9 @@ pub struct Shot {
     pub file: Option<Vec<u8>>,
     /// The verdict; `None` for a drawing and where reading is skipped.
     pub verdict: Option<Verdict>,
+    /// What keeps the word from being read whatever its letters are, the first cause first: the
+    /// shutter, the exposure, lamps that face away.
+    pub obstacles: Vec<String>,
     /// Warnings about flights and picture.
     pub warnings: Vec<String>,
 }
@@ -66,7 +69,7 @@ impl Shoot {
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, metered, warnings } = lighting;
+        let Lighting { flights, trace, camera, metered, mut obstacles, warnings } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         let latent = project(&trace, &camera, &scene.expose)?;
@@ -92,7 +95,16 @@ impl Shoot {
             }
         };
         let (verdict, file) = rayon::join(read, encode);
-        let (verdict, file) = (verdict?, file?);
+        let (mut verdict, file) = (verdict?, file?);
+        if let Some(exposed) = obstacles::of_photo(&photo, &camera) {
+            // A missing trail has its cause before the exposure where one was found.
+            let place = obstacles.len().min(1);
+            obstacles.insert(place, exposed);
+        }
+        if let Some(verdict) = verdict.as_mut().filter(|v| !v.legible && !obstacles.is_empty()) {
+            // Advice on letters would be beside the point.
+            verdict.advice.clear();
+        }
         let Self { scene, strokes, plans, .. } = self;
         Ok(Shot {
             scene,
@@ -106,6 +118,7 @@ impl Shoot {
             photo,
             file,
             verdict,
+            obstacles,
             warnings,
         })
     }

@@ -39,7 +39,7 @@ mod response;
 mod sensors;
 mod vehicle;
 
-pub(crate) use controller::PID_GAINS;
+pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;
@@ -47,8 +47,8 @@ pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
     EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
     GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
-    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    UwbOptions, VehicleOptions,
+    MotorLag, ObserverOptions, PidOptions, Positioning, RateOptions, SensorOptions, SimOptions,
+    Station, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

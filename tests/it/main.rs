@@ -14,6 +14,7 @@ mod digests;
 mod faults;
 mod golden;
 mod letters;
+mod obstacles;
 mod photos;
 mod plan;
 mod road;

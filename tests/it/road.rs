@@ -83,8 +83,10 @@ fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
 #[test]
 fn a_dark_flight_reads_as_nothing() {
     let dark = |scene: &mut Scene| {
-        let fixtures = scene.light.fixtures.iter_mut().flatten();
-        fixtures.flat_map(|row| &mut row.dies).for_each(|die| die.intensity_cd = 0.0);
+        let mut fixtures = scene.light.fixtures();
+        let dies = fixtures.iter_mut().flat_map(|row| &mut row.dies);
+        dies.for_each(|die| die.intensity_cd = 0.0);
+        scene.light.fixtures = Some(fixtures);
     };
     // Hot photosites shine, but they are too few to be ink.
     let hot = on_cpu("NOOR", dark).verdict();

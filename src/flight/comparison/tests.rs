@@ -86,6 +86,30 @@ fn attitude_is_compared_the_short_way_round() {
 }
 
 #[test]
+fn flights_of_different_words_are_refused() {
+    // A sweep of 1 m to the right, and the same word a quarter of a meter higher.
+    let sweep = |z: f64| {
+        let sample = |i: i32| {
+            let at_m = Vector3::new(f64::from(i) * 0.01, 0.0, z);
+            FlightSample {
+                time_s: f64::from(i) * 0.05,
+                position_m: at_m,
+                design_m: at_m,
+                letter: Some(0),
+                ..FlightSample::default()
+            }
+        };
+        Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
+    };
+    let options = ComparisonOptions { part: Part::Letters, ..ComparisonOptions::default() };
+    assert!(compare(&sweep(0.5), &sweep(0.52), &options).is_ok(), "2 cm");
+    let error = compare(&sweep(0.5), &sweep(0.75), &options).unwrap_err().to_string();
+    assert!(error.contains("0.25 m apart"), "{error}");
+    let offset = ComparisonOptions { alignment: Alignment::Offset(0.0), ..options };
+    assert!(compare(&sweep(0.5), &sweep(0.75), &offset).is_ok(), "if the clock is given");
+}
+
+#[test]
 fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     let refused = |a: &Flight, b: &Flight, alignment| {
         let options = ComparisonOptions { alignment, ..Default::default() };

@@ -74,10 +74,13 @@ fn follow(
 fn honest(sensors: &SensorOptions) -> EkfOptions {
     EkfOptions {
         acceleration_noise_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
+        acceleration_noise_z_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
         rate_noise_rad_s_sqrt_hz: sensors.imu.gyro_noise_rad_s_sqrt_hz,
         sweep_sigma_rad: sensors.lighthouse.sweep_noise_rad[1],
+        sweep_v1_sigma_rad: sensors.lighthouse.sweep_noise_rad[0],
         position_sigma_m: sensors.gnss.noise_m,
         range_sigma_m: sensors.uwb.noise_m,
+        two_way_sigma_m: sensors.uwb.noise_m,
         barometer_sigma_m: sensors.barometer.noise_m,
         gate_sigmas: 8.0,
     }

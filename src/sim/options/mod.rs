@@ -7,7 +7,7 @@ mod sensors;
 mod vehicle;
 
 pub use self::controller::{
-    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
+    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag, PidOptions,
 };
 pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
 pub use self::sensors::{
