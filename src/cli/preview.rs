@@ -71,7 +71,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["photo_sha256"] = sha256(png).into();
     let mut text = match verdict {
         Some(verdict) => show::verdict_table(verdict),
-        None => line("verdict", "none: only words are read"),
+        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     };
     if let Some(obstacle) = shot.obstacles.first() {
         text = wrapped("photo     ", obstacle) + &text;

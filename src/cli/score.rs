@@ -44,7 +44,7 @@ pub(super) struct ScoreArgs {
     #[command(flatten)]
     flights: FlightFlags,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
-    /// (pink), stray light (yellow) and the probability of each letter
+    /// (pink), stray light (yellow) and the share of each letter
     #[arg(short, long, value_name = "FILE", alias = "overlay")]
     output: Option<PathBuf>,
 }
@@ -87,7 +87,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let known = known(&flights, &scene.plan);
     let reader = Reader::new(&strokes, &scene.score)?;
     let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
-    verdict.second_opinion = Some(reading.text);
+    verdict.compare_with(&reading);
     let mut files = Vec::new();
     if let (Some(output), Some(path)) = (output, &args.output) {
         let svg = is_svg(path);

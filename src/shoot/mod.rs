@@ -30,7 +30,7 @@ use crate::light::{LightOptions, LightTrace};
 use crate::logs::{ImportOptions, import};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
-use crate::score::Reader;
+use crate::score::{Reader, is_judged};
 use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
@@ -264,10 +264,9 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// A reader of the strokes, where the photo is read and shows a word.
+    /// A reader of the strokes, where the photo is read and shows a word that can be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
-        // A drawing has no word to read.
-        let word = self.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+        let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         match (&self.reader, word) {
             (_, None) => Ok(None),
             _ if self.judging == Judging::Skipped => Ok(None),

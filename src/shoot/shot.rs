@@ -37,7 +37,8 @@ pub struct Shot {
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// The verdict; `None` for a drawing and where reading is skipped.
+    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that the
+    /// reader does not know.
     pub verdict: Option<Verdict>,
     /// What keeps the word from being read whatever its letters are, the first cause first: the
     /// shutter, the exposure, lamps that face away.

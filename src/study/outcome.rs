@@ -21,11 +21,11 @@ pub struct Outcome {
     pub all_read: bool,
     /// Whether the word counts as legible.
     pub legible: bool,
-    /// Probability that a strict reader reads the word, 0 to 1.
+    /// Probability that a visitor reads the word at first sight, 0 to 1.
     pub probability: f64,
     /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
     pub log_odds: f64,
-    /// Mean similarity of the letters with the intended ones, up to 1.
+    /// Mean share of the intended letters, 0 to 1: it has a slope where the probability has none.
     pub similarity: f64,
     /// Figures of the flight; `None` where a drone was lost.
     #[serde(flatten)]
@@ -95,17 +95,18 @@ impl Outcome {
     }
 
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
-        let p = verdict.probability;
+        let p = verdict.readability;
         let letters = &verdict.letters;
+        let shares: Vec<f64> = letters.iter().filter_map(|letter| letter.p).collect();
         #[expect(clippy::cast_precision_loss, reason = "at most 256 letters")]
-        let n = letters.len().max(1) as f64;
+        let n = shares.len().max(1) as f64;
         Self {
             read: verdict.read.clone(),
             all_read: letters.iter().all(|letter| letter.best == Some(letter.expected)),
             legible: verdict.legible,
             probability: p,
             log_odds: libm::log(p / (1.0 - p)).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
-            similarity: letters.iter().map(|letter| letter.similarity).sum::<f64>() / n,
+            similarity: shares.iter().sum::<f64>() / n,
             flown: Some(flown),
             lost: None,
         }
