@@ -39,6 +39,7 @@ mod response;
 mod sensors;
 mod vehicle;
 
+pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;
