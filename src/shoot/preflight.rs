@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::planned::ends;
 use super::{Lighting, Recording, Shoot};
 use crate::error::{Error, Result};
-use crate::export::Form;
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
+use crate::export::{Form, fitting};
 use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::light::{Drive, LightTrace};
@@ -121,7 +121,8 @@ impl Shoot {
     }
 }
 
-/// Whether the plan fits the memory on board as a compressed trajectory.
+/// Whether the plan fits the memory on board as a compressed trajectory, and in which formats it can
+/// be exported.
 fn check_memory(plan: &Plan) -> Finding {
     #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
     let limit = MEMORY_BYTES as f64;
@@ -129,7 +130,8 @@ fn check_memory(plan: &Plan) -> Finding {
         #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
         Ok(bytes) => {
             let fits = bytes <= MEMORY_BYTES;
-            Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit)
+            let finding = Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit);
+            Finding { detail: fitting(plan).join(", "), ..finding }
         }
         Err(error) => {
             let finding = Finding::without_value(Check::Memory, Severity::Unknown, limit);

@@ -41,6 +41,7 @@ mod response;
 mod sensors;
 mod vehicle;
 
+pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
