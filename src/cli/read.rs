@@ -17,7 +17,7 @@ pub(super) struct ReadArgs {
     photo: PathBuf,
     /// Corners of the line in the photo, clockwise from the upper left, in pixels: for a photo
     /// taken at an angle
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     #[command(flatten)]
     camera: CameraFlags,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::statistics::mean;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::tracking::{Part, track};
 use crate::flight::{ENERGY_J, Flight, FlightSample, SATURATED_S};
 use crate::score::Verdict;
@@ -11,6 +11,9 @@ use crate::sim::SimOptions;
 
 /// Log-odds are limited to ± this: those of an illegible word are infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
+
+/// Largest figure of a flight: the energy of a large battery, in J, is far below.
+const MAX_FIGURE: f64 = 1e12;
 
 /// The result of one trial: a line of a [`super::Store`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,6 +95,32 @@ impl Outcome {
     #[must_use]
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
+    }
+
+    /// Checks figures that were read from a file at a place.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the figure that is none.
+    pub(super) fn check(&self, place: &str) -> Result<()> {
+        let scores = [
+            ("probability", self.probability, 0.0..=1.0),
+            ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
+            ("similarity", self.similarity, -1.01..=1.01),
+        ];
+        let figures = self
+            .flown
+            .into_iter()
+            .flat_map(|flown| Flown::<f64>::NAMES.into_iter().zip(flown.values()));
+        let figures = figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE));
+        match scores.into_iter().chain(figures).find(|(_, value, range)| !range.contains(value)) {
+            None => Ok(()),
+            Some((name, value, range)) => {
+                let wanted = format!("a number from {} to {}", range.start(), range.end());
+                let hint = "take the line out, or name another folder";
+                Err(Error::input(format!("{place}: {name}"), value, wanted, hint))
+            }
+        }
     }
 
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
