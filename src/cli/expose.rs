@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::device::tried;
 use super::flags::{FlightFlags, PictureFlags, SceneFlags};
 use super::names::named;
 use super::output::Output;
@@ -44,7 +45,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights)?;
-    let backend = args.picture.backend;
+    let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(&shot.obstacles);

@@ -80,7 +80,8 @@ fn found(finding: &Finding) -> String {
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
         Check::Memory if finding.value.is_none() => detail.clone(),
-        Check::Memory => format!("{value} bytes as a compressed trajectory"),
+        Check::Memory if detail.is_empty() => format!("{value} bytes compressed, too much for any"),
+        Check::Memory => format!("{value} bytes compressed; it can be exported as {detail}"),
         Check::LedMemory => format!("{value} entries"),
         Check::Headlights if is_fine => "on or off".into(),
         Check::Headlights => format!("dimmed by {value} commands, first{at}"),

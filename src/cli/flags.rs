@@ -70,12 +70,24 @@ impl SceneFlags {
         self.scene.is_some()
     }
 
-    /// The scene that was named, or else that of a text.
-    pub(super) fn load_or(&self, toml: &str, file: &str) -> Result<Scene> {
+    /// Whether a key of the scene was typed.
+    pub(super) fn sets(&self, key: &str) -> bool {
+        self.set.set.iter().any(|(typed, _)| typed == key)
+    }
+
+    /// The scene that was named, or else that of a text, which is checked before any file that it
+    /// names is looked at.
+    pub(super) fn load_or(
+        &self,
+        toml: &str,
+        file: &str,
+        check: impl FnOnce(&mut Scene) -> Result<()>,
+    ) -> Result<Scene> {
         if self.scene.is_some() {
             return self.load(&[]);
         }
         let mut scene = parse_scene(toml, file, &self.set.set)?;
+        check(&mut scene)?;
         self.finish(&mut scene)?;
         Ok(scene)
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::device::tried;
 use super::flags::{PictureFlags, SubjectFlags};
 use super::names::named;
 use super::output::OutputFolder;
@@ -39,7 +40,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     let folder = OutputFolder::create(&args.output)?;
     let before = shoot.clone();
-    let backend = args.picture.backend;
+    let backend = tried(args.picture.backend);
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
     warn(&shot.warnings);
 
@@ -71,7 +72,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["photo_sha256"] = sha256(png).into();
     let mut text = match verdict {
         Some(verdict) => show::verdict_table(verdict),
-        None => line("verdict", "none: only words are read"),
+        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     };
     if let Some(obstacle) = shot.obstacles.first() {
         text = wrapped("photo     ", obstacle) + &text;

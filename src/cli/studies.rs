@@ -13,6 +13,7 @@ use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::settings::similar;
@@ -115,7 +116,8 @@ fn is_path(named: &str) -> bool {
 }
 
 fn read_text(file: &str) -> Result<String> {
-    std::fs::read_to_string(file).map_err(|source| Error::read(file.as_ref(), source))
+    let hint = "split it, or shorten it";
+    Limit { bytes: 1 << 20, what: "a list of words or conditions", hint }.read_text(file.as_ref())
 }
 
 /// Opens a study's folder of flights, and says how many are there already.

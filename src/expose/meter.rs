@@ -156,7 +156,36 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
+/// Segments of one trail from which on neighbours at one place are metered as one.
+const MANY: usize = 20_000;
+
+/// Share of the spot's σ within which segments count as at one place.
+const ONE_PLACE_SIGMA: f64 = 0.1;
+
+/// A long trail with the segments that follow each other at one place, such as the pulses of a
+/// slow lamp, put together: each is then compared with few others, however many pulses there are.
+fn gathered(segments: &[Segment]) -> Vec<Segment> {
+    let mut all: Vec<Segment> = Vec::new();
+    for segment in segments {
+        let near = all.last_mut().filter(|last| {
+            let far = segment.ends_px.map(|end| (end - last.ends_px[0]).length());
+            far[0].max(far[1]) < ONE_PLACE_SIGMA * last.sigma_px
+        });
+        match near {
+            Some(last) => {
+                last.ends_px[1] = segment.ends_px[1];
+                last.light_lx_s += segment.light_lx_s;
+                last.duration_s += segment.duration_s;
+            }
+            None => all.push(*segment),
+        }
+    }
+    all
+}
+
 fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
+    let few = (segments.len() > MANY).then(|| gathered(segments));
+    let segments = few.as_deref().unwrap_or(segments);
     let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
     let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
     let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));

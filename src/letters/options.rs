@@ -79,6 +79,14 @@ impl LetterOptions {
         Described::check(self, "letters", None)
     }
 
+    /// The keys that name a file, with its path: a font that does not come with the program, and
+    /// the drawing.
+    pub fn files(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let font = (!font::is_shipped(&self.font)).then_some(("letters.font", &*self.font));
+        let drawing = (!self.drawing.is_empty()).then_some(("letters.drawing", &*self.drawing));
+        [font, drawing].into_iter().flatten()
+    }
+
     /// The same in another size, on the same baseline.
     pub(super) fn scaled(&self, scale: f64) -> Self {
         Self {

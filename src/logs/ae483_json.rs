@@ -26,6 +26,9 @@ const WRAP_S: f64 = 16_777.216;
 /// Largest JSON text, in bytes: the reference flight takes 2 MB a minute.
 const MAX_BYTES: usize = 128 << 20;
 
+/// Most values: an hour of the reference log. Each takes 32 bytes of memory while it is read.
+const MAX_VALUES: usize = 12 << 20;
+
 /// Most variables; the firmware logs 128 at a time.
 const MAX_VARIABLES: usize = 1024;
 
@@ -35,6 +38,11 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
         let wanted = format!("at most {most} MiB");
         return Err(Error::input(file, format!("{found} MiB of JSON"), wanted, HINT));
+    }
+    let values = bytes.iter().filter(|byte| **byte == b',').count();
+    if values > MAX_VALUES {
+        let wanted = format!("at most {MAX_VALUES}");
+        return Err(Error::input(file, format!("{values} values"), wanted, HINT));
     }
     let mut text = bytes.to_vec();
     replace_nan(&mut text);

@@ -12,6 +12,7 @@ use crate::camera::{CameraOptions, Metering};
 use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
+use crate::files::Limit;
 use crate::letters::{self, LetterOptions, Strokes};
 use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
@@ -74,7 +75,7 @@ settings! {
 }
 
 /// Largest scene file that is read.
-const MAX_FILE_BYTES: u64 = 1 << 20;
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
 
 impl Scene {
     /// Reads a scene file.
@@ -93,15 +94,7 @@ impl Scene {
     ///
     /// As [`Self::read`].
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        let unreadable = |source| Error::read(path, source);
-        let length = std::fs::metadata(path).map_err(unreadable)?.len();
-        if length > MAX_FILE_BYTES {
-            let found = format!("{length} bytes");
-            let wanted = format!("a scene file of at most {MAX_FILE_BYTES} bytes");
-            return Err(Error::input(path.display().to_string(), found, wanted, text::HINT));
-        }
-        let toml = std::fs::read_to_string(path).map_err(unreadable)?;
-        Self::parse_with(&toml, &path.display().to_string(), settings)
+        Self::parse_with(&LIMIT.read_text(path)?, &path.display().to_string(), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.
@@ -213,7 +206,10 @@ impl Scene {
                 *path = absolute.display().to_string();
             }
         }
-        if let Ok(bytes) = std::fs::read(&self.letters.drawing) {
+        let drawing = Path::new(&self.letters.drawing);
+        // A pipe can be read once, when it is drawn.
+        if drawing.is_file() {
+            let bytes = letters::DRAWING_LIMIT.read(drawing)?;
             let found = sha256(&bytes);
             let wanted = &mut self.letters.drawing_sha256;
             if !wanted.is_empty() && *wanted != found {

@@ -7,6 +7,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
+use crate::photo::png::{FLIGHT_KEYWORD, STROKES_KEYWORD};
 use crate::photo::{Photo, read_out};
 use crate::scene::Scene;
 use crate::settings::settings;
@@ -46,6 +47,36 @@ impl Format {
     }
 }
 
+/// Most pixels of a picture that is read out anew and encoded in memory: 0.9 GB.
+const MAX_READ_OUT: u64 = 24_000_000;
+
+impl Format {
+    /// Checks that a picture of a size can be encoded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] with the memory that it would take.
+    pub(super) fn check(self, size_px: [u32; 2]) -> Result<()> {
+        let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+        if self == Self::Png || pixels <= MAX_READ_OUT {
+            return Ok(());
+        }
+        // Film, readout and file: 12 bytes a pixel each.
+        let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
+        Err(Error::Infeasible {
+            what: format!(
+                "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
+                self.name(),
+                size_px[0],
+                size_px[1],
+                gb(pixels),
+                gb(MAX_READ_OUT),
+            ),
+            hint: "choose a smaller picture, or PNG of 8 bits".into(),
+        })
+    }
+}
+
 /// Encodes a photo; OpenEXR and 16 bits are read out from the film anew.
 pub(super) fn encode(
     format: Format,
@@ -53,9 +84,9 @@ pub(super) fn encode(
     photo: &Photo,
     film: &Film,
     camera: &Camera,
-    flight_sha256: Option<String>,
+    digests: Digests,
 ) -> Result<Vec<u8>> {
-    let mut notes = notes(scene.seed, camera, flight_sha256);
+    let mut notes = notes(scene.seed, camera, digests);
     let mut out = Cursor::new(Vec::new());
     let readout = || read_out(film, camera, &scene.photo, scene.seed);
     let written = match format {
@@ -75,7 +106,14 @@ pub(super) fn encode(
     Ok(out.into_inner())
 }
 
-fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'static str, String)> {
+/// Digests of what a photo shows.
+pub(super) struct Digests {
+    pub(super) flight_sha256: Option<String>,
+    /// Of strokes from a file of the user's.
+    pub(super) strokes_sha256: Option<String>,
+}
+
+fn notes(seed: u64, camera: &Camera, digests: Digests) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
         "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
@@ -87,6 +125,8 @@ fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'st
         ("noctograph.camera", camera),
         ("noctograph.seed", seed.to_string()),
     ];
-    notes.extend(flight_sha256.map(|digest| ("noctograph.flight_sha256", digest)));
+    let Digests { flight_sha256, strokes_sha256 } = digests;
+    notes.extend(flight_sha256.map(|digest| (FLIGHT_KEYWORD, digest)));
+    notes.extend(strokes_sha256.map(|digest| (STROKES_KEYWORD, digest)));
     notes
 }

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::planned::ends;
 use super::{Lighting, Recording, Shoot};
 use crate::error::{Error, Result};
-use crate::export::Form;
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
+use crate::export::{Form, fitting};
 use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::light::{Drive, LightTrace};
@@ -31,8 +31,21 @@ impl Shoot {
     ///
     /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
-        let fly = |drone| self.fly_drone(drone, &mut |_| {});
-        self.findings((0..self.plans.len()).map(fly).collect(), profile)
+        if !self.in_step() {
+            let fly = |drone| self.fly_drone(drone, &mut |_| {});
+            return self.findings((0..self.plans.len()).map(fly).collect(), profile);
+        }
+        let lost = |(what, hint): &(String, String)| {
+            Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+        };
+        let flown = match self.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                vec![(what, hint); self.plans.len()].iter().map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        };
+        self.findings(flown, profile)
     }
 
     /// The same, of flights that were flown already.
@@ -108,7 +121,8 @@ impl Shoot {
     }
 }
 
-/// Whether the plan fits the memory on board as a compressed trajectory.
+/// Whether the plan fits the memory on board as a compressed trajectory, and in which formats it can
+/// be exported.
 fn check_memory(plan: &Plan) -> Finding {
     #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
     let limit = MEMORY_BYTES as f64;
@@ -116,7 +130,8 @@ fn check_memory(plan: &Plan) -> Finding {
         #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
         Ok(bytes) => {
             let fits = bytes <= MEMORY_BYTES;
-            Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit)
+            let finding = Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit);
+            Finding { detail: fitting(plan).join(", "), ..finding }
         }
         Err(error) => {
             let finding = Finding::without_value(Check::Memory, Severity::Unknown, limit);

@@ -2,10 +2,10 @@
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs agree, or by a given time, and B is interpolated
-//! linearly at the times of A's samples. Samples of A are left out where B's neighbors are further
-//! apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the compared part
-//! of either flight.
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
+//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's neighbors
+//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the
+//! compared part of either flight.
 //!
 //! Not done: clocks of different rates and different frames; both are converted where a log is
 //! imported.
@@ -19,8 +19,11 @@ use crate::geometry::Attitude;
 use crate::statistics::weighted_quantile;
 
 mod align;
+mod cause;
 #[cfg(test)]
 mod tests;
+
+pub use cause::Discrepancy;
 
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +50,9 @@ pub enum Alignment {
     /// Best agreement of the designs. Where one design is held between setpoints and the other is
     /// not, it is off by half the time between two setpoints.
     Design,
+    /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
+    /// as those through the inverse of the position loop do.
+    Flown,
     /// Seconds added to B's times.
     Offset(f64),
 }
@@ -70,6 +76,9 @@ pub struct Comparison {
     pub max_m: f64,
     /// Root mean square of the attitude; `None` where a flight has none.
     pub attitude_rmse: Option<Attitude>,
+    /// What explains most of the difference, and its share of the mean square; `None` where there
+    /// is no difference.
+    pub first: Option<(Discrepancy, f64)>,
 }
 
 /// Compares two flights.
@@ -86,6 +95,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
             check_words(a, b)?;
             offset_s
         }
+        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?)?,
         Alignment::Offset(offset_s) => {
             within("offset_s", offset_s, -1e6, 1e6)?;
             offset_s
@@ -118,7 +128,15 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         mean_m: mean(apart()),
         max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
         attitude_rmse: logged.then(|| attitude(rms(turned))),
+        first: cause::first(&pairs),
     })
+}
+
+/// A flight in the air whose design is what was flown.
+fn flown(flight: &Flight) -> Result<Flight> {
+    let samples = Part::Airborne.samples(flight)?.into_iter();
+    let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
+    Ok(Flight { samples, ..Flight::default() })
 }
 
 /// Distance of two flights' letters from which they are different ones: a fifth of a capital.

@@ -32,6 +32,22 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
 }
 
 #[test]
+fn flown_paths_set_the_clocks_where_setpoints_lead() {
+    let (a, mut b) = (aside(1.0, 0.004), aside(1.0, 0.01));
+    for sample in &mut b.samples {
+        sample.design_m = square(sample.time_s - 0.5);
+        sample.time_s += 40.0;
+    }
+    let by = |alignment| {
+        let options = ComparisonOptions { alignment, ..Default::default() };
+        compare(&a, &b, &options).unwrap()
+    };
+    near(by(Alignment::Flown).offset_s, -40.0, 2e-3, "by what was flown");
+    near(by(Alignment::Flown).max_m, 0.0, 2e-3, "the same flight");
+    near(by(Alignment::Design).offset_s, -39.5, 2e-3, "by the setpoints");
+}
+
+#[test]
 fn equal_clocks_are_left_alone() {
     let (a, b) = (aside(1.0, 0.004), aside(1.0, 0.01));
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();

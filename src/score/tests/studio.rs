@@ -160,11 +160,7 @@ impl Shot {
     }
 
     pub(super) fn verdict(&self, strokes: &Strokes) -> Verdict {
-        self.verdict_with(strokes, &ScoreOptions::default())
-    }
-
-    pub(super) fn verdict_with(&self, strokes: &Strokes, options: &ScoreOptions) -> Verdict {
-        score(&self.photo(), strokes, &self.camera, options).unwrap()
+        score(&self.photo(), strokes, &self.camera, &ScoreOptions::default()).unwrap()
     }
 
     /// Exposes and encodes: a trail of 2 cm that glows by 6 mm.

@@ -38,6 +38,17 @@ const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
 
+/// Proportional, integral and derivative gains of the loops: position x y z, velocity x y z, attitude
+/// roll pitch yaw, and rate roll pitch yaw.
+pub(crate) fn pid_gains(options: &PidOptions) -> [[[f64; 3]; 3]; 4] {
+    [
+        [[2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.5, 0.0]],
+        [[25.0, 1.0, 0.0], [25.0, 1.0, 0.0], [25.0, 15.0, 0.0]],
+        [[6.0, 3.0, 0.0], [6.0, 3.0, 0.0], [6.0, 1.0, 0.35]],
+        [options.rate_pid, options.rate_pid, [120.0, 16.7, 0.0]],
+    ]
+}
+
 /// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
 /// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
 /// needs it, or the derivative alone (1.6 times the change of the rate, every 2 ms) throws it over.
@@ -135,29 +146,25 @@ impl PidCascade {
         let speed_max = SPEED_MAX * OVERHEAD;
         let tilt_max = TILT_MAX * OVERHEAD;
         let vehicle = &options.vehicle;
-        let PidOptions { rate_pid, thrust_base } = options.controller.pid;
+        let PidOptions { thrust_base, .. } = options.controller.pid;
         let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
         let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
+        let [position, velocity, attitude, rate] = pid_gains(&options.controller.pid);
+        let [vx, vy, vz] = velocity;
+        let [roll, pitch, yaw] = attitude;
+        let [p, q, r] = rate;
         Self {
-            position: [
-                slow([2.0, 0.0, 0.0], speed_max),
-                slow([2.0, 0.0, 0.0], speed_max),
-                slow([2.0, 0.5, 0.0], speed_max),
-            ],
-            velocity: [
-                slow([25.0, 1.0, 0.0], tilt_max),
-                slow([25.0, 1.0, 0.0], tilt_max),
-                slow([25.0, 15.0, 0.0], FULL / 2.0 / THRUST_SCALE),
-            ],
+            position: position.map(|gains| slow(gains, speed_max)),
+            velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
             attitude: [
-                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
-                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
-                fast([6.0, 1.0, 0.35], 360.0, f64::INFINITY),
+                fast(roll, 20.0, f64::INFINITY),
+                fast(pitch, 20.0, f64::INFINITY),
+                fast(yaw, 360.0, f64::INFINITY),
             ],
             rate: [
-                Pid { filter: filter.clone(), ..fast(rate_pid, 33.3, COMMAND_MAX) },
-                Pid { filter, ..fast(rate_pid, 33.3, COMMAND_MAX) },
-                fast([120.0, 16.7, 0.0], 166.7, COMMAND_MAX),
+                Pid { filter: filter.clone(), ..fast(p, 33.3, COMMAND_MAX) },
+                Pid { filter, ..fast(q, 33.3, COMMAND_MAX) },
+                fast(r, 166.7, COMMAND_MAX),
             ],
             mixer: Mixer::new(&options.vehicle),
             scale: options.vehicle.motor_max / FULL,
