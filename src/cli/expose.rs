@@ -6,12 +6,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::device::tried;
 use super::flags::{FlightFlags, PictureFlags, SceneFlags};
 use super::names::named;
 use super::output::Output;
 use super::progress::watch;
 use super::report::{Report, line};
-use super::warn;
+use super::{show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
@@ -41,22 +42,24 @@ pub(super) struct ExposeArgs {
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let mut scene = args.scene.load(&[])?;
     args.picture.apply(&mut scene)?;
+    let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
-    let format = args.format.unwrap_or_else(|| Format::from_path(&args.output));
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights)?;
-    let backend = args.picture.backend;
+    let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
+    warn(&shot.obstacles);
     warn(&shot.warnings);
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let json = json!({
+        "camera": show::camera_json(&shot),
         "backend": backend,
         "adapter": adapter,
         "flight_sha256": shot.flight_sha256(),
         "photo_sha256": sha256(bytes),
     });
-    let text = line("exposed", &format!("by {backend} on {adapter}"));
+    let text = show::camera_line(&shot) + &line("exposed", &format!("by {backend} on {adapter}"));
     Ok(Report::new(text, json).with_files(&[path]))
 }

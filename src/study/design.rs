@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::scene::NamedScene;
 
 /// Most flights of a study: a week of one core.
-const MAX_TRIALS: usize = 20_000_000;
+const MAX_TRIALS: usize = 500_000;
 
 /// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
 /// any part of them can be flown anywhere.
@@ -153,12 +153,12 @@ pub(super) fn evaluate_prepared(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{Preset, Scene};
 
     fn study() -> Study {
         Study {
             contenders: vec![
-                NamedScene::new("team", Scene::default()),
+                NamedScene::new("team", Scene::preset(Preset::Ae4832022)),
                 Scene::find("geometric", &[]).unwrap(),
             ],
             words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],

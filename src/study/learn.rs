@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::correct::{LearnOptions, correct};
-use super::statistics::{mean, standard_error};
+use super::statistics::{mean, mean_of_strata};
 use super::{Outcome, Prepared, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
@@ -21,8 +21,6 @@ use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::settings::Described;
 
-/// A round helped when its mean gain is this many standard errors above zero.
-const SURE: f64 = 2.0;
 /// Rounds that may fail in a row before learning stops.
 const PATIENCE: u32 = 3;
 
@@ -50,6 +48,14 @@ pub struct Learned {
     pub plans: Vec<Plan>,
     /// Every round; the first flew the design.
     pub rounds: Vec<Round>,
+}
+
+impl Learned {
+    /// Whether a round was significantly better than the design. Otherwise the plans are the design's.
+    #[must_use]
+    pub fn helped(&self) -> bool {
+        self.rounds.iter().skip(1).any(|round| round.kept)
+    }
 }
 
 /// A round's plans, its flights by seed and drone, and their outcomes.
@@ -142,9 +148,9 @@ fn helped(before: &[Outcome], now: &[Outcome]) -> bool {
     lower_limit(&reads) > 0.0 || (lower_limit(&near) > 0.0 && mean(&reads) > -0.05)
 }
 
-/// Lower confidence limit of the mean.
+/// Lower end of the mean's 95 % interval.
 fn lower_limit(values: &[f64]) -> f64 {
-    mean(values) - SURE * standard_error(values)
+    mean_of_strata(&[values.to_vec()]).low
 }
 
 fn round(outcomes: &[Outcome], kept: bool) -> Round {
@@ -164,12 +170,13 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{NamedScene, Scene};
+    use crate::plan::PlanOptions;
+    use crate::scene::{NamedScene, Preset, Scene};
     use crate::sim::ControllerKind;
     use crate::study::Conditions;
 
     fn ready(kind: ControllerKind) -> Prepared {
-        let mut scene = Scene::default();
+        let mut scene = Scene::preset(Preset::Ae4832022);
         scene.controller.kind = kind;
         Prepared::new(&NamedScene::new("s", scene), "L", &Conditions::still()).unwrap()
     }
@@ -181,12 +188,26 @@ mod tests {
         let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
         let first = &learned.rounds[0];
         let best = learned.rounds.iter().rfind(|round| round.kept).unwrap();
+        assert!(learned.helped());
         assert!(best.contour_m < 0.6 * first.contour_m, "{first:?} became {best:?}");
         assert!(best.rmse_m < 0.7 * first.rmse_m, "{first:?} became {best:?}");
         assert!(best.merit >= first.merit - 0.05, "{first:?} became {best:?}");
         let mut csv = Vec::new();
         learned.plans[0].write_csv(&mut csv).unwrap();
         assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plans[0], "as a file");
+    }
+
+    #[test]
+    fn learning_that_does_not_help_stops_and_says_so() {
+        // Without gain every round flies the design again, with lights that are aimed already.
+        let options = LearnOptions { rounds: 9, flights: 3, gain: 0.0, ..LearnOptions::default() };
+        let mut scene = Scene { plan: PlanOptions::even(), ..Scene::preset(Preset::Ae4832022) };
+        scene.controller.kind = ControllerKind::Geometric;
+        let named = NamedScene::new("s", scene);
+        let ready = Prepared::new(&named, "L", &Conditions::still()).unwrap();
+        let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
+        assert!(!learned.helped() && learned.rounds.len() < 9, "{:?}", learned.rounds);
+        assert!(!learned.rounds.last().unwrap().kept);
     }
 
     #[test]
