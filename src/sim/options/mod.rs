@@ -9,10 +9,12 @@ mod vehicle;
 pub use self::controller::{
     ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag, PidOptions,
 };
-pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
+pub use self::observer::{
+    CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
+};
 pub use self::sensors::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    Positioning, SensorOptions, Station, UwbOptions,
+    PeerOptions, Positioning, SensorOptions, Station, UwbOptions,
 };
 pub(super) use self::vehicle::GRAVITY_M_S2;
 pub use self::vehicle::{
