@@ -18,7 +18,7 @@ use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::settings::settings;
 use crate::sim::{
-    AirOptions, BatteryOptions, ControllerOptions, ObserverOptions, RateOptions, SensorOptions,
+    AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions, SensorOptions,
     SimOptions, VehicleOptions,
 };
 
@@ -48,6 +48,8 @@ settings! {
         battery: BatteryOptions = BatteryOptions::default();
         /// The air.
         air: AirOptions = AirOptions::default();
+        /// The floor below the flight.
+        floor: FloorOptions = FloorOptions::default();
         /// Clocks of the simulation.
         rates: RateOptions = RateOptions::default();
         /// The controller: motor commands from the estimated state.
@@ -169,6 +171,7 @@ impl Scene {
             vehicle: sim.vehicle,
             battery: sim.battery,
             air: sim.air,
+            floor: sim.floor,
             rates: sim.rates,
             controller: sim.controller,
             observer: sim.observer,
@@ -209,6 +212,7 @@ impl Scene {
             vehicle: self.vehicle.clone(),
             battery: self.battery.clone(),
             air: self.air.clone(),
+            floor: self.floor.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
             sensors: self.sensors.clone(),

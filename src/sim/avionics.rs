@@ -43,7 +43,7 @@ impl Avionics {
     pub(super) fn new(drone: &Drone<'_>, start_m: Vector3<f64>) -> Result<Self> {
         let Drone { believed, actual, seed, index } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, index);
+        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seed, index);
         let settled_m = sensors.settled_m(start_m);
         Ok(Self {
             controller: controller(believed)?,
@@ -84,7 +84,8 @@ impl Avionics {
         self.estimator.update(&readings, self.tick_s);
         self.fresh = false;
 
-        if setpoint.position_m.z <= 0.0 {
+        let place_m = &setpoint.position_m;
+        if place_m.z <= plant.floor_m(place_m.x, place_m.y) {
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
             self.command = Command::default();

@@ -44,10 +44,10 @@ pub use drone::Drone;
 pub use fly::fly;
 pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
-    EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
+    EkfOptions, EstimatorKind, FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect,
     GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
     MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    UwbOptions, VehicleOptions,
+    TimeOfFlightOptions, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

@@ -60,6 +60,8 @@ struct Trust {
     range: f64,
     barometer: f64,
     gate_sq: f64,
+    /// Standard deviation of a near range to the floor.
+    ranger_m: f64,
 }
 
 impl Ekf {
@@ -90,6 +92,7 @@ impl Ekf {
                 range: square(options.range_sigma_m),
                 barometer: square(options.barometer_sigma_m),
                 gate_sq: square(options.gate_sigmas),
+                ranger_m: sensors.time_of_flight.noise_m,
             },
         }
     }
@@ -165,7 +168,7 @@ impl Ekf {
         let expected_m = self.position_m.z / cos_tilt;
         let position = Vector3::z() / cos_tilt;
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
-        let sigma_m = time_of_flight_sigma_m(distance_m);
+        let sigma_m = time_of_flight_sigma_m(self.trust.ranger_m, distance_m);
         self.correct(Slope { position, turn }, distance_m - expected_m, sigma_m * sigma_m);
     }
 

@@ -11,7 +11,7 @@ use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::options::{
-    BarometerOptions, EkfOptions, EstimatorKind, HeightSensor, LighthouseOptions, Positioning,
+    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, HeightSensor, LighthouseOptions, Positioning,
     SensorOptions, UwbOptions,
 };
 use crate::sim::sensors::Sensors;
@@ -60,7 +60,7 @@ fn follow(
     seconds: u32,
     mut show: impl FnMut(f64, &State, &Ekf),
 ) {
-    let mut readers = Sensors::new(sensors, RATE_HZ, seed, 0);
+    let mut readers = Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, seed, 0);
     let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
@@ -251,13 +251,13 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers = Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, 0);
+        let mut readers = Sensors::new(&of(Positioning::CrossingBeams), &FloorOptions::default(), RATE_HZ, seed, 0);
         let fixes = (0..5000)
             .filter_map(|_| readers.read(&RigidBody::from_state(&state), force).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
-        let mut readers = Sensors::new(&sensors, RATE_HZ, seed, 0);
+        let mut readers = Sensors::new(&sensors, &FloorOptions::default(), RATE_HZ, seed, 0);
         let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {

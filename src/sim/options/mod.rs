@@ -2,6 +2,7 @@
 //! student team whose flight is the reference.
 
 mod controller;
+mod floor;
 mod observer;
 mod sensors;
 mod vehicle;
@@ -9,10 +10,11 @@ mod vehicle;
 pub use self::controller::{
     ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
 };
+pub use self::floor::{FloorOptions, FloorStep};
 pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
 pub use self::sensors::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    Positioning, SensorOptions, Station, UwbOptions,
+    Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub(super) use self::vehicle::GRAVITY_M_S2;
 pub use self::vehicle::{
@@ -32,6 +34,8 @@ settings! {
         battery: BatteryOptions = BatteryOptions::default();
         /// The air around it.
         air: AirOptions = AirOptions::default();
+        /// The floor below it.
+        floor: FloorOptions = FloorOptions::default();
         /// The controller: motor commands from the estimate.
         controller: ControllerOptions = ControllerOptions::default();
         /// The estimator: the estimate from the measurements.
@@ -79,7 +83,9 @@ impl SimOptions {
         Described::check(self, "", None)?;
         self.vehicle.check_lift()?;
         self.battery.check_curve()?;
+        self.floor.check_steps()?;
         self.sensors.check_counts()?;
+        self.sensors.check_silences()?;
         self.observer.check_inputs(&self.sensors)?;
         self.rates.check_ratios()
     }

@@ -24,7 +24,7 @@ use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
-use super::options::{HeightSensor, Positioning, SensorOptions};
+use super::options::{FloorOptions, HeightSensor, Positioning, SensorOptions};
 use super::vehicle::RigidBody;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
@@ -76,8 +76,14 @@ enum Locator {
 }
 
 impl Sensors {
-    /// Sensors of the drone with index `drone`, read `rate_hz` times a second.
-    pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, drone: u64) -> Self {
+    /// Sensors of the drone with index `drone` above a floor, read `rate_hz` times a second.
+    pub(super) fn new(
+        options: &SensorOptions,
+        floor: &FloorOptions,
+        rate_hz: u32,
+        seed: u64,
+        drone: u64,
+    ) -> Self {
         let noise = |sensor: &str| Noise::new(seed, drone, sensor);
         let lighthouse = &options.lighthouse;
         let has = |sensor| options.heights.contains(&sensor);
@@ -96,7 +102,8 @@ impl Sensors {
                 Positioning::UwbTdoa => Locator::Uwb(Box::new(Uwb::new(&options.uwb, true, noise))),
                 Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, noise))),
             },
-            time_of_flight: has(HeightSensor::TimeOfFlight).then(|| TimeOfFlight::new(noise)),
+            time_of_flight: has(HeightSensor::TimeOfFlight)
+                .then(|| TimeOfFlight::new(&options.time_of_flight, floor, noise)),
             barometer: has(HeightSensor::Barometer)
                 .then(|| Barometer::new(&options.barometer, noise)),
             tick_s: 1.0 / f64::from(rate_hz),
@@ -147,8 +154,7 @@ impl Sensors {
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         if let Some(sensor) = &mut self.time_of_flight {
-            readings.time_of_flight_m =
-                sensor.read(position_m.z, || world_from_body()[(2, 2)], time_s);
+            readings.time_of_flight_m = sensor.read(&position_m, world_from_body, time_s);
         }
         if let Some(sensor) = &mut self.barometer {
             readings.barometer_m = sensor.read(position_m.z, time_s);
@@ -190,7 +196,7 @@ mod tests {
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
         let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
-        let mut sensors = Sensors::new(options, 500, 1, 0);
+        let mut sensors = Sensors::new(options, &FloorOptions::default(), 500, 1, 0);
         let read = |_| {
             let r = sensors.read(&body, force);
             Written {
