@@ -70,7 +70,10 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": {} },
         }),
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
         }
     };

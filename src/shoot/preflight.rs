@@ -9,6 +9,7 @@ use crate::export::Form;
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
 use crate::flight::Flight;
 use crate::geometry::bounds;
+use crate::letters::Strokes;
 use crate::light::{Drive, LightTrace};
 use crate::plan::Plan;
 use crate::plan::check::{
@@ -61,11 +62,18 @@ impl Shoot {
             flight: &flight,
             ends: &ends,
             painted: &painted,
+            cap_height_m: self.strokes.as_ref().and_then(cap_height_m),
             motor_max: scene.vehicle.motor_max,
             battery_modelled: scene.battery.capacity_ah > 0.0,
         };
         Ok(check_flown(&flown, profile))
     }
+}
+
+/// Cap height of a word's letters; `None` of a drawing.
+fn cap_height_m(strokes: &Strokes) -> Option<f64> {
+    let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
+    Some(letter.cell.cap_height_m)
 }
 
 /// Whether the plan fits the memory on board as a compressed trajectory.

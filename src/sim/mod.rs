@@ -43,7 +43,7 @@ pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;
 pub use options::{
-    AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
+    AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
     EkfOptions, EstimatorKind, FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect,
     GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
     MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,

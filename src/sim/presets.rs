@@ -6,8 +6,9 @@
 //! every drone with a lagging motor oscillate.
 
 use super::options::{
-    BatteryOptions, Compensation, ControllerOptions, GeometricOptions, GroundEffect, LqrOptions,
-    SimOptions, VehicleOptions,
+    BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions, EkfOptions,
+    EstimatorKind, GeometricOptions, GnssOptions, GroundEffect, HeightSensor, LqrOptions,
+    ObserverOptions, Positioning, SensorOptions, SimOptions, TimeOfFlightOptions, VehicleOptions,
 };
 
 /// Largest motor command of the Crazyflie's firmware.
@@ -149,7 +150,9 @@ impl SimOptions {
     /// compensates; `k_f_n` at 12 V, a full battery in hover. Battery: three of the cells of
     /// [`Self::cf21`], 5 Ah and 20 mΩ assumed. Rotor drag: `RotorS`, 8.06e-5. Rotor inertia: its
     /// propeller of 9 g as a rod. Body drag and height of the propellers assumed. Weights of the
-    /// inputs: Bryson's rule (`noctograph gains --bryson`), times 30.
+    /// inputs: Bryson's rule (`noctograph gains --bryson`), times 30. Sensors: the lab sheet's, ten
+    /// times a second, satellites 5 cm, ranger 6 cm, barometer 25 cm; its walk that of
+    /// [`BarometerOptions`].
     #[must_use]
     pub fn bzzz() -> Self {
         let base = Self::default();
@@ -187,7 +190,25 @@ impl SimOptions {
                 cut_off_v: 9.0,
                 ..cell
             },
+            sensors: SensorOptions {
+                positioning: Positioning::Gnss,
+                heights: vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer],
+                gnss: GnssOptions { noise_m: 0.05, rate_hz: 10.0, ..base.sensors.gnss },
+                time_of_flight: TimeOfFlightOptions { noise_m: 0.06, rate_hz: 10.0 },
+                barometer: BarometerOptions {
+                    noise_m: 0.25,
+                    rate_hz: 10.0,
+                    ..base.sensors.barometer
+                },
+                ..base.sensors
+            },
+            observer: ObserverOptions {
+                kind: EstimatorKind::Altitude,
+                ekf: EkfOptions { position_sigma_m: 0.05, ..base.observer.ekf },
+                ..base.observer
+            },
             controller: ControllerOptions {
+                kind: ControllerKind::Altitude,
                 lqr: LqrOptions { r: [9.324, 9.324, 934.75, 0.2357], ..LqrOptions::default() },
                 ..base.controller
             },
@@ -203,7 +224,7 @@ mod tests {
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{ControllerKind, Drone, Gusts, MotorLag, SensorOptions, fly};
+    use crate::sim::{Drone, Gusts, MotorLag, fly};
 
     fn noor(options: &SimOptions) -> Flight {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, FloorStep, Gusts, HeightSensor, Positioning, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
@@ -49,10 +49,10 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
                 o.controller.kind = ControllerKind::Geometric;
             })
         }),
-        ("bzzz, satellites", {
+        ("bzzz, satellites, altitude hold over a table", {
             with(SimOptions::bzzz(), |o| {
-                o.sensors.positioning = Positioning::Gnss;
-                o.observer.kind = EstimatorKind::Ekf;
+                o.floor.steps =
+                    vec![FloorStep { x_m: [0.15, 1.0], y_m: [-1.0, 1.0], height_m: 0.3 }];
             })
         }),
         ("ae483-2022, truth, fed forward", {

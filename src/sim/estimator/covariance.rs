@@ -106,9 +106,7 @@ impl Covariance {
         variance: f64,
         gate_sq: f64,
     ) -> bool {
-        let a_p = self.pp * slope.position + self.pt * slope.turn;
-        let a_v = self.pv.tr_mul(&slope.position) + self.vt * slope.turn;
-        let a_t = self.pt.tr_mul(&slope.position) + self.tt * slope.turn;
+        let [a_p, a_v, a_t] = self.against(slope);
         let s = slope.position.dot(&a_p) + slope.turn.dot(&a_t) + variance;
         let expected = slope.position.dot(&errors.position_m) + slope.turn.dot(&errors.turn_rad);
         let left = innovation - expected;
@@ -116,8 +114,23 @@ impl Covariance {
             return false;
         }
         let scale = 1.0 / s.sqrt();
-        let (p, v, t) = (a_p * scale, a_v * scale, a_t * scale);
-        let step = left * scale;
+        self.take(errors, &[a_p * scale, a_v * scale, a_t * scale], left * scale);
+        true
+    }
+
+    /// `P h` of position, velocity and turn.
+    #[inline(always)]
+    pub(super) fn against(&self, slope: &Slope) -> [Vector3<f64>; 3] {
+        [
+            self.pp * slope.position + self.pt * slope.turn,
+            self.pv.tr_mul(&slope.position) + self.vt * slope.turn,
+            self.pt.tr_mul(&slope.position) + self.tt * slope.turn,
+        ]
+    }
+
+    /// Moves `errors` by `step` along `a/√s`, and subtracts that vector's square.
+    #[inline(always)]
+    pub(super) fn take(&mut self, errors: &mut Errors, [p, v, t]: &[Vector3<f64>; 3], step: f64) {
         errors.position_m += p * step;
         errors.velocity_m_s += v * step;
         errors.turn_rad += t * step;
@@ -127,7 +140,6 @@ impl Covariance {
         self.vv -= v * v.transpose();
         self.vt -= v * t.transpose();
         self.tt -= t * t.transpose();
-        true
     }
 }
 

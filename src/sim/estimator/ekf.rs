@@ -10,13 +10,14 @@
 //! "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
 //! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
-//! stations' geometry.
+//! stations' geometry; steps of the floor, unless `floor_steps` says so.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
+use super::floor::{FloorBelow, Measured};
 use crate::sim::options::{EkfOptions, SensorOptions};
 use crate::sim::sensors::{
     DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
@@ -45,6 +46,8 @@ pub(super) struct Ekf {
     turn_rad: Vector3<f64>,
     /// Corrections by the measurements of this tick.
     errors: Errors,
+    /// The floor below the drone, where it may have steps.
+    floor: Option<FloorBelow>,
     stations: Vec<StationPose>,
     anchors_m: Vec<Vector3<f64>>,
     trust: Trust,
@@ -82,6 +85,7 @@ impl Ekf {
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
             errors: Errors::default(),
+            floor: options.floor_steps.then(FloorBelow::new),
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
@@ -115,13 +119,21 @@ impl Ekf {
         let lever = -self.world_from_body * force_m_s2.cross_matrix();
         let Trust { acceleration, rate, .. } = self.trust;
         self.covariance.carry(self.span_s, &lever, &self.turn_rad, acceleration, rate);
+        if let Some(floor) = &mut self.floor {
+            floor.carry(self.span_s, &lever, &self.turn_rad);
+        }
         self.span_s = 0.0;
         self.turn_rad = Vector3::zeros();
     }
 
     fn correct(&mut self, slope: Slope, innovation: f64, variance: f64) {
-        let gate_sq = self.trust.gate_sq;
-        self.covariance.correct(&mut self.errors, &slope, innovation, variance, gate_sq);
+        let (gate_sq, errors) = (self.trust.gate_sq, &mut self.errors);
+        if let Some(floor) = &mut self.floor {
+            let measured = Measured { slope, per_floor_m: 0.0, innovation, variance };
+            floor.correct(&mut self.covariance, errors, &measured, gate_sq);
+        } else {
+            self.covariance.correct(errors, &slope, innovation, variance, gate_sq);
+        }
     }
 
     fn correct_sweep(&mut self, sweep: &Sweep) {
@@ -165,16 +177,35 @@ impl Ekf {
         if cos_tilt < LEAST_COS_TILT {
             return;
         }
-        let expected_m = self.position_m.z / cos_tilt;
+        let floor_m = self.floor.as_ref().map_or(0.0, |floor| floor.height_m);
+        let expected_m = (self.position_m.z - floor_m) / cos_tilt;
         let position = Vector3::z() / cos_tilt;
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
         let sigma_m = time_of_flight_sigma_m(self.trust.ranger_m, distance_m);
-        self.correct(Slope { position, turn }, distance_m - expected_m, sigma_m * sigma_m);
+        let (slope, innovation) = (Slope { position, turn }, distance_m - expected_m);
+        let variance = sigma_m * sigma_m;
+        if let Some(floor) = &mut self.floor {
+            let measured = Measured { slope, per_floor_m: -1.0 / cos_tilt, innovation, variance };
+            let gate_sq = self.trust.gate_sq;
+            floor.correct_range(&mut self.covariance, &mut self.errors, &measured, gate_sq);
+        } else {
+            self.correct(slope, innovation, variance);
+        }
     }
 
     fn correct_height(&mut self, height_m: f64) {
         let slope = Slope { position: Vector3::z(), turn: Vector3::zeros() };
         self.correct(slope, height_m - self.position_m.z, self.trust.barometer);
+    }
+
+    /// All twelve states, at a velocity in the world.
+    pub(super) fn state_at(&self, velocity_m_s: &Vector3<f64>) -> State {
+        let (p, w) = (&self.position_m, &self.rate_rad_s);
+        let world_from_body = self.attitude.matrix();
+        let a = angles(&world_from_body);
+        let v = world_from_body.tr_mul(velocity_m_s);
+        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
+        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
     }
 
     /// Applies the corrections of this tick's measurements to the state.
@@ -183,6 +214,9 @@ impl Ekf {
         self.position_m += errors.position_m;
         self.velocity_m_s += errors.velocity_m_s;
         self.attitude = self.attitude.by(&errors.turn_rad);
+        if let Some(floor) = &mut self.floor {
+            floor.settle();
+        }
     }
 }
 
@@ -212,11 +246,6 @@ impl Estimator for Ekf {
     }
 
     fn state(&self) -> State {
-        let (p, w) = (&self.position_m, &self.rate_rad_s);
-        let world_from_body = self.attitude.matrix();
-        let a = angles(&world_from_body);
-        let v = world_from_body.tr_mul(&self.velocity_m_s);
-        let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
-        State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
+        self.state_at(&self.velocity_m_s)
     }
 }

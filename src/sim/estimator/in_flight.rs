@@ -11,7 +11,7 @@ use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::options::{
-    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, HeightSensor, LighthouseOptions, Positioning,
+    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, FloorStep, HeightSensor, LighthouseOptions, Positioning,
     SensorOptions, UwbOptions,
 };
 use crate::sim::sensors::Sensors;
@@ -80,6 +80,7 @@ fn honest(sensors: &SensorOptions) -> EkfOptions {
         range_sigma_m: sensors.uwb.noise_m,
         barometer_sigma_m: sensors.barometer.noise_m,
         gate_sigmas: 8.0,
+        floor_steps: false,
     }
 }
 
@@ -278,4 +279,42 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
 
 fn rms_step(places: &[Vector3<f64>]) -> f64 {
     rms(&places.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>())
+}
+
+#[test]
+fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
+    // Ranges to anchors know the height to a few centimeters, the ranger to millimeters: where it
+    // looks onto a table of 0.3 m, a filter without the test takes the table for motion.
+    let mut options = SimOptions::cf21();
+    options.sensors = SensorOptions {
+        heights: vec![HeightSensor::TimeOfFlight],
+        ..white(Positioning::UwbTwr)
+    };
+    options.observer.kind = EstimatorKind::Ekf;
+    options.observer.ekf.range_sigma_m = 0.06;
+    let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
+    let rms_m = |options: &SimOptions| {
+        let errors_m = |seed: u64| {
+            let flight = flown(options, seed);
+            let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
+            in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
+        };
+        let all: Vec<f64> = (0..2).flat_map(errors_m).collect();
+        (all.iter().map(|e| e * e).sum::<f64>() / f64::from(u32::try_from(all.len()).unwrap()))
+            .sqrt()
+    };
+    let flat_m = rms_m(&options);
+    options.floor.steps = vec![table];
+    let without_m = rms_m(&options);
+    options.observer.ekf.floor_steps = true;
+    let with_m = rms_m(&options);
+    eprintln!("flat {flat_m}, without {without_m}, with {with_m}");
+    assert!(with_m < 0.4 * without_m, "{without_m} m without the test, {with_m} m with it");
+}
+
+/// A flight of NOOR.
+fn flown(options: &SimOptions, seed: u64) -> Flight {
+    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+    fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap()
 }

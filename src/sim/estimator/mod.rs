@@ -2,20 +2,26 @@
 //!
 //! In: the [`Readings`] of a tick. Out: all twelve states, the controller's input.
 
+mod altitude;
+mod altitude_filter;
 mod attitude;
 mod covariance;
 mod ekf;
+mod floor;
 #[cfg(test)]
 mod in_flight;
 mod luenberger;
+mod step_test;
 mod truth;
 
 use nalgebra::Vector3;
 
+use self::altitude::Altitude;
+pub use self::altitude_filter::{AltitudeFilter, Measurement, Sensor, State as AltitudeState};
 use self::ekf::Ekf;
 use self::luenberger::Observer;
 use self::truth::Truth;
-use super::options::{EstimatorKind, ObserverOptions, SensorOptions};
+use super::options::{EstimatorKind, Positioning, SimOptions};
 use super::sensors::Readings;
 use super::vehicle::State;
 use crate::error::Result;
@@ -27,6 +33,11 @@ pub(super) trait Estimator: std::fmt::Debug {
 
     /// All twelve states.
     fn state(&self) -> State;
+
+    /// The altitude filter, where there is one.
+    fn altitude(&self) -> Option<&AltitudeFilter> {
+        None
+    }
 }
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
@@ -36,13 +47,22 @@ pub(super) trait Estimator: std::fmt::Debug {
 ///
 /// [`crate::error::Error::Infeasible`] where the observer's weights have no gain.
 pub(super) fn estimator(
-    options: &ObserverOptions,
-    sensors: &SensorOptions,
+    options: &SimOptions,
     position_m: Vector3<f64>,
 ) -> Result<Box<dyn Estimator>> {
-    Ok(match options.kind {
-        EstimatorKind::Luenberger => Box::new(Observer::new(&options.luenberger, position_m)?),
-        EstimatorKind::Ekf => Box::new(Ekf::new(&options.ekf, sensors, position_m)),
+    let SimOptions { observer, sensors, .. } = options;
+    let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
+    Ok(match observer.kind {
+        EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
+        EstimatorKind::Ekf => Box::new(ekf()),
+        EstimatorKind::Altitude => {
+            let hover = options.believed_hover_throttle();
+            Box::new(Altitude {
+                horizontal: ekf(),
+                vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
+                hears_satellites: sensors.positioning == Positioning::Gnss,
+            })
+        }
         EstimatorKind::Truth => Box::new(Truth::new(position_m)),
     })
 }

@@ -1,14 +1,16 @@
 //! Settings of a simulated flight. The default is the preset `ae483-2022`: the values of the
 //! student team whose flight is the reference.
 
+mod altitude;
 mod controller;
 mod floor;
 mod observer;
 mod sensors;
 mod vehicle;
 
+pub use self::altitude::AltitudeOptions;
 pub use self::controller::{
-    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
+    AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
 };
 pub use self::floor::{FloorOptions, FloorStep};
 pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
@@ -88,6 +90,14 @@ impl SimOptions {
         self.sensors.check_silences()?;
         self.observer.check_inputs(&self.sensors)?;
         self.rates.check_ratios()
+    }
+}
+
+impl SimOptions {
+    /// Hover throttle that the altitude filter believes before the flight.
+    #[must_use]
+    pub fn believed_hover_throttle(&self) -> f64 {
+        self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 }
 

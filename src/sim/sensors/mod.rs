@@ -38,6 +38,8 @@ pub(super) use self::uwb::Range;
 pub(super) struct Readings<'a> {
     /// The true motion, for the estimator `truth` alone.
     pub(super) truth: &'a RigidBody,
+    /// Mean command of the motors since the last tick, as a share of the largest.
+    pub(super) throttle: f64,
     /// Gyroscope, body frame.
     pub(super) rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
@@ -133,6 +135,7 @@ impl Sensors {
         let world_from_body = || body.matrix();
         let mut readings = Readings {
             truth: body,
+            throttle: 0.0,
             rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),
             specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
             position_m: None,
@@ -160,6 +163,12 @@ impl Sensors {
             readings.barometer_m = sensor.read(position_m.z, time_s);
         }
         readings
+    }
+
+    /// Bias of the barometer at its last reading; 0 without one.
+    pub(super) fn barometer_bias_m(&self) -> f64 {
+        let time_s = f64::from(self.ticks) * self.tick_s;
+        self.barometer.as_ref().map_or(0.0, |barometer| barometer.bias_m(time_s))
     }
 
     /// Warnings about the base stations.

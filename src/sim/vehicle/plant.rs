@@ -135,6 +135,12 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
+    /// Vertical acceleration per throttle at the present voltage, far from the floor.
+    pub(in crate::sim) fn gain_m_s2(&self) -> f64 {
+        let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
+        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n()
+    }
+
     /// Warnings about the battery.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
