@@ -20,7 +20,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose, project};
 use noctograph::light::LightTrace;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::Shoot;
 
 /// 28 mm at 4 m.
@@ -79,7 +79,7 @@ fn bench(c: &mut Criterion) {
 
 /// NOOR as the default scene flies it.
 fn noor() -> (LightTrace, Camera) {
-    let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
+    let scene = Scene { word: "NOOR".to_owned(), ..Scene::preset(Preset::Ae4832022) };
     let lighting = Shoot::new(scene).unwrap().lighting(&|_, _| {}).unwrap();
     (lighting.trace, lighting.camera)
 }

@@ -13,12 +13,12 @@ use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, Film};
 use noctograph::photo::exr::Precision;
 use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
 /// NOOR as the default scene writes it.
 fn noor() -> (Film, Camera) {
-    let scene = Scene { word: "NOOR".to_owned(), ..Scene::default() };
+    let scene = Scene { word: "NOOR".to_owned(), ..Scene::preset(Preset::Ae4832022) };
     let shoot = Shoot {
         judging: Judging::Skipped,
         backend: BackendChoice::Cpu,

@@ -10,13 +10,13 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::expose::BackendChoice;
 use noctograph::letters::Strokes;
 use noctograph::photo::Photo;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Shoot};
 
 /// The default preview of a word, and how to read it.
 fn preview(word: &str, size_px: [u32; 2]) -> (Strokes, Photo, View) {
-    let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
+    let mut scene = Scene { word: word.to_owned(), ..Scene::preset(Preset::Ae4832022) };
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     let shoot = Shoot {
         judging: Judging::Skipped,
@@ -32,7 +32,7 @@ fn read(c: &mut Criterion) {
         [("NOOR", [1920, 1080]), ("PAINTING", [1920, 1080]), ("NOOR", [192, 108])]
     {
         let (strokes, photo, view) = preview(word, size_px);
-        let options = Scene::default().score;
+        let options = Scene::preset(Preset::Ae4832022).score;
         let name = format!("{word} at {}x{}", size_px[0], size_px[1]);
         c.bench_function(&format!("prepare for {name}"), |b| {
             b.iter(|| Reader::new(black_box(&strokes), &options).unwrap());

@@ -17,8 +17,8 @@ use image::{RgbImage, imageops};
 use noctograph::expose::BackendChoice;
 use noctograph::light::RingEffect;
 use noctograph::photo::Photo;
-use noctograph::plan::{PlanOptions, Style};
-use noctograph::scene::Scene;
+use noctograph::plan::{EvenStyle, LightLevel, PlanOptions, Style};
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::Verdict;
 use noctograph::shoot::{Judging, Shoot};
 use noctograph::sim::ControllerKind;
@@ -42,7 +42,9 @@ fn main() -> Outcome<()> {
 
 /// A way of flying, with its name.
 fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
-    let (team, even) = (PlanOptions::default, PlanOptions::even);
+    let team = PlanOptions::default;
+    let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
+    let even = || PlanOptions::even_with(style.clone());
     [
         ("the team's way, lqr", team(), ControllerKind::Lqr),
         ("even, lqr led by its inverse", even(), ControllerKind::Lqr),
@@ -54,7 +56,7 @@ fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
 }
 
 fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
-    let mut scene = Scene { plan: plan.clone(), ..Scene::default() };
+    let mut scene = Scene { plan: plan.clone(), ..Scene::preset(Preset::Ae4832022) };
     scene.controller.kind = kind;
     [scene.camera.width_px, scene.camera.height_px] = size_px;
     // The board's own lights are no part of the letters.
@@ -125,8 +127,6 @@ fn heights() -> Outcome<()> {
         for (column, height_m) in (0_u32..).zip(HEIGHTS_M) {
             let mut scene = scene(&plan, kind, size_px);
             scene.letters.cap_height_m = height_m;
-            scene.letters.width_m = 0.6 * height_m;
-            scene.letters.gap_m = 0.2 * height_m;
             scene.letters.baseline_m = 0.75 - 0.5 * height_m;
             // Corners in proportion to the letters, steps as wide as the gaps.
             match &mut scene.plan.style {

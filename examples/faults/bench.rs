@@ -12,8 +12,8 @@ use noctograph::camera::{Camera, CustomLens, ImagePoint, LensModel};
 use noctograph::error::Result;
 use noctograph::letters::{self, Strokes};
 use noctograph::light::RingEffect;
-use noctograph::plan::{Plan, PlanOptions};
-use noctograph::scene::Scene;
+use noctograph::plan::{EvenStyle, LightLevel, Plan, PlanOptions};
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::Reader;
 use noctograph::shoot::{Judging, Shoot, Shot};
 use noctograph::sim::ControllerKind;
@@ -181,7 +181,9 @@ impl Setting {
     /// A word without fault: the team's repaired letters, evenly flown by a controller that follows the design, no
     /// lamps but those that write.
     pub(crate) fn clean(word: &str, seed: u64) -> Self {
-        let mut scene = Scene { plan: PlanOptions::even(), seed, ..Scene::default() };
+        let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
+        let mut scene =
+            Scene { plan: PlanOptions::even_with(style), seed, ..Scene::preset(Preset::Ae4832022) };
         word.clone_into(&mut scene.word);
         scene.letters.font = "ae483-fixed".into();
         scene.controller.kind = ControllerKind::LqrFeedforward;

@@ -68,8 +68,6 @@ pub(crate) fn draw(set: Set, index: usize, background: &str) -> Result<Draw> {
         scene.letters.font = font.into();
         // The team's proportions, in another size; corners and steps with it.
         scene.letters.cap_height_m = cap_height_m;
-        scene.letters.width_m = 0.6 * cap_height_m;
-        scene.letters.gap_m = 0.2 * cap_height_m;
         if team {
             // The team's speed is of the team's size.
             scene.controller.kind = ControllerKind::Lqr;

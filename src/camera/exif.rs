@@ -8,7 +8,7 @@ use std::path::Path;
 
 use exif::{Exif, In, Tag, Value};
 
-use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel};
+use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel, Metering};
 use crate::error::{Error, Result};
 
 /// Largest file of a photograph.
@@ -86,7 +86,7 @@ impl CameraOptions {
             _ => [0.0; 4],
         };
         self.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
-        (self.f_number, self.iso) = (f_number, iso);
+        (self.f_number, self.iso, self.metering) = (f_number, iso, Metering::Off);
         self.shutter_close_s = Some(self.shutter_open_s + exposure_s);
         self.focus_m = number(exif, Tag::SubjectDistance).or(self.focus_m);
         self.take_aspect(exif);

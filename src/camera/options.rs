@@ -19,11 +19,14 @@ settings! {
     /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
     /// light painting; blur is half the usual circle of confusion of 30 µm.
     pub struct CameraOptions {
+        /// Who sets aperture and sensitivity. A scene that sets `f_number` or `iso` and not this
+        /// key is not metered.
+        metering: Metering = Metering::default();
         /// Width of the picture in pixels.
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Aperture number.
+        /// Aperture number; with metering, the one from which the meter starts.
         f_number: f64 = 8.0, in 0.5..=256.0;
         /// Sensitivity; a pixel saturates at 78 / ISO lx s.
         iso: f64 = 100.0, in 1.0..=1e7;
@@ -47,6 +50,26 @@ settings! {
         body: BodyModel = BodyModel::default();
         /// Lens.
         lens: LensModel = LensModel::default();
+    }
+
+    /// Who sets aperture and sensitivity.
+    pub enum Metering tagged {
+        /// The photographer: `f_number` and `iso` as given.
+        "off" => Off,
+        /// The light meter, in steps of a third of a stop: the brightest lamp's trail is white and
+        /// glows, and the room stays dark however long the flight is.
+        "trail" => Trail(TrailMetering),
+    }
+
+    /// Exposures that the light meter aims at, in stops over saturation.
+    pub struct TrailMetering {
+        /// Middle of the brightest trail.
+        trail_stops: f64 = 2.0, in -10.0..=10.0;
+        /// Most of the room's light, which gathers while the shutter is open; the trail gives way
+        /// to it, down to its `least_stops`.
+        room_stops: f64 = -7.0, in -20.0..=0.0;
+        /// Least of the middle of the brightest trail.
+        least_stops: f64 = -1.0, in -10.0..=10.0;
     }
 
     /// Pose of the camera.

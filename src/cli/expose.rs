@@ -11,7 +11,7 @@ use super::names::named;
 use super::output::Output;
 use super::progress::watch;
 use super::report::{Report, line};
-use super::warn;
+use super::{show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
@@ -52,11 +52,12 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let path = output.keep(|out| out.write_all(bytes))?;
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let json = json!({
+        "camera": show::camera_json(&shot),
         "backend": backend,
         "adapter": adapter,
         "flight_sha256": shot.flight_sha256(),
         "photo_sha256": sha256(bytes),
     });
-    let text = line("exposed", &format!("by {backend} on {adapter}"));
+    let text = show::camera_line(&shot) + &line("exposed", &format!("by {backend} on {adapter}"));
     Ok(Report::new(text, json).with_files(&[path]))
 }

@@ -114,6 +114,23 @@ pub(super) struct LetterFlags {
     /// Drawing instead of a word: *.svg, or handwriting as *.json or *.inkml
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
+    /// Width, depth and height of the room in meters, such as 4x3x2.5: the word is fitted to it,
+    /// half a meter from the walls and 0.3 m below the ceiling
+    #[arg(long, value_name = "WxDxH", value_parser = room)]
+    room: Option<[f64; 3]>,
+}
+
+/// Least distance of the word from the walls, and from the ceiling.
+const FROM_WALL_M: f64 = 0.5;
+const FROM_CEILING_M: f64 = 0.3;
+
+fn room(text: &str) -> std::result::Result<[f64; 3], String> {
+    let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
+    let sides: Option<Vec<f64>> = sides.collect();
+    let sides = sides.and_then(|sides| <[f64; 3]>::try_from(sides).ok());
+    let wanted = "wanted WIDTHxDEPTHxHEIGHT in meters, at least 1.5x1.5x1, such as 4x3x2.5";
+    let fits = |[w, d, h]: &[f64; 3]| *w >= 1.5 && *d >= 1.5 && *h >= 1.0;
+    sides.filter(fits).filter(|sides| sides.iter().all(|m| *m <= 1000.0)).ok_or(wanted.to_owned())
 }
 
 impl LetterFlags {
@@ -122,7 +139,16 @@ impl LetterFlags {
         let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
         let drawing = self.drawing.iter();
         let drawing = drawing.flat_map(|file| [("letters.drawing", file.as_str()), ("word", "")]);
-        owned(font.chain(drawing))
+        let mut settings = owned(font.chain(drawing));
+        if let Some([width_m, _, height_m]) = self.room {
+            let wide_m = width_m - 2.0 * FROM_WALL_M;
+            // A low room has the word nearer to its floor.
+            let baseline_m = (0.25 * height_m).min(0.5);
+            let high_m = height_m - FROM_CEILING_M - baseline_m;
+            settings.push(("letters.canvas_m".to_owned(), format!("[{wide_m}, {high_m}]")));
+            settings.push(("letters.baseline_m".to_owned(), baseline_m.to_string()));
+        }
+        settings
     }
 }
 

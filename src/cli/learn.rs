@@ -80,6 +80,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
     let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
     let (mut text, mut rounds) = (String::new(), Vec::new());
+    let mut helped = None;
     let plans = if args.flight.is_empty() {
         text += "round   P(read)   contour      rmse      lag\n                     mm        \
                  mm        s\n";
@@ -95,7 +96,9 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
                 "kept": kept,
             }));
         };
-        learn(&ready, &options, Some(&store), &mut watch)?.plans
+        let learned = learn(&ready, &options, Some(&store), &mut watch)?;
+        helped = Some(learned.helped());
+        learned.plans
     } else {
         from_logs(args, &ready, &options)?
     };
@@ -110,8 +113,18 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     for (file, plan) in plan_files.into_iter().zip(&plans) {
         paths.push(file.keep(|out| plan.write_csv(out))?);
     }
-    text += &line("learned", ready.word());
-    let json = json!({ "word": ready.word(), "rounds": rounds });
+    text += &match helped {
+        Some(false) => line(
+            "learned",
+            &format!(
+                "nothing: no round of {} is significantly better than the design, which is kept; \
+                 try more repeats, less gain, or another controller",
+                rounds.len().saturating_sub(1)
+            ),
+        ),
+        _ => line("learned", ready.word()),
+    };
+    let json = json!({ "word": ready.word(), "rounds": rounds, "helped": helped });
     Ok(Report::new(text, json).with_files(&paths))
 }
 

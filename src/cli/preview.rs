@@ -63,6 +63,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     json["flights"] = shot.flights.iter().map(show::flight_json).collect();
+    json["camera"] = show::camera_json(&shot);
     json["backend"] = backend.into();
     json["adapter"] = adapter.as_str().into();
     json["photo_sha256"] = sha256(png).into();
@@ -72,6 +73,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     };
     text.push('\n');
     text.extend(shot.flights.iter().map(show::flight_lines));
+    text += &show::camera_line(&shot);
     text += &line("exposed", &format!("by {backend} on {adapter}"));
     let outcome = verdict.map_or(Outcome::Done, Outcome::from);
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))

@@ -74,20 +74,30 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
 }
 
 fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text = "fraction of flights in which every letter reads; the weakest factor first\n\n\
-                    factor          usual (x1)  breaks at"
+    let mut text = "fraction of flights in which every letter reads; the weakest factor first;\n\
+                    factors of one place are not surely different (intervals of 95 %)\n\n    \
+                    factor          usual (x1)  breaks at between "
         .to_owned();
-    let shown = options.times.len().min(6);
+    let shown = options.times.len().min(5);
     for times in &options.times[..shown] {
-        text += &format!("{:>7}", format!("x{times}"));
+        text += &format!("{:>6}", format!("x{times}"));
     }
     text += "\n";
+    let most = options.times.last().copied().unwrap_or_default();
+    let beyond =
+        |times: Option<f64>| times.map_or(format!(">{most}"), |times| format!("{times:.1}"));
     for e in found {
-        let most = options.times.last().copied().unwrap_or_default();
-        let at = e.breaks_at.map_or(format!("beyond x{most}"), |times| format!("x{times:.1}"));
-        text += &format!("{:16}{:12}{at:>9}", name(e), usual(&options.usual, e.factor));
+        let at = format!("x{}", beyond(e.breaks_at));
+        let [from, to] = e.breaks_between.map(beyond);
+        let between = format!("{from}-{to}");
+        text += &format!(
+            "{:>2}  {:16}{:12}{at:>9} {between:8}",
+            e.place,
+            name(e),
+            usual(&options.usual, e.factor)
+        );
         for level in &e.levels[..shown] {
-            text += &format!("{:7.2}", level.all_read);
+            text += &format!("{:6.2}", level.all_read.value);
         }
         text += "\n";
     }

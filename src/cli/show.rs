@@ -4,10 +4,12 @@ use nalgebra::Vector3;
 use serde_json::Value;
 
 use super::report::{line, wrapped};
+use crate::camera::Camera;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S};
 use crate::geometry::Attitude;
 use crate::score::{Reason, Verdict};
+use crate::shoot::Shot;
 
 /// The verdict: a line for the word, a row for each letter.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
@@ -69,6 +71,41 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
          {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{height}{battery}{digest}",
         rmse.x, rmse.y, rmse.z, contour.mean_m,
     )
+}
+
+/// Aperture and sensitivity, and what the meter found.
+pub(super) fn camera_line(shot: &Shot) -> String {
+    let Camera { f_number, iso, .. } = shot.camera;
+    let metered = shot.metered.map_or_else(String::new, |metered| {
+        let room = metered.room_stops.map_or("dark".to_owned(), in_stops);
+        let gave_way = if metered.gave_way {
+            ": darker than wanted, so that a long exposure leaves the room dark"
+        } else {
+            ""
+        };
+        let trail = in_stops(metered.trail_stops);
+        format!("; metered: room {room}, trail {trail}{gave_way}")
+    });
+    line("camera", &format!("f/{f_number}, ISO {iso}{metered}"))
+}
+
+/// Stops relative to saturation.
+fn in_stops(stops: f64) -> String {
+    let side = if stops < 0.0 { "under" } else { "over" };
+    format!("{:.1} stops {side} saturation", stops.abs())
+}
+
+/// Camera settings for programs; `metered` is null where the meter did not set them.
+pub(super) fn camera_json(shot: &Shot) -> Value {
+    let metered = shot.metered.map(|metered| {
+        serde_json::json!({
+            "trail_stops": metered.trail_stops,
+            "room_stops": metered.room_stops,
+            "gave_way": metered.gave_way,
+        })
+    });
+    let Camera { f_number, iso, .. } = shot.camera;
+    serde_json::json!({ "f_number": f_number, "iso": iso, "metered": metered })
 }
 
 /// Flight time, tracking error and final values of the simulator's own columns for programs; the

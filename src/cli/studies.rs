@@ -152,7 +152,12 @@ pub(super) fn write_ranking(
 /// A ranking for people and for programs.
 pub(super) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let (measures, pairs) = (&ranking.measures, &ranking.pairs);
-    let json = json!({ "flights": flights, "measures": measures, "pairs": pairs });
+    let json = json!({
+        "flights": flights,
+        "measures": measures,
+        "pairs": pairs,
+        "least_flights": ranking.least_flights,
+    });
     Report::new(ranking_table(study, ranking) + "\n", json)
 }
 
@@ -202,6 +207,15 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
             f.duration_s.value,
             f.energy_j.value
         );
+    }
+    let n_flights = ranking.measures.first().map_or(0, |measures| measures.n_flights);
+    if !ranking.pairs.is_empty() && n_flights < ranking.least_flights as usize {
+        let few = format!(
+            "too few flights: {} scenes can be told apart from {} flights each, not from {n_flights}",
+            ranking.measures.len(),
+            ranking.least_flights
+        );
+        text += &wrapped("\n", &few);
     }
     let alike: Vec<_> = ranking.pairs.iter().filter(|pair| !pair.distinguishable).collect();
     text += match (ranking.pairs.len(), alike.len()) {

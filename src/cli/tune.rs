@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::message;
 use super::names::named;
 use super::output::Output;
 use super::progress::Progress;
@@ -107,6 +108,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         conditions: args.study.conditions()?,
         seed: args.study.seed,
     };
+    options.check()?;
     let store = open_store(&args.output)?;
     let files = ["scene.toml", "candidates.csv", "pareto.svg"];
     let [scene_file, candidates_file, pareto_file] =
@@ -114,8 +116,22 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let (scene_file, candidates_file, pareto_file) = (scene_file?, candidates_file?, pareto_file?);
 
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
+    let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = budget.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
+        if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
+            #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
+            let wanted = options.least_budget() as f64 / n_flights as f64;
+            if spent * wanted > 1.0 {
+                let text = format!(
+                    "{} is too short: {} flights, the least, take about {:.1} of it",
+                    args.budget,
+                    options.least_budget(),
+                    spent * wanted
+                );
+                message("warning: ", &text);
+            }
+        }
         #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
         let spent = spent.unwrap_or(n_flights as f64 / budget.flights as f64);
         progress.update(spent);
@@ -149,8 +165,9 @@ fn scale_letters(scene: &mut Scene, cap_height_m: f64) -> Result<()> {
     let letters = &mut scene.letters;
     let factor = cap_height_m / letters.cap_height_m;
     letters.cap_height_m = cap_height_m;
-    letters.width_m *= factor;
-    letters.gap_m *= factor;
+    for length_m in [&mut letters.width_m, &mut letters.gap_m].into_iter().flatten() {
+        *length_m *= factor;
+    }
     scene.check()
 }
 

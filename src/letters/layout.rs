@@ -35,13 +35,79 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "split the text into several words; one flight cannot write so many",
         ));
     }
+    check_script(word)?;
     let word = drawable(word, &font)?;
     let strokes = lay_out(&word, &font, options);
-    let Some([width_m, height_m]) = options.canvas_m else { return Ok(strokes) };
+    let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
+    let scale = fitting(&strokes, canvas_m);
+    if scale >= 1.0 {
+        return Ok(strokes);
+    }
+    // Fewer lines first: more of them have to leave the letters larger.
+    let (mut best, mut best_scale) = (word.clone(), scale);
+    for broken in (1..=word.matches(' ').count()).map(|breaks| broken(&word, breaks)) {
+        let scale = fitting(&lay_out(&broken, &font, options), canvas_m).min(1.0);
+        if scale > best_scale {
+            (best, best_scale) = (broken, scale);
+        }
+    }
+    Ok(lay_out(&best, &font, &options.scaled(best_scale)))
+}
+
+/// Scale at which strokes fill a canvas.
+fn fitting(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     let [left, bottom, right, top] = strokes.bounds_m();
     // The slack for rounding keeps a text that fits exactly at its size.
-    let scale = (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12);
-    Ok(if scale < 1.0 { lay_out(&word, &font, &options.scaled(scale)) } else { strokes })
+    (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
+}
+
+/// A text with so many more line ends in place of spaces: each time the longest line is broken at
+/// the space nearest to its middle.
+fn broken(text: &str, breaks: usize) -> String {
+    let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
+    let length = |line: &str| line.chars().count();
+    for _ in 0..breaks {
+        let breakable = (0..lines.len()).filter(|at| lines[*at].trim().contains(' '));
+        let Some(at) = breakable.max_by_key(|at| (length(&lines[*at]), lines.len() - at)) else {
+            break;
+        };
+        let line = lines[at].trim().to_owned();
+        let uneven = |at: &usize| length(&line[..*at]).abs_diff(length(&line[at + 1..]));
+        let spaces = line.match_indices(' ').map(|(at, _)| at);
+        let space = spaces.min_by_key(uneven).expect("the line has a space");
+        let [before, after] =
+            [&line[..space], &line[space + 1..]].map(|part| part.trim().to_owned());
+        lines.splice(at..=at, [before, after]);
+    }
+    lines.join("\n")
+}
+
+/// Scripts whose letters are written from right to left, join or change with their neighbors. Laid
+/// out one by one from left to right they would read wrong.
+const SHAPED: [(std::ops::RangeInclusive<char>, &str); 8] = [
+    ('\u{0590}'..='\u{08FF}', "written from right to left"),
+    ('\u{0900}'..='\u{0DFF}', "of joined letters"),
+    ('\u{0F00}'..='\u{109F}', "of joined letters"),
+    ('\u{1780}'..='\u{18AF}', "of joined letters"),
+    ('\u{200E}'..='\u{202E}', "with a direction of its own"),
+    ('\u{FB1D}'..='\u{FDFF}', "written from right to left"),
+    ('\u{FE70}'..='\u{FEFF}', "written from right to left"),
+    ('\u{10800}'..='\u{10FFF}', "written from right to left"),
+];
+
+/// Refuses scripts that need shaping.
+fn check_script(word: &str) -> Result<()> {
+    for (index, character) in word.chars().enumerate() {
+        if let Some((_, kind)) = SHAPED.iter().find(|(range, _)| range.contains(&character)) {
+            return Err(Error::input(
+                format!("word, position {}", index + 1),
+                format!("{character:?}, of a script {kind}"),
+                "a script of separate letters from left to right",
+                "draw the word in another program, and fly the drawing (SVG)",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The text in characters that the font has.
@@ -79,7 +145,7 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     let mut glyphs = Vec::new();
     for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
         #[expect(clippy::cast_precision_loss, reason = "text lengths are below MAX_LETTERS")]
-        let up_m = (options.cap_height_m + options.line_gap_m) * below as f64;
+        let up_m = (options.cap_height_m + options.lines_apart_m()) * below as f64;
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
@@ -101,7 +167,7 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
     let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.1), cells.last().map_or(0.0, end));
     let left_m = match options.align {
         // A product, not a sum: rounded as in the reference flight.
-        Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.width_m * cells.len() as f64,
+        Align::Ae483 if font.fit() == Fit::Box => -0.5 * options.box_width_m() * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|(_, _, width_m)| width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
         Align::Center => -0.5 * (begin_m + end_m),
@@ -118,7 +184,7 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
 
 /// Characters, where their boxes begin, and how wide they are.
 fn boxes(line: &str, options: &LetterOptions) -> Vec<(char, f64, f64)> {
-    let (width_m, gap_m) = (options.width_m, options.gap_m);
+    let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
     let each = line.chars().enumerate();
     each.map(|(index, c)| (c, (width_m + gap_m) * index as f64, width_m)).collect()
 }
@@ -246,6 +312,53 @@ mod tests {
         let exact = LetterOptions { canvas_m: Some([1.5, 0.5]), ..LetterOptions::default() };
         let noor = write("NOOR", &exact).unwrap();
         assert_eq!(noor, write("NOOR", &LetterOptions::default()).unwrap(), "it fits already");
+    }
+
+    #[test]
+    fn boxes_gaps_and_lines_follow_the_cap_height() {
+        let of = |cap_height_m| LetterOptions { cap_height_m, ..LetterOptions::default() };
+        let [large, small] = [0.5, 0.25].map(|cap_m| write("NO\nOR", &of(cap_m)).unwrap());
+        let bounds = large.bounds_m().map(|side| side - 0.5);
+        let [left, bottom, right, top] = small.bounds_m().map(|side| side - 0.5);
+        let half = [(left + 0.5) * 2.0 - 0.5, bottom * 2.0, (right + 0.5) * 2.0 - 0.5, top * 2.0];
+        for (large, small) in bounds.iter().zip(half) {
+            assert!((large - small).abs() < 1e-12, "{bounds:?} is not twice {half:?}");
+        }
+        let wide = write("NO", &LetterOptions { width_m: Some(0.4), ..of(0.25) }).unwrap();
+        assert_eq!(wide.glyphs[0].cell.width_m, 0.4);
+    }
+
+    #[test]
+    fn a_long_text_is_broken_where_that_leaves_it_larger() {
+        let on = |text: &str, canvas_m| {
+            let options =
+                LetterOptions { canvas_m: Some(canvas_m), align: Align::Center, ..simplex() };
+            write(text, &options).unwrap()
+        };
+        assert_eq!(on("HELLO WORLD", [3.0, 1.6]).word, "HELLO\nWORLD");
+        assert_eq!(on("HELLO WORLD", [9.0, 1.6]).word, "HELLO WORLD", "it fits");
+        assert_eq!(on("HELLO WORLD", [2.0, 0.2]).word, "HELLO WORLD", "a line is larger");
+        assert_eq!(on("THE QUICK BROWN FOX", [3.0, 3.0]).word, "THE\nQUICK\nBROWN\nFOX");
+        assert_eq!(on("A\nLONG STORY", [1.5, 4.0]).word, "A\nLONG\nSTORY");
+        let [left, bottom, right, top] = on("HELLO WORLD", [3.0, 1.6]).bounds_m();
+        assert!(
+            right - left <= 3.0 + 1e-9 && top - bottom <= 1.6 + 1e-9 && (left + right).abs() < 0.1
+        );
+    }
+
+    #[test]
+    fn scripts_that_would_come_out_backward_are_refused() {
+        for (word, found) in [
+            ("שלום", "right to left"),
+            ("سلام", "right to left"),
+            ("नमस्ते", "joined letters"),
+            ("ab\u{202E}cd", "direction"),
+        ] {
+            let error = write(word, &simplex()).unwrap_err();
+            assert!(error.to_string().contains(found), "{error}");
+            assert!(error.hint().contains("SVG"), "{}", error.hint());
+        }
+        assert!(write("Grüße", &simplex()).is_ok());
     }
 
     #[test]

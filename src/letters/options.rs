@@ -23,21 +23,23 @@ settings! {
         smoothing_m: f64 = 0.005, in 0.0..=1.0;
         /// Height of a capital.
         cap_height_m: f64 = 0.5, in 0.01..=100.0;
-        /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`); letters of other
-        /// fonts keep their proportions.
-        width_m: f64 = 0.3, in 0.01..=100.0;
-        /// Gap between two such boxes.
-        gap_m: f64 = 0.1, in 0.0..=100.0;
+        /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`), by default 0.6 cap
+        /// heights; letters of other fonts keep their proportions.
+        width_m: Option<f64> = None, in 0.01..=100.0;
+        /// Gap between two such boxes, by default 0.2 cap heights.
+        gap_m: Option<f64> = None, in 0.0..=100.0;
         /// Space that is added between two letters of other fonts.
         spacing_m: f64 = 0.0, in -1.0..=100.0;
         /// Height of the lowest line's baseline above the floor.
         baseline_m: f64 = 0.5, in 0.0..=1000.0;
-        /// Gap between a baseline and the capitals of the line below it.
-        line_gap_m: f64 = 0.25, in 0.0..=100.0;
+        /// Gap between a baseline and the capitals of the line below it, by default half a cap
+        /// height.
+        line_gap_m: Option<f64> = None, in 0.0..=100.0;
         /// Horizontal alignment of each line.
         align: Align = Align::Ae483;
-        /// Largest width and height: a larger text is scaled down, gaps and all. A drawing fills
-        /// it; without one, a drawing fills four cap heights by one.
+        /// Largest width and height: a larger text is broken into lines at its spaces where that
+        /// leaves it larger, and scaled down, gaps and all. A drawing fills the canvas; without
+        /// one, a drawing fills four cap heights by one.
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
     }
 
@@ -78,11 +80,26 @@ impl LetterOptions {
     pub(super) fn scaled(&self, scale: f64) -> Self {
         Self {
             cap_height_m: self.cap_height_m * scale,
-            width_m: self.width_m * scale,
-            gap_m: self.gap_m * scale,
+            width_m: self.width_m.map(|width_m| width_m * scale),
+            gap_m: self.gap_m.map(|gap_m| gap_m * scale),
             spacing_m: self.spacing_m * scale,
-            line_gap_m: self.line_gap_m * scale,
+            line_gap_m: self.line_gap_m.map(|gap_m| gap_m * scale),
             ..self.clone()
         }
+    }
+
+    /// Width of a letter's box.
+    pub(super) fn box_width_m(&self) -> f64 {
+        self.width_m.unwrap_or(0.6 * self.cap_height_m)
+    }
+
+    /// Gap between two boxes.
+    pub(super) fn box_gap_m(&self) -> f64 {
+        self.gap_m.unwrap_or(0.2 * self.cap_height_m)
+    }
+
+    /// Gap between two lines.
+    pub(super) fn lines_apart_m(&self) -> f64 {
+        self.line_gap_m.unwrap_or(0.5 * self.cap_height_m)
     }
 }

@@ -199,7 +199,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 #[cfg(test)]
 mod tests {
     use crate::letters::{LetterOptions, write};
-    use crate::plan::{EvenStyle, Plan, PlanOptions, plan};
+    use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
         plan(&write("NOOR", &LetterOptions::default()).unwrap(), options).unwrap()
@@ -245,7 +245,8 @@ mod tests {
 
     #[test]
     fn the_light_covers_the_length_of_the_word() {
-        let plan = noor(&PlanOptions::even());
+        let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
+        let plan = noor(&PlanOptions::even_with(style));
         let painted_m = 0.2 * plan.full_light_s();
         assert!((painted_m - (1.583_095 + 3.2 + 1.740_512)).abs() < 0.12, "{painted_m} m");
         let lit = plan.lights["headlights"].iter().zip(&plan.setpoints);

@@ -75,7 +75,7 @@ settings! {
         /// Distance that a rounded corner may lie from the drawn one.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
         /// How the exposure is kept even where the drone must slow down.
-        exposure: LightLevel = LightLevel::Dimmed;
+        exposure: LightLevel = LightLevel::Switched;
     }
 
     /// Part of a flight.
@@ -96,10 +96,11 @@ settings! {
 
     /// Light on a lit stroke that is flown slower than the rest.
     pub enum LightLevel {
-        /// Dimmed with the speed, so that every millimeter gets as much light.
-        "dimmed" => Dimmed,
         /// Only switched, as the headlights of the LED-ring deck must be: corners get brighter.
         "switched" => Switched,
+        /// Dimmed with the speed, so that every millimeter gets as much light: for a ring or a
+        /// color LED.
+        "dimmed" => Dimmed,
     }
 
     /// Position that is sent to the controller.

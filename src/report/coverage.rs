@@ -7,7 +7,9 @@ use crate::sim::Coverage;
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
 /// Margins for axes (left), title (above), axes (below) and legend (right), pixels.
-const MARGINS_PX: [f64; 4] = [60.0, 44.0, 52.0, 150.0];
+const MARGINS_PX: [f64; 4] = [60.0, 44.0, 52.0, 190.0];
+/// Least width of the whole: that of its title.
+const TITLE_PX: f64 = 580.0;
 /// Five stops of the viridis map (van der Walt, Smith 2015), small to large error.
 const VIRIDIS: [[f64; 3]; 5] = [
     [68.0, 1.0, 84.0],
@@ -51,7 +53,9 @@ impl<'a> Map<'a> {
         let [left, above, below, beside] = MARGINS_PX;
         let [width, height] =
             [&self.grid.x_m, &self.grid.z_m].map(|places| span(places) * self.px_per_m);
-        let (whole_width, whole_height) = (left + width + beside, above + height + below);
+        let whole_width = (left + width + beside).max(TITLE_PX);
+        // The legend may be higher than the map.
+        let whole_height = (above + height + below).max(above + 220.0);
         self.put(&format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{whole_width:.0}\" \
              height=\"{whole_height:.0}\" font-family=\"sans-serif\" font-size=\"13\">\n\

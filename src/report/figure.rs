@@ -19,6 +19,8 @@ const HEAD_PX: f64 = 72.0;
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// plotters draws on whole pixels; a canvas this many times as fine, shown smaller, is smooth.
 const FINENESS: f64 = 8.0;
+/// Height of the words at places.
+const MARK_PX: f64 = 12.0;
 /// Points of a curve nearer to each other than this are one.
 const THINNEST_PX: f64 = 0.4;
 
@@ -97,8 +99,9 @@ impl Figure {
 
     fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
         root.fill(&WHITE)?;
+        let lines: Vec<&str> = self.title.split('\n').collect();
         let title = text_style(20.0, INK, HPos::Left);
-        root.draw_text(&self.title, &title, at(SIDES_PX[0], 24.0))?;
+        root.draw_text(&lines.join(" / "), &title, at(SIDES_PX[0], 24.0))?;
         self.draw_legend(root)?;
         let mut top_px = HEAD_PX;
         for (index, panel) in self.panels.iter().enumerate() {
@@ -176,13 +179,48 @@ impl Panel {
                 chart.draw_series([PathElement::new(points, curve.pen.style())])?;
             }
         }
-        let right_of = (whole(4.0), -whole(9.0));
-        for mark in &self.marks {
-            let style = text_style(12.0, INK, HPos::Left);
-            let text = Text::new(mark.text.clone(), right_of, style);
+        for (mark, (right_px, down_px)) in self.marks.iter().zip(self.places(per_px)) {
+            let style = text_style(MARK_PX, INK, HPos::Left);
+            let text = Text::new(mark.text.clone(), (whole(right_px), whole(down_px)), style);
             chart.draw_series([EmptyElement::at(mark.at) + text])?;
         }
         Ok(())
+    }
+
+    /// Where the words of the marks begin, right of and below their places: each at the nearest of
+    /// several places that is free of other words and within the panel.
+    fn places(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f64)> {
+        let mut taken: Vec<[f64; 4]> = Vec::new();
+        let place = |mark: &Mark| {
+            let x_px = (mark.at.0 - self.x.start) / x_per_px;
+            let y_px = (self.y.end - mark.at.1) / y_per_px;
+            #[expect(clippy::cast_precision_loss, reason = "a few letters")]
+            let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
+            let rows = (1..=6).map(|row| f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX);
+            let sides = [4.0, -4.0 - wide_px, -0.5 * wide_px];
+            let around = rows.flat_map(|row| {
+                sides.into_iter().flat_map(move |side| [(side, -row), (side, row)])
+            });
+            let around: Vec<(f64, f64)> = around.collect();
+            let corners = |(right, down): (f64, f64)| {
+                let (left, middle) = (x_px + right, y_px + down);
+                [left, middle - 0.55 * MARK_PX, left + wide_px, middle + 0.55 * MARK_PX]
+            };
+            let free = |place: &&(f64, f64)| {
+                let [left, top, right, bottom] = corners(**place);
+                let height_px = self.height_px;
+                let within =
+                    left >= 0.0 && right <= PANEL_WIDTH_PX && top >= 0.0 && bottom <= height_px;
+                within
+                    && taken
+                        .iter()
+                        .all(|[l, t, r, b]| right < *l || *r < left || bottom < *t || *b < top)
+            };
+            let found = around.iter().find(free).copied().unwrap_or(around[0]);
+            taken.push(corners(found));
+            found
+        };
+        self.marks.iter().map(place).collect()
     }
 }
 
@@ -244,6 +282,38 @@ mod tests {
         assert_eq!((thin[0], thin[thin.len() - 1]), ((0.0, 0.0), (10.0, 10.0)));
         let beside = |p: &(f64, f64)| (p.1.min(10.0 - p.0)).abs();
         assert!(thin.iter().all(|p| beside(p) < 1e-9), "on the line");
+    }
+
+    #[test]
+    fn words_at_places_neither_collide_nor_leave_the_panel() {
+        let corner = (0..6).map(|k| (9.99 + 0.001 * f64::from(k), 9.99));
+        let middle = (0..12).map(|k| (5.0 + 0.05 * f64::from(k), 5.0));
+        let marks = corner.chain(middle).map(|at| Mark { at, text: "12.3 s".to_owned() });
+        let marks: Vec<Mark> = marks.collect();
+        let panel = Panel {
+            x: 0.0..10.0,
+            y: 0.0..10.0,
+            height_px: 400.0,
+            y_name: "z",
+            curves: Vec::new(),
+            marks: marks.clone(),
+        };
+        let per_px = [10.0 / PANEL_WIDTH_PX, 10.0 / 400.0];
+        let boxes: Vec<[f64; 4]> = marks
+            .iter()
+            .zip(panel.places(per_px))
+            .map(|(mark, (right, down))| {
+                let left = mark.at.0 / per_px[0] + right;
+                let middle = (10.0 - mark.at.1) / per_px[1] + down;
+                [left, middle - 6.0, left + 6.0 * 7.2, middle + 6.0]
+            })
+            .collect();
+        for (i, [left, top, right, bottom]) in boxes.iter().enumerate() {
+            assert!(*left >= 0.0 && *right <= PANEL_WIDTH_PX && *top >= 0.0 && *bottom <= 400.0);
+            for [l, t, r, b] in &boxes[..i] {
+                assert!(right < l || r < left || bottom < t || b < top, "{boxes:?}");
+            }
+        }
     }
 
     #[test]

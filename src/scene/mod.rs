@@ -1,6 +1,6 @@
 //! Scene: the one TOML file that fixes a photo.
 //!
-//! Every key has the value of a preset (`ae483-2022`, if the scene names no other), so a scene names
+//! Every key has the value of a preset (`cf21`, if the scene names no other), so a scene names
 //! only what it changes.
 //! Unknown keys and values out of range are refused with line and key.
 
@@ -8,7 +8,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use crate::camera::CameraOptions;
+use crate::camera::{CameraOptions, Metering};
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
 use crate::letters::{self, LetterOptions, Strokes};
@@ -39,33 +39,33 @@ settings! {
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;
         /// The word's drawing.
-        letters: LetterOptions = LetterOptions::default();
+        letters: LetterOptions = Preset::default().letters();
         /// The way of flying.
-        plan: PlanOptions = PlanOptions::default();
+        plan: PlanOptions = Preset::default().plan();
         /// The drone.
-        vehicle: VehicleOptions = VehicleOptions::default();
+        vehicle: VehicleOptions = Preset::default().sim().vehicle;
         /// The battery.
-        battery: BatteryOptions = BatteryOptions::default();
+        battery: BatteryOptions = Preset::default().sim().battery;
         /// The air.
-        air: AirOptions = AirOptions::default();
+        air: AirOptions = Preset::default().sim().air;
         /// The floor below the flight.
-        floor: FloorOptions = FloorOptions::default();
+        floor: FloorOptions = Preset::default().sim().floor;
         /// Clocks of the simulation.
-        rates: RateOptions = RateOptions::default();
+        rates: RateOptions = Preset::default().sim().rates;
         /// The controller: motor commands from the estimated state.
-        controller: ControllerOptions = ControllerOptions::default();
+        controller: ControllerOptions = Preset::default().sim().controller;
         /// The estimator: the state from the measurements.
-        observer: ObserverOptions = ObserverOptions::default();
+        observer: ObserverOptions = Preset::default().sim().observer;
         /// Sensors and their noise.
-        sensors: SensorOptions = SensorOptions::default();
+        sensors: SensorOptions = Preset::default().sim().sensors;
         /// The lamps, and how they follow commands.
-        light: LightOptions = LightOptions::default();
+        light: LightOptions = Preset::default().light();
         /// The camera.
-        camera: CameraOptions = CameraOptions::default();
+        camera: CameraOptions = Preset::default().camera();
         /// Resolution of the exposure, and the floor that the lamps light.
         expose: ExposeOptions = ExposeOptions::default();
         /// Lens and sensor effects, and the tone curve.
-        photo: PhotoOptions = PhotoOptions::default();
+        photo: PhotoOptions = Preset::default().photo();
         /// The reader and its verdict.
         score: ScoreOptions = ScoreOptions::default();
     }
@@ -137,6 +137,14 @@ impl Scene {
             Some(_) => scene.plan = PlanOptions::default(),
             None => {}
         }
+        // An aperture or a sensitivity that is set is meant.
+        let camera = |key| {
+            let camera = |layer: &Table| Some(layer.get("camera")?.get(key)?.is_table());
+            layers.iter().any(|layer| camera(layer).is_some())
+        };
+        if (camera("f_number") || camera("iso")) && !camera("metering") {
+            scene.camera.metering = Metering::Off;
+        }
         // A deck brings its own lamps, unless these are listed.
         let light = |key: &str| {
             layers
@@ -168,6 +176,11 @@ impl Scene {
         let sim = preset.sim();
         Self {
             preset,
+            letters: preset.letters(),
+            plan: preset.plan(),
+            light: preset.light(),
+            camera: preset.camera(),
+            photo: preset.photo(),
             vehicle: sim.vehicle,
             battery: sim.battery,
             air: sim.air,
@@ -273,7 +286,7 @@ mod tests {
         want.vehicle.mass_kg = 0.0351;
         want.air.gusts = crate::sim::Gusts::Dryden;
         assert_eq!(Scene::parse(toml, "my.toml").unwrap(), want);
-        assert_ne!(want.controller, Scene::default().controller, "its own gains");
+        assert_ne!(want.controller, Scene::preset(Preset::Ae4832022).controller, "its own gains");
     }
 
     #[test]
@@ -292,6 +305,20 @@ mod tests {
         assert_eq!(typed.plan, want);
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
         assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
+    fn an_aperture_that_is_set_is_not_metered() {
+        let metering = |settings| {
+            Scene::parse_with("[camera]\nvignetting = 0.1", "my.toml", settings)
+                .unwrap()
+                .camera
+                .metering
+        };
+        assert_eq!(metering(&[]), Scene::default().camera.metering);
+        assert_eq!(metering(&[("camera.iso", "200")]), Metering::Off);
+        let both = [("camera.f_number", "5.6"), ("camera.metering", "trail")];
+        assert_eq!(metering(&both), Scene::default().camera.metering);
     }
 
     #[test]

@@ -151,11 +151,12 @@ mod tests {
     #[test]
     fn shipped_scenes_presets_files_and_folders_are_found() {
         let find = |name| Scene::find(name, &[]).unwrap().scene;
-        assert_eq!(find("team"), Scene::default());
+        assert_eq!(find("team"), Scene::preset(Preset::Ae4832022));
+        assert_eq!(find("ae483-2022"), find("team"));
+        assert_eq!(find("cf21"), Scene::default());
         assert_eq!(find("pid").controller.kind, ControllerKind::Pid);
         assert_eq!(find("geometric").controller.kind, ControllerKind::Geometric);
         assert_eq!(find("tuned").controller.kind, ControllerKind::LqrIntegral);
-        assert_eq!(find("cf21"), Scene::preset(Preset::Cf21));
         let heavy = Scene::find("cf21", &[("vehicle.mass_kg", "0.04")]).unwrap().scene;
         assert_eq!(heavy.vehicle.mass_kg, 0.04);
         let error = Scene::find("unknown", &[]).unwrap_err();

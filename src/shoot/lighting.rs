@@ -2,11 +2,13 @@
 
 use nalgebra::Vector3;
 
+use super::metering::{Metered, metered};
 use super::{Recording, Shoot, Watch};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::light::{LightSample, LightTrace, light};
+use crate::scene::Scene;
 
 /// Smallest distance of a lit lamp from the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
@@ -18,8 +20,10 @@ pub struct Lighting {
     pub flights: Vec<Flight>,
     /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
     pub trace: LightTrace,
-    /// The scene's camera.
+    /// The scene's camera, as the meter set it.
     pub camera: Camera,
+    /// What the meter set, if the scene asks for it.
+    pub metered: Option<Metered>,
     /// Warnings of the simulated flights, and of light outside the picture.
     pub warnings: Vec<String>,
 }
@@ -67,10 +71,12 @@ impl Shoot {
             all.append(trace);
         }
         let bounds_m = self.bounds_m(&flights)?;
-        let camera = self.scene.camera.camera(bounds_m, end_s)?;
+        let Scene { camera: options, photo, .. } = &self.scene;
+        let mut camera = options.camera(bounds_m, end_s)?;
+        let metered = metered(&all, &mut camera, options, photo)?;
         check_place(&all, bounds_m, &camera)?;
         warnings.extend(outside(&all, bounds_m, &camera));
-        Ok(Lighting { flights, trace: all, camera, warnings })
+        Ok(Lighting { flights, trace: all, camera, metered, warnings })
     }
 
     /// Lights the lamps of one drone, counted from 0.

@@ -35,12 +35,14 @@ use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
 mod lighting;
+mod metering;
 mod planned;
 mod preflight;
 mod shot;
 
 pub use file::Format;
 pub use lighting::Lighting;
+pub use metering::Metered;
 pub use planned::{Planned, aim, plan, rehearse};
 pub use shot::{Shot, flight_sha256, known};
 

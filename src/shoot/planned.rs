@@ -94,6 +94,7 @@ mod tests {
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::PlanOptions;
+    use crate::scene::Preset;
     use crate::sim::{ControllerKind, SensorOptions, SimOptions};
 
     fn noor() -> Strokes {
@@ -101,7 +102,7 @@ mod tests {
     }
 
     fn scene(options: PlanOptions, kind: ControllerKind) -> Scene {
-        let mut scene = Scene { plan: options, ..Scene::default() };
+        let mut scene = Scene { plan: options, ..Scene::preset(Preset::Ae4832022) };
         scene.controller.kind = kind;
         scene
     }
@@ -118,7 +119,7 @@ mod tests {
 
     #[test]
     fn the_default_scene_is_planned_as_the_team_planned() {
-        let scene = Scene::default();
+        let scene = Scene::preset(Preset::Ae4832022);
         let planned = plan(&scene, &noor()).unwrap();
         assert_eq!(planned.len(), 1);
         assert_eq!(planned[0].plan, crate::plan::plan(&noor(), &scene.plan).unwrap());
@@ -161,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_known_mean_error_is_taken_off() {
-        let mut tipped = Scene { plan: PlanOptions::even(), ..Scene::default() };
+        let mut tipped = Scene { plan: PlanOptions::even(), ..Scene::preset(Preset::Ae4832022) };
         let fly_tipped = |scene: &Scene| {
             let plan = plan(scene, &noor()).unwrap().swap_remove(0).plan;
             let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };

@@ -1,7 +1,7 @@
 //! The photograph with every product on the way to it.
 
 use super::file::encode;
-use super::{Judging, Lighting, Planned, Shoot};
+use super::{Judging, Lighting, Metered, Planned, Shoot};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::{Backend, Developer, Exposure, project};
@@ -29,6 +29,8 @@ pub struct Shot {
     pub trace: LightTrace,
     /// The camera.
     pub camera: Camera,
+    /// What the light meter set; `None`: the scene's own exposure.
+    pub metered: Option<Metered>,
     /// The film.
     pub exposure: Exposure,
     /// The photo.
@@ -59,12 +61,13 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
 impl Shoot {
     /// Exposes and develops the film, encodes the photo and reads it.
     pub(super) fn expose(
-        self,
+        mut self,
         lighting: Lighting,
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, warnings } = lighting;
+        let Lighting { flights, trace, camera, metered, warnings } = lighting;
+        (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         let latent = project(&trace, &camera, &scene.expose)?;
         let exposure = match self.cores {
@@ -98,6 +101,7 @@ impl Shoot {
             flights,
             trace,
             camera,
+            metered,
             exposure,
             photo,
             file,

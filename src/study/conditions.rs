@@ -200,7 +200,9 @@ impl Conditions {
             }
             sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {
-                body.body_drag_n_s_m = DRAG_N_S_M;
+                // Faint gusts bring little drag, so that none change nothing.
+                let share = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
+                body.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * share);
             }
         }
         let used_frac = self.charge_used_frac * chance("charge").uniform();
@@ -236,17 +238,18 @@ impl Chance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Preset;
 
     #[test]
     fn still_conditions_fly_the_scene_itself() {
-        let scene = Scene::default();
+        let scene = Scene::preset(Preset::Ae4832022);
         let actual = Conditions::still().draw(&scene, 7, 0);
         assert_eq!(actual, Actual { sim: scene.sim(), light: scene.light });
     }
 
     #[test]
     fn a_seed_draws_the_same_whatever_other_factors_do() {
-        let (all, scene) = (Conditions::default(), Scene::default());
+        let (all, scene) = (Conditions::default(), Scene::preset(Preset::Ae4832022));
         let lag_s = |conditions: &Conditions, seed, drone| {
             conditions.draw(&scene, seed, drone).sim.vehicle.motor_rise_s
         };
@@ -258,7 +261,7 @@ mod tests {
 
     #[test]
     fn draws_have_the_stated_spread() {
-        let (n, scene) = (4000_u32, Scene::default());
+        let (n, scene) = (4000_u32, Scene::preset(Preset::Ae4832022));
         let draws =
             (0..n).map(|seed| Conditions::default().draw(&scene, seed.into(), 0).sim.vehicle);
         let draws: Vec<_> =
@@ -270,6 +273,15 @@ mod tests {
         assert!((sigma / 0.03 - 1.0).abs() < 0.05, "{sigma}");
         assert!((mean(&|(_, lag_s)| *lag_s) / 0.025 - 1.0).abs() < 0.05);
         assert!(draws.iter().all(|(_, lag_s)| (0.0..0.05).contains(lag_s)));
+    }
+
+    #[test]
+    fn gusts_that_fade_leave_the_scene_as_it_is() {
+        let (gusts, scene) =
+            (Conditions::default().only(Factor::Gusts), Scene::preset(Preset::Ae4832022));
+        let drag = |times| gusts.times(times).draw(&scene, 1, 0).sim.vehicle.body_drag_n_s_m[0];
+        assert_eq!((drag(0.0), drag(1.0), drag(4.0)), (0.0, DRAG_N_S_M[0], DRAG_N_S_M[0]));
+        assert!(drag(1e-6) < 1e-6 * DRAG_N_S_M[0] * 1.001, "{}", drag(1e-6));
     }
 
     #[test]

@@ -153,12 +153,12 @@ pub(super) fn evaluate_prepared(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{Preset, Scene};
 
     fn study() -> Study {
         Study {
             contenders: vec![
-                NamedScene::new("team", Scene::default()),
+                NamedScene::new("team", Scene::preset(Preset::Ae4832022)),
                 Scene::find("geometric", &[]).unwrap(),
             ],
             words: vec![("I".to_owned(), 2), ("L".to_owned(), 1)],

@@ -185,6 +185,7 @@ impl FromStr for Knob {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Preset;
 
     #[test]
     fn knobs_turn_what_they_name_and_nothing_else() {
@@ -194,7 +195,7 @@ mod tests {
             "controller.kind=lqr|lqr-integral",
         ];
         let knobs = knobs.map(|text| text.parse::<Knob>().unwrap());
-        let scene = Scene::default();
+        let scene = Scene::preset(Preset::Ae4832022);
         let turned = turned(&scene, &knobs, &[0.75, 0.5, 0.6]).unwrap();
         let mut want = scene.clone();
         let root = libm::exp(0.5 * libm::log(10.0));
@@ -211,7 +212,7 @@ mod tests {
     #[test]
     fn the_usual_knobs_fit_every_controller() {
         for kind in [ControllerKind::Lqr, ControllerKind::Pid, ControllerKind::Geometric] {
-            let mut scene = Scene::default();
+            let mut scene = Scene::preset(Preset::Ae4832022);
             scene.controller.kind = kind;
             let knobs = Knob::usual(&scene);
             for at in [0.0, 0.5, 0.999] {
@@ -227,7 +228,8 @@ mod tests {
         }
         let wrong = |text: &str, found: &str| {
             let knob = text.parse::<Knob>().unwrap();
-            let error = turned(&Scene::default(), &[knob], &[0.5]).unwrap_err().to_string();
+            let error =
+                turned(&Scene::preset(Preset::Ae4832022), &[knob], &[0.5]).unwrap_err().to_string();
             assert!(error.contains(found), "{error}");
         };
         wrong("controller.lqr.q[12]=1..2", "controller.lqr.q[12]");

@@ -52,6 +52,14 @@ pub struct Learned {
     pub rounds: Vec<Round>,
 }
 
+impl Learned {
+    /// Whether a round was significantly better than the design. Otherwise the plans are the design's.
+    #[must_use]
+    pub fn helped(&self) -> bool {
+        self.rounds.iter().skip(1).any(|round| round.kept)
+    }
+}
+
 /// A round's plans, its flights by seed and drone, and their outcomes.
 type Tried = (Vec<Plan>, Vec<Vec<Flight>>, Vec<Outcome>);
 
@@ -164,12 +172,12 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{NamedScene, Scene};
+    use crate::scene::{NamedScene, Preset, Scene};
     use crate::sim::ControllerKind;
     use crate::study::Conditions;
 
     fn ready(kind: ControllerKind) -> Prepared {
-        let mut scene = Scene::default();
+        let mut scene = Scene::preset(Preset::Ae4832022);
         scene.controller.kind = kind;
         Prepared::new(&NamedScene::new("s", scene), "L", &Conditions::still()).unwrap()
     }
@@ -181,12 +189,23 @@ mod tests {
         let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
         let first = &learned.rounds[0];
         let best = learned.rounds.iter().rfind(|round| round.kept).unwrap();
+        assert!(learned.helped());
         assert!(best.contour_m < 0.6 * first.contour_m, "{first:?} became {best:?}");
         assert!(best.rmse_m < 0.7 * first.rmse_m, "{first:?} became {best:?}");
         assert!(best.merit >= first.merit - 0.05, "{first:?} became {best:?}");
         let mut csv = Vec::new();
         learned.plans[0].write_csv(&mut csv).unwrap();
         assert_eq!(Plan::parse_csv(&csv, "plan.csv").unwrap(), learned.plans[0], "as a file");
+    }
+
+    #[test]
+    fn learning_that_does_not_help_stops_and_says_so() {
+        // Without gain every round flies the design again.
+        let options = LearnOptions { rounds: 9, flights: 2, gain: 0.0, ..LearnOptions::default() };
+        let learned =
+            learn(&ready(ControllerKind::Geometric), &options, None, &mut |_| {}).unwrap();
+        assert!(!learned.helped() && learned.rounds.len() < 9, "{:?}", learned.rounds);
+        assert!(!learned.rounds.last().unwrap().kept);
     }
 
     #[test]

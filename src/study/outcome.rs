@@ -212,7 +212,7 @@ fn modelled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
 mod tests {
     use super::*;
     use crate::plan::PlanOptions;
-    use crate::scene::Scene;
+    use crate::scene::{Preset, Scene};
     use crate::shoot::Shoot;
 
     fn flights(scene: Scene) -> Vec<Flight> {
@@ -221,7 +221,8 @@ mod tests {
 
     #[test]
     fn energy_is_current_times_voltage_times_time() {
-        let mut sample = flights(Scene { word: "I".into(), ..Scene::default() })[0].samples[0];
+        let mut sample =
+            flights(Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) })[0].samples[0];
         sample.motors = [10_000.0; 4];
         let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
         // 40 000 units of 1.95 µN draw 6.68 A/N; a full battery has 4.2 V.
@@ -232,7 +233,11 @@ mod tests {
 
     #[test]
     fn figures_of_several_drones_are_means_largest_values_and_a_sum() {
-        let mut scene = Scene { word: "ON".into(), plan: PlanOptions::even(), ..Scene::default() };
+        let mut scene = Scene {
+            word: "ON".into(),
+            plan: PlanOptions::even(),
+            ..Scene::preset(Preset::Ae4832022)
+        };
         scene.plan.drones = 2;
         let (flights, sim) = (flights(scene.clone()), scene.sim());
         let both = Flown::new(&flights, &sim).unwrap();

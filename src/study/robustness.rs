@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 
-use super::statistics::{Estimate, bootstrap, mean};
+use super::statistics::{Estimate, mean_of_probabilities, share};
 use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
 use crate::scene::NamedScene;
@@ -39,6 +39,10 @@ pub struct Endurance {
     /// Multiple of the usual at which half of the flights read, between two levels on the straight
     /// line; `None` where more than half read at all levels.
     pub breaks_at: Option<f64>,
+    /// The same of the lower and of the upper ends of the levels' 95 % intervals: it lies between.
+    pub breaks_between: [Option<f64>; 2],
+    /// 1 plus the number of factors that surely break the word before.
+    pub place: usize,
 }
 
 /// Flights at one multiple of the usual.
@@ -49,7 +53,7 @@ pub struct Level {
     /// Mean probability of being read.
     pub legibility: Estimate,
     /// Share of flights in which every letter was read.
-    pub all_read: f64,
+    pub all_read: Estimate,
 }
 
 /// Tries every factor and all together; the factor that breaks the word first comes first.
@@ -87,62 +91,107 @@ pub fn robustness(
             before += trials.len();
             levels.push(level(times, &records));
         }
-        endurances.push(Endurance { factor, breaks_at: breaks_at(&levels), levels });
+        endurances.push(endurance(factor, levels));
     }
     let order = |e: &Endurance| {
-        let last = e.levels.last().map_or(0.0, |level| level.all_read);
+        let last = e.levels.last().map_or(0.0, |level| level.all_read.value);
         (e.breaks_at.unwrap_or(f64::INFINITY), last)
     };
     endurances.sort_by(|a, b| {
         let ((a_at, a_last), (b_at, b_last)) = (order(a), order(b));
         a_at.total_cmp(&b_at).then(a_last.total_cmp(&b_last))
     });
+    for index in 0..endurances.len() {
+        endurances[index].place =
+            1 + endurances.iter().filter(|e| breaks_before(e, &endurances[index])).count();
+    }
     Ok(endurances)
 }
 
-fn level(times: f64, records: &[Record]) -> Level {
-    let read: Vec<f64> = records.iter().map(|r| r.outcome.probability).collect();
-    let all: Vec<f64> = records.iter().map(|r| f64::from(u8::from(r.outcome.all_read))).collect();
-    Level {
-        times,
-        legibility: bootstrap(&[read], 0.95, |values| mean(values)),
-        all_read: mean(&all),
+fn endurance(factor: Option<Factor>, levels: Vec<Level>) -> Endurance {
+    Endurance {
+        factor,
+        breaks_at: breaks_at(&levels, |share| share.value),
+        breaks_between: [
+            breaks_at(&levels, |share| share.low),
+            breaks_at(&levels, |share| share.high),
+        ],
+        place: 1,
+        levels,
     }
 }
 
-/// Where the share of flights that read first falls below a half.
-fn breaks_at(levels: &[Level]) -> Option<f64> {
-    if levels.first()?.all_read < HALF {
-        return Some(levels[0].times);
+/// Whether one factor surely breaks the word before another.
+fn breaks_before(one: &Endurance, other: &Endurance) -> bool {
+    let [_, latest] = one.breaks_between;
+    let [earliest, _] = other.breaks_between;
+    latest.is_some_and(|latest| earliest.is_none_or(|earliest| latest < earliest))
+}
+
+fn level(times: f64, records: &[Record]) -> Level {
+    let read = records.iter().map(|r| r.outcome.probability).collect();
+    Level {
+        times,
+        legibility: mean_of_probabilities(&[read]),
+        all_read: share(records.iter().map(|r| r.outcome.all_read)),
     }
-    let fall = levels.windows(2).find(|pair| pair[1].all_read < HALF)?;
+}
+
+/// Where the share of flights that read, or an end of its interval, first falls below a half.
+fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
+    let read = |level: &Level| of(&level.all_read);
+    let first = levels.first()?;
+    if read(first) < HALF {
+        return Some(first.times);
+    }
+    let fall = levels.windows(2).find(|pair| read(&pair[1]) < HALF)?;
     let [from, to] = [fall[0], fall[1]];
-    let share = (from.all_read - HALF) / (from.all_read - to.all_read);
+    let share = (read(&from) - HALF) / (read(&from) - read(&to));
     Some(from.times + share * (to.times - from.times))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{NamedScene, Scene};
+    use crate::scene::{NamedScene, Preset, Scene};
 
     #[test]
     fn a_word_breaks_where_half_of_its_flights_no_longer_read() {
-        let levels = |shares: &[f64]| -> Vec<Level> {
-            let estimate = Estimate { value: 0.5, low: 0.4, high: 0.6 };
-            let level = |(times, &all_read)| Level { times, legibility: estimate, all_read };
-            [0.0, 1.0, 2.0, 4.0].into_iter().zip(shares).map(level).collect()
+        assert_eq!(of(&[20, 18, 10, 2]).breaks_at, Some(2.0));
+        assert_eq!(of(&[20, 15, 5, 2]).breaks_at, Some(1.5));
+        assert_eq!(of(&[20, 18, 16, 12]).breaks_at, None);
+        assert_eq!(of(&[4, 18, 16, 12]).breaks_at, Some(0.0));
+    }
+
+    /// Twenty flights at each of four levels, of which so many read.
+    fn of(n_read: &[usize]) -> Endurance {
+        let estimate = Estimate { value: 0.5, low: 0.4, high: 0.6 };
+        let level = |(times, &n)| {
+            let all_read = share((0..20).map(|flight| flight < n));
+            Level { times, legibility: estimate, all_read }
         };
-        assert_eq!(breaks_at(&levels(&[1.0, 0.9, 0.5, 0.1])), Some(2.0));
-        assert_eq!(breaks_at(&levels(&[1.0, 0.75, 0.25, 0.1])), Some(1.5));
-        assert_eq!(breaks_at(&levels(&[1.0, 0.9, 0.8, 0.6])), None);
-        assert_eq!(breaks_at(&levels(&[0.2, 0.9, 0.8, 0.6])), Some(0.0));
+        endurance(None, [0.0, 1.0, 2.0, 4.0].into_iter().zip(n_read).map(level).collect())
+    }
+
+    #[test]
+    fn only_what_surely_breaks_first_comes_first() {
+        let (weak, middling, strong) =
+            (of(&[20, 6, 0, 0]), of(&[20, 12, 4, 0]), of(&[20, 20, 20, 19]));
+        let [early, late] = weak.breaks_between.map(Option::unwrap);
+        assert!(early < weak.breaks_at.unwrap() && weak.breaks_at.unwrap() < late, "{weak:?}");
+        assert!(
+            breaks_before(&weak, &strong)
+                && breaks_before(&middling, &strong)
+                && !breaks_before(&strong, &weak)
+        );
+        assert!(!breaks_before(&weak, &middling), "{weak:?} and {middling:?} overlap");
+        assert_eq!(strong.breaks_between, [None, None]);
     }
 
     #[test]
     fn gusts_break_an_l_before_late_lamps_do() {
         let options = RobustnessOptions {
-            contender: NamedScene::new("team", Scene::default()),
+            contender: NamedScene::new("team", Scene::preset(Preset::Ae4832022)),
             words: vec![("L".into(), 2)],
             usual: Conditions::default(),
             times: vec![0.0, 10.0],

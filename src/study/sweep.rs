@@ -221,11 +221,11 @@ fn sha256(study: &Study) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{NamedScene, Scene};
+    use crate::scene::{NamedScene, Preset, Scene};
     use crate::study::Conditions;
 
     fn sweep() -> Sweep {
-        let contenders = vec![NamedScene::new("team", Scene::default())];
+        let contenders = vec![NamedScene::new("team", Scene::preset(Preset::Ae4832022))];
         let words = vec![("I".to_owned(), 5)];
         let conditions = Conditions::default();
         Sweep::new(Study { contenders, words, conditions, seed: 1 }).unwrap()

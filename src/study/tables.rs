@@ -45,16 +45,27 @@ pub fn robustness_csv(found: &[Endurance]) -> String {
     let columns = [
         column("factor", "factor"),
         column("times", "level/times"),
-        column("all_read", "level/all_read"),
+        column("all_read", "level/all_read/value"),
+        column("all_read_low", "level/all_read/low"),
+        column("all_read_high", "level/all_read/high"),
         column("legibility", "level/legibility/value"),
         column("low", "level/legibility/low"),
         column("high", "level/legibility/high"),
         column("breaks_at", "breaks_at"),
+        column("breaks_from", "breaks_between/0"),
+        column("breaks_to", "breaks_between/1"),
+        column("place", "place"),
     ];
     let rows = found.iter().flat_map(|endurance| {
         let name = endurance.factor.map_or("all together", Factor::name);
         let row = move |level| {
-            json!({ "factor": name, "level": level, "breaks_at": endurance.breaks_at })
+            json!({
+                "factor": name,
+                "level": level,
+                "breaks_at": endurance.breaks_at,
+                "breaks_between": endurance.breaks_between,
+                "place": endurance.place,
+            })
         };
         endurance.levels.iter().map(row)
     });

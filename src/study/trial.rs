@@ -235,9 +235,10 @@ mod tests {
     use super::*;
     use crate::flight::tracking::{Part, track};
     use crate::plan::PlanOptions;
+    use crate::scene::Preset;
 
     fn prepared(word: &str, change: impl FnOnce(&mut Scene)) -> Prepared {
-        let mut scene = Scene::default();
+        let mut scene = Scene::preset(Preset::Ae4832022);
         change(&mut scene);
         Prepared::new(&NamedScene::new("team", scene), word, &Conditions::still()).unwrap()
     }
@@ -260,7 +261,9 @@ mod tests {
     #[test]
     fn a_flight_of_still_conditions_is_that_of_preview() {
         let ready = prepared("HI", |_| {});
-        let preview = Shoot::new(Scene { word: "HI".into(), seed: 5, ..Scene::default() }).unwrap();
+        let preview =
+            Shoot::new(Scene { word: "HI".into(), seed: 5, ..Scene::preset(Preset::Ae4832022) })
+                .unwrap();
         assert_eq!(ready.fly(5).unwrap(), preview.fly(&|_, _| {}).unwrap());
     }
 
@@ -274,7 +277,7 @@ mod tests {
 
     #[test]
     fn two_drones_are_one_trial_with_departures_of_their_own() {
-        let scene = Scene { plan: PlanOptions::even(), ..Scene::default() };
+        let scene = Scene { plan: PlanOptions::even(), ..Scene::preset(Preset::Ae4832022) };
         let mut scene = NamedScene::new("pair", scene);
         scene.scene.plan.drones = 2;
         let ready = Prepared::new(&scene, "ON", &Conditions::default()).unwrap();

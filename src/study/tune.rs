@@ -24,6 +24,8 @@ use crate::sim::design::{MOTOR_LAG_S, design};
 const FINALISTS: usize = 6;
 /// A finalist flies so many times the training flights.
 const FINAL_TIMES: u32 = 4;
+/// Candidates below which a search is no search.
+const LEAST_CANDIDATES: usize = 10;
 /// Penalty for exceeding a limit by its own size, in merit.
 const PENALTY: f64 = 20.0;
 
@@ -44,6 +46,44 @@ pub struct TuneOptions {
     pub conditions: Conditions,
     /// Seed of the search and of all seeds.
     pub seed: u64,
+}
+
+impl TuneOptions {
+    /// Flights of a candidate.
+    fn n_each(&self) -> usize {
+        self.words.iter().map(|(_, n)| *n as usize).sum()
+    }
+
+    /// Flights of the finals.
+    fn finals(&self) -> usize {
+        FINALISTS * self.n_each() * FINAL_TIMES as usize
+    }
+
+    /// Least budget: the scene as it was and nine more candidates, and the finals.
+    #[must_use]
+    pub fn least_budget(&self) -> usize {
+        self.finals() + LEAST_CANDIDATES * self.n_each()
+    }
+
+    /// Checks that there is something to turn, to write and to spend.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the least budget for these words and seeds.
+    pub fn check(&self) -> Result<()> {
+        let (n_each, least) = (self.n_each(), self.least_budget());
+        if n_each > 0 && !self.knobs.is_empty() && self.budget >= least {
+            return Ok(());
+        }
+        let found = format!("{} flights, {} knobs", self.budget, self.knobs.len());
+        let wanted = format!(
+            "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates of {n_each} flights, \
+             and {FINALISTS} finalists of {}",
+            n_each * FINAL_TIMES as usize
+        );
+        let hint = "raise the budget, or train on fewer words and seeds";
+        Err(Error::input("budget", found, wanted, hint))
+    }
 }
 
 /// Limits of a candidate, for the mean of its flights.
@@ -134,15 +174,8 @@ pub fn tune(
     store: Option<&Store>,
     watch: &mut dyn FnMut(usize, &Candidate) -> bool,
 ) -> Result<Tuned> {
-    let n_each: usize = options.words.iter().map(|(_, n)| *n as usize).sum();
-    let finals = FINALISTS * n_each * FINAL_TIMES as usize;
-    let wanted = finals + 10 * n_each;
-    if n_each == 0 || options.knobs.is_empty() || options.budget < wanted {
-        let found = format!("{} flights, {} knobs", options.budget, options.knobs.len());
-        let hint = "raise the budget, or train on fewer words and seeds";
-        let wanted = format!("at least {wanted} flights and a knob");
-        return Err(Error::input("budget", found, wanted, hint));
-    }
+    options.check()?;
+    let (n_each, finals) = (options.n_each(), options.finals());
     let mut tuning = Tuning { base, options, store, limits: options.limits.clone(), n_flights: 0 };
     let as_it_is = tuning.candidate(0, &[], f64::INFINITY)?;
     if tuning.limits.duration_s.is_none() {
@@ -310,6 +343,7 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Preset;
 
     fn options(budget: usize) -> TuneOptions {
         TuneOptions {
@@ -325,7 +359,7 @@ mod tests {
 
     #[test]
     fn tuning_finds_the_speed_that_reads_and_says_what_it_flew() {
-        let mut base = Scene::default();
+        let mut base = Scene::preset(Preset::Ae4832022);
         base.plan.stroke_speed_m_s = 1.5;
         let (mut heard, mut options) = (0, options(48 + 40));
         options.limits.duration_s = Some(60.0);
@@ -347,16 +381,18 @@ mod tests {
         let run = |n: usize| {
             let store = Store::open(folder.path()).unwrap();
             let mut left = n;
-            let tuned = tune(&Scene::default(), &options(70), Some(&store), &mut |_, _| {
-                left -= 1;
-                left > 0
-            });
+            let tuned =
+                tune(&Scene::preset(Preset::Ae4832022), &options(70), Some(&store), &mut |_, _| {
+                    left -= 1;
+                    left > 0
+                });
             (tuned.unwrap(), store.n_known())
         };
         let _interrupted = run(3);
         let (resumed, known) = run(1000);
         assert!(known > 20, "{known} flights were known");
-        let alone = tune(&Scene::default(), &options(70), None, &mut |_, _| true).unwrap();
+        let alone =
+            tune(&Scene::preset(Preset::Ae4832022), &options(70), None, &mut |_, _| true).unwrap();
         assert_eq!(resumed.candidates, alone.candidates);
         assert_eq!(resumed.scene, alone.scene);
     }
@@ -385,7 +421,8 @@ mod tests {
 
     #[test]
     fn a_budget_without_room_for_a_final_is_refused() {
-        let error = tune(&Scene::default(), &options(20), None, &mut |_, _| true).unwrap_err();
+        let error = tune(&Scene::preset(Preset::Ae4832022), &options(20), None, &mut |_, _| true)
+            .unwrap_err();
         assert!(error.to_string().contains("at least 68 flights"), "{error}");
     }
 }

@@ -14,7 +14,7 @@ fn streak() -> String {
     csv
 }
 
-const FIXED: &str = "[camera]\nwidth_px = 320\nheight_px = 180\nframing.kind = \"fixed\"\n";
+const FIXED: &str = "preset = \"ae483-2022\"\n[camera]\nwidth_px = 320\nheight_px = 180\nframing.kind = \"fixed\"\n";
 
 #[test]
 fn cameras_that_cannot_be_are_refused_and_leave_nothing() {

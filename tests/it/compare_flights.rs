@@ -14,8 +14,8 @@ use crate::golden::assert_golden;
 /// A folder with the plan and the flight of "I".
 fn flown() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    noctograph(folder.path()).args(["plan", "I"]).assert().success();
-    noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
+    noctograph(folder.path()).args(["plan", "I", "--scene", "team"]).assert().success();
+    noctograph(folder.path()).args(["fly", "plan.csv", "--scene", "team"]).assert().success();
     folder
 }
 
@@ -30,9 +30,10 @@ fn largest(vector: &Value) -> f64 {
 #[test]
 fn fly_prints_lag_and_contour_error() {
     let folder = flown();
-    let run = noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
+    let run =
+        noctograph(folder.path()).args(["fly", "plan.csv", "--scene", "team"]).assert().success();
     run.stdout(predicate::str::contains("lag ").and(predicate::str::contains("contour error")));
-    let flight = &run_json(folder.path(), &["fly", "plan.csv"])["flight"];
+    let flight = &run_json(folder.path(), &["fly", "plan.csv", "--scene", "team"])["flight"];
     // The gains' ramp lag is 0.46 s, and setpoints are held for 0.1 s.
     let lag_s = flight["lag_s"].as_f64().unwrap();
     assert!((0.4..0.7).contains(&lag_s), "trails by {lag_s} s");
@@ -46,7 +47,7 @@ fn fly_prints_lag_and_contour_error() {
 fn a_replay_of_a_replay_is_the_same_flight() {
     let folder = flown();
     let replay = |log: &str, out: &str| {
-        let arguments = ["fly", "--setpoints", log, "-o", out];
+        let arguments = ["fly", "--setpoints", log, "--scene", "team", "-o", out];
         noctograph(folder.path()).args(arguments).assert().success();
     };
     replay("flight.csv", "once.csv");
@@ -69,7 +70,7 @@ fn a_replay_of_a_replay_is_the_same_flight() {
 #[test]
 fn compare_prints_a_table_and_writes_plots() {
     let folder = flown();
-    let other = ["fly", "plan.csv", "--seed", "5", "-o", "other.csv"];
+    let other = ["fly", "plan.csv", "--scene", "team", "--seed", "5", "-o", "other.csv"];
     noctograph(folder.path()).args(other).assert().success();
     let compared = |out: &str| {
         let arguments = ["compare", "flight.csv", "other.csv", "--part", "letters", "-o", out];

@@ -37,7 +37,7 @@ fn coverage_is_computed_for_the_stations_of_a_file() {
 
 #[test]
 fn an_observer_that_needs_positions_is_refused_on_angles() {
-    let scene = "word = \"I\"\n[sensors]\npositioning = \"sweeps\"\n";
+    let scene = "preset = \"ae483-2022\"\nword = \"I\"\n[sensors]\npositioning = \"sweeps\"\n";
     let arguments = ["coverage", "--scene", "scene.toml"];
     fails(&arguments, &[("scene.toml", scene)], &["observer.kind", "ekf"]);
 }

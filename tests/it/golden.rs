@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use noctograph::expose::BackendChoice;
 use noctograph::photo::{Noise, Photo, flip};
 use noctograph::report::{Label, labelled};
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
 use crate::compare::{compare, leave_page};
@@ -57,9 +57,9 @@ fn photograph(scene: Scene) -> Photo {
     shoot.take(&|_, _| {}).unwrap().photo
 }
 
-/// The default scene's NOOR at a size.
-fn noor([width_px, height_px]: [u32; 2], noise: Noise) -> Photo {
-    let mut scene = Scene { word: "NOOR".into(), ..Scene::default() };
+/// A word in a preset's scene at a size.
+fn shown(word: &str, preset: Preset, [width_px, height_px]: [u32; 2], noise: Noise) -> Photo {
+    let mut scene = Scene { word: word.into(), ..Scene::preset(preset) };
     scene.photo.noise = noise;
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
     photograph(scene)
@@ -67,7 +67,7 @@ fn noor([width_px, height_px]: [u32; 2], noise: Noise) -> Photo {
 
 #[test]
 fn golden_photo_of_noor() {
-    let (file, found) = ("photo/noor.png", noor([160, 90], Noise::Off));
+    let (file, found) = ("photo/noor.png", shown("NOOR", Preset::Ae4832022, [160, 90], Noise::Off));
     let path = repository("golden").join(file);
     if bless() {
         let mut png = Vec::new();
@@ -104,8 +104,12 @@ fn assert_illustration(file: &str, found: &Photo) {
 }
 
 #[test]
-fn the_picture_of_the_readme_looks_like_the_photo_of_its_command() {
-    assert_illustration("noor.png", &noor([800, 450], Noise::default()));
+fn the_pictures_of_the_readme_look_like_the_photos_of_their_commands() {
+    for (file, word, preset) in
+        [("hello.png", "HELLO", Preset::Cf21), ("noor.png", "NOOR", Preset::Ae4832022)]
+    {
+        assert_illustration(file, &shown(word, preset, [800, 450], Noise::default()));
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ fn json(command: &mut Command, code: i32) -> serde_json::Value {
 
 #[test]
 fn the_papers_letters_are_flagged_and_may_fly() {
-    let report = json(noctograph().args(["check", "WX"]), 0);
+    let report = json(noctograph().args(["check", "WX", "--scene", "team"]), 0);
     assert_eq!(report["fly"], true);
     let findings = report["findings"].as_array().unwrap();
     let found = |check: &str| {
@@ -50,7 +50,7 @@ fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
     let folder = tempfile::tempdir().unwrap();
     let shared = folder.path().join("shared");
     let at = |name: &str| shared.join(name);
-    let args = ["plan", "NO", "--style", "even", "--drones", "2", "-o"];
+    let args = ["plan", "NO", "--scene", "team", "--style", "even", "--drones", "2", "-o"];
     let report = json(noctograph().args(args).arg(&shared), 0);
     assert_eq!(report["drones"].as_array().unwrap().len(), 2);
     assert!(report["drones"][0]["worst_streak_mm"].as_f64().unwrap() < 10.0, "{report}");
@@ -64,7 +64,7 @@ fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
     };
     both().arg(at("plan-2.csv")).assert().code(0).stdout(contains("apart all the time"));
     both().arg(at("plan-1.csv")).assert().code(1).stdout(contains("STOP  separation"));
-    let team = ["plan", "NO", "--drones", "2", "-o"];
+    let team = ["plan", "NO", "--style", "team", "--drones", "2", "-o"];
     noctograph().args(team).arg(folder.path().join("team")).assert().code(2);
 }
 

@@ -6,7 +6,7 @@ use noctograph::expose::{BackendChoice, Film};
 use noctograph::light::RingEffect;
 use noctograph::photo::{Noise, SensorNoise};
 use noctograph::plan::PlanOptions;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::{self, Verdict};
 use noctograph::shoot::{Judging, Shoot, Shot};
 
@@ -16,7 +16,7 @@ use crate::gpu_required;
 struct Taken(Shot);
 
 fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
-    let mut scene = Scene { word: word.to_owned(), ..Scene::default() };
+    let mut scene = Scene { word: word.to_owned(), ..Scene::preset(Preset::Ae4832022) };
     change(&mut scene);
     let shoot = Shoot { judging: Judging::Scored, backend, ..Shoot::new(scene).unwrap() };
     Taken(shoot.take(&|_, _| {}).unwrap())

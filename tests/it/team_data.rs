@@ -70,9 +70,10 @@ fn the_teams_tables_1_and_2_come_from_their_log() {
 #[ignore = "needs ../shared/data"]
 fn the_teams_log_does_not_show_the_reaction_torque() {
     let (folder, log) = (tempfile::tempdir().unwrap(), &*noor_log());
-    let run = noctograph(folder.path()).args(["identify", log]).assert().success();
+    let run =
+        noctograph(folder.path()).args(["identify", log, "--scene", "team"]).assert().success();
     run.stdout(predicate::str::contains("not identifiable from this log: yaw was not excited"));
-    let found = run_json(folder.path(), &["identify", log]);
+    let found = run_json(folder.path(), &["identify", log, "--scene", "team"]);
     assert_eq!(found["k_m_identifiable"], false, "{found}");
     assert!(found["yaw_correlation"].as_f64().unwrap().abs() < 0.4, "{found}");
 }
@@ -109,8 +110,10 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
     assert_eq!(json(&read.stdout)["text"], "NOOR");
-    let score =
-        noctograph(folder.path()).args(["score", photo, "NOOR", "--json"]).output().unwrap();
+    let score = noctograph(folder.path())
+        .args(["score", photo, "NOOR", "--scene", "team", "--json"])
+        .output()
+        .unwrap();
     let causes = json(&score.stdout)["causes"].clone();
     let of = |kind: &str, letter: u64| {
         let causes = causes.as_array().unwrap();

@@ -149,7 +149,7 @@ mod tests {
         let limits =
             EvenStyle { dark_speed_m_s: 2.0, acceleration_m_s2: 4.0, ..EvenStyle::default() };
         assert_eq!(severity_of(&even("NOOR", limits), Check::Acceleration), Severity::Stop);
-        let wide = LetterOptions { width_m: 2.0, ..LetterOptions::default() };
+        let wide = LetterOptions { width_m: Some(2.0), ..LetterOptions::default() };
         let wide = plan(&write("NOOR", &wide).unwrap(), &PlanOptions::even()).unwrap();
         let volume = &check_plans(&[wide], &Profile::indoor())[0];
         assert_eq!((volume.check, volume.severity), (Check::Volume, Severity::Stop));

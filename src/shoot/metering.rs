@@ -1,0 +1,154 @@
+//! The light meter sets aperture and sensitivity.
+//!
+//! The trail is as bright as the lamp is slow; the room gets brighter as long as the shutter is
+//! open. Both follow aperture and sensitivity alike, so that a long flight's trail has to give way
+//! for the room to stay dark.
+
+use crate::camera::{Camera, CameraOptions, Metering, TrailMetering};
+use crate::error::Result;
+use crate::expose::meter::meter;
+use crate::light::LightTrace;
+use crate::photo::PhotoOptions;
+
+/// Aperture numbers as they are engraved, a third of a stop apart. Below f/2.8 few lenses are
+/// sharp, above f/22 diffraction blurs.
+const F_NUMBERS: [f64; 19] = [
+    2.8, 3.2, 3.5, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0, 10.0, 11.0, 13.0, 14.0, 16.0, 18.0,
+    20.0, 22.0,
+];
+
+/// Sensitivities from that of a full well, a third of a stop apart.
+const ISOS: [f64; 16] = [
+    100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0, 1250.0, 1600.0,
+    2000.0, 2500.0, 3200.0,
+];
+
+/// What the light meter set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metered {
+    /// Aperture number.
+    pub f_number: f64,
+    /// Sensitivity.
+    pub iso: f64,
+    /// Middle of the brightest trail, in stops over saturation.
+    pub trail_stops: f64,
+    /// The room, in stops over saturation; `None`: dark.
+    pub room_stops: Option<f64>,
+    /// Whether the trail is darker than wanted, for the room to stay dark.
+    pub gave_way: bool,
+}
+
+/// Meters the light, and sets the camera; `None` where the scene does not ask for it, and for
+/// darkness.
+pub(super) fn metered(
+    trace: &LightTrace,
+    camera: &mut Camera,
+    options: &CameraOptions,
+    photo: &PhotoOptions,
+) -> Result<Option<Metered>> {
+    let Metering::Trail(aims) = &options.metering else { return Ok(None) };
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let mut samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
+    if !samples.any(|sample| sample.level > 0.0 && open.contains(&sample.time_s)) {
+        return Ok(None);
+    }
+    (camera.f_number, camera.iso) = (8.0, 100.0);
+    let Ok(readings) = meter(trace, camera) else { return Ok(None) };
+    let trail_stops = readings.iter().map(|reading| reading.median_stops).fold(f64::MIN, f64::max);
+    let room_stops = photo.ambient_stops(camera);
+    let (more, gave_way) = more_stops(aims, trail_stops, room_stops);
+
+    // The aperture first; sensitivity where the widest is not enough.
+    let wanted = camera.f_number * libm::exp2(-0.5 * more);
+    let least = options.lens.min_f_number();
+    let f_number = nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted);
+    let opened = stops_of(camera.f_number, f_number);
+    let iso = nearest(ISOS.into_iter(), camera.iso * libm::exp2(more - opened));
+    let more = opened + libm::log2(iso / camera.iso);
+    (camera.f_number, camera.iso) = (f_number, iso);
+    Ok(Some(Metered {
+        f_number,
+        iso,
+        trail_stops: trail_stops + more,
+        room_stops: room_stops.map(|stops| stops + more),
+        gave_way,
+    }))
+}
+
+/// Stops to add, and whether they are fewer than the trail wants.
+fn more_stops(aims: &TrailMetering, trail_stops: f64, room_stops: Option<f64>) -> (f64, bool) {
+    let wanted = aims.trail_stops - trail_stops;
+    let least = aims.least_stops.min(aims.trail_stops) - trail_stops;
+    let most = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
+    let more = wanted.min(most).max(least);
+    (more, more < wanted)
+}
+
+/// Stops gained by one aperture number over another.
+fn stops_of(from: f64, to: f64) -> f64 {
+    2.0 * libm::log2(from / to)
+}
+
+/// The number nearest in stops.
+fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
+    let away = |number: &f64| libm::log2(number / wanted).abs();
+    numbers.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or(wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::LensModel;
+
+    /// A lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
+    fn of(candela: f64, open_s: f64, change: fn(&mut CameraOptions)) -> (Camera, Option<Metered>) {
+        let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+        for i in 0..=200 {
+            let t = f64::from(i) / 100.0;
+            csv += &format!("{t},{:.4},0,0.75,{candela},{candela},{candela}\n", 0.2 * t - 0.2);
+        }
+        let trace = LightTrace::parse_csv(csv.as_bytes(), "a.csv").unwrap();
+        let mut options = CameraOptions {
+            metering: Metering::Trail(TrailMetering::default()),
+            shutter_close_s: Some(open_s),
+            ..CameraOptions::default()
+        };
+        change(&mut options);
+        let mut camera = options.camera([-0.6, 0.5, 0.6, 1.0], 2.0).unwrap();
+        let photo = PhotoOptions { ambient_cd_m2: 0.008, ..PhotoOptions::default() };
+        let metered = metered(&trace, &mut camera, &options, &photo).unwrap();
+        (camera, metered)
+    }
+
+    #[test]
+    fn a_short_trail_is_two_stops_over_and_a_long_exposure_leaves_the_room_dark() {
+        let (camera, short) = of(1.8, 30.0, |_| {});
+        let short = short.unwrap();
+        assert!((short.trail_stops - 2.0).abs() < 0.2 && !short.gave_way, "{short:?}");
+        assert_eq!((camera.f_number, camera.iso), (short.f_number, short.iso));
+        let long = of(1.8, 150.0, |_| {}).1.unwrap();
+        assert!(long.gave_way && long.f_number > short.f_number, "{long:?}");
+        assert!((long.room_stops.unwrap() + 7.0).abs() < 0.2, "{long:?}");
+        // In an hour no room stays dark: the trail is kept.
+        let hour = of(1.8, 3600.0, |_| {}).1.unwrap();
+        assert!((hour.trail_stops + 1.0).abs() < 0.2, "{hour:?}");
+    }
+
+    #[test]
+    fn a_faint_lamp_raises_the_sensitivity_where_the_lens_opens_no_further() {
+        let faint = of(0.02, 2.0, |_| {}).1.unwrap();
+        assert_eq!(faint.f_number, 2.8);
+        assert!(faint.iso > 100.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
+        let kit = of(0.02, 2.0, |options| options.lens = LensModel::Kit16).1.unwrap();
+        assert!(kit.f_number == 3.5, "{kit:?}");
+    }
+
+    #[test]
+    fn the_start_does_not_matter_and_off_is_off() {
+        let apart = of(1.8, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
+        assert_eq!(apart.0, of(1.8, 30.0, |_| {}).0);
+        let off = of(1.8, 30.0, |options| options.metering = Metering::Off);
+        assert_eq!((off.0.f_number, off.1), (8.0, None));
+        assert_eq!(of(0.0, 30.0, |_| {}).1, None, "darkness");
+    }
+}
