@@ -90,7 +90,8 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 }
 
 /// Checks that the plan stays above the steps of the floor from its first setpoint above them to its
-/// last. Before and after, where a ramp begins and ends, the drone stands on the step.
+/// last. Before and after, where a ramp begins and ends that rises above the step, the drone stands on
+/// the step.
 fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
     let above = |s: &Setpoint| s.position_m.z > below_m(s);
@@ -98,7 +99,12 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let first = all.iter().position(above).unwrap_or(0);
     let last = all.iter().rposition(above).unwrap_or(all.len() - 1);
     let inside = |s: &Setpoint| s.position_m.z > 0.0 && !above(s);
-    match (first..=last).find(|i| inside(&all[*i])) {
+    let higher = |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
+    let refused = |i: &usize| {
+        let s = &all[*i];
+        inside(s) && ((first..=last).contains(i) || !higher(s))
+    };
+    match (0..all.len()).find(refused) {
         None => Ok(()),
         Some(i) => Err(Error::input(
             format!("plan, setpoint {i}"),

@@ -239,7 +239,7 @@ mod tests {
             (SimOptions::cf21(), [0.073, 0.01, 0.081]),
             (SimOptions::cf21_thrust_kit(), [0.072, 0.01, 0.081]),
             (SimOptions::cf_brushless(), [0.074, 0.01, 0.082]),
-            (SimOptions::bzzz(), [0.077, 0.01, 0.082]),
+            (SimOptions::bzzz(), [0.048, 0.033, 0.046]),
         ];
         for (options, bounds) in sets {
             options.check().unwrap();
