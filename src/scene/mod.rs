@@ -18,8 +18,8 @@ use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::settings::settings;
 use crate::sim::{
-    AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions, SensorOptions,
-    SimOptions, VehicleOptions,
+    AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions,
+    SensorOptions, SimOptions, VehicleOptions,
 };
 
 mod named;

@@ -99,7 +99,8 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let first = all.iter().position(above).unwrap_or(0);
     let last = all.iter().rposition(above).unwrap_or(all.len() - 1);
     let inside = |s: &Setpoint| s.position_m.z > 0.0 && !above(s);
-    let higher = |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
+    let higher =
+        |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
     let refused = |i: &usize| {
         let s = &all[*i];
         inside(s) && ((first..=last).contains(i) || !higher(s))

@@ -43,10 +43,11 @@ pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;
 pub use options::{
-    AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
-    EkfOptions, EstimatorKind, FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect,
-    GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
-    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
+    AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions,
+    Compensation, ControllerKind, ControllerOptions, EkfOptions, EstimatorKind, FloorOptions,
+    FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions, Gusts,
+    HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
+    ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
     TimeOfFlightOptions, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;

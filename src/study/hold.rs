@@ -186,7 +186,8 @@ fn summary(flown: &[Run], model: Model, scenario: Scenario, runs: u32) -> HoldFi
 impl HoldFigures {
     fn misses(&self) -> Vec<String> {
         let mut missed = Vec::new();
-        let Some(Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps }) = self.bounds else {
+        let Some(Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps }) = self.bounds
+        else {
             return missed;
         };
         let mut promise = |kept: bool, text: String| {

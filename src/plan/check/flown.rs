@@ -168,9 +168,7 @@ mod tests {
         // A meter at 5 s of light a meter, and 0.3 s on a millimeter.
         let mut painted: Vec<(f64, f64, f64)> =
             (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
-        let dwell = |painted: &[(f64, f64, f64)]| {
-            dwell(&Flown { painted, ..flown(&flight) })
-        };
+        let dwell = |painted: &[(f64, f64, f64)]| dwell(&Flown { painted, ..flown(&flight) });
         assert_eq!(dwell(&painted).severity, Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
         let found = dwell(&painted);

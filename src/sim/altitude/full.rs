@@ -24,7 +24,8 @@ pub(super) fn hold(
     let start_m = plan.setpoints[0].position_m;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
-    let mut avionics = Avionics::new(&Drone { believed, actual: &actual, seed, index: 0 }, start_m)?;
+    let mut avionics =
+        Avionics::new(&Drone { believed, actual: &actual, seed, index: 0 }, start_m)?;
     let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "7.2e6 at most")]
     let n_ticks = (duration_s * f64::from(rates.control_hz)).round() as u32;

@@ -109,13 +109,7 @@ impl Truth {
         [z, v, self.offset, self.gain(time_s), -floor_m, barometer_m]
     }
 
-    fn measured_m(
-        &self,
-        sensor: Sensor,
-        time_s: f64,
-        error: f64,
-        options: &SimOptions,
-    ) -> f64 {
+    fn measured_m(&self, sensor: Sensor, time_s: f64, error: f64, options: &SimOptions) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
         let sensors = &options.sensors;
         z + match sensor {

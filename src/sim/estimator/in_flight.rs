@@ -11,8 +11,8 @@ use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::options::{
-    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, FloorStep, HeightSensor, LighthouseOptions, Positioning,
-    SensorOptions, UwbOptions,
+    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, FloorStep, HeightSensor,
+    LighthouseOptions, Positioning, SensorOptions, UwbOptions,
 };
 use crate::sim::sensors::Sensors;
 use crate::sim::vehicle::{GRAVITY_M_S2, RigidBody, State};
@@ -252,7 +252,13 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers = Sensors::new(&of(Positioning::CrossingBeams), &FloorOptions::default(), RATE_HZ, seed, 0);
+        let mut readers = Sensors::new(
+            &of(Positioning::CrossingBeams),
+            &FloorOptions::default(),
+            RATE_HZ,
+            seed,
+            0,
+        );
         let fixes = (0..5000)
             .filter_map(|_| readers.read(&RigidBody::from_state(&state), force).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
@@ -286,10 +292,8 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     // Without the test, the gate refuses every range to the table, and the height rests on the anchors
     // alone: 6.1 mm on flights of 1.0 mm over a level floor. With it, 4.6 mm remain.
     let mut options = SimOptions::cf21();
-    options.sensors = SensorOptions {
-        heights: vec![HeightSensor::TimeOfFlight],
-        ..white(Positioning::UwbTwr)
-    };
+    options.sensors =
+        SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };
     options.observer.kind = EstimatorKind::Ekf;
     options.observer.ekf.range_sigma_m = 0.06;
     let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };

@@ -104,9 +104,8 @@ mod tests {
     #[test]
     fn a_ranger_sees_the_table_where_its_beam_falls() {
         let straight = -Vector3::z();
-        let seen = |x_m: f64, down: &Vector3<f64>| {
-            table().distance_m(&Vector3::new(x_m, 0.0, 1.5), down)
-        };
+        let seen =
+            |x_m: f64, down: &Vector3<f64>| table().distance_m(&Vector3::new(x_m, 0.0, 1.5), down);
         assert_eq!((seen(0.9, &straight), seen(1.5, &straight)), (1.5, 1.0));
         // Leaning forward, the beam falls onto the table before the drone is above it.
         let forward = Vector3::new(0.6, 0.0, -0.8);
@@ -122,7 +121,8 @@ mod tests {
             let mut second = floor.steps[0].clone();
             change(&mut second);
             floor.steps.push(second);
-            let checked = Described::check(&floor, "floor", None).and_then(|()| floor.check_steps());
+            let checked =
+                Described::check(&floor, "floor", None).and_then(|()| floor.check_steps());
             checked.err().map(|error| error.to_string())
         };
         let overlapping = refused(|step| step.x_m = [1.9, 3.0]).unwrap();

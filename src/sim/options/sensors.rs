@@ -303,7 +303,8 @@ impl SensorOptions {
                 continue;
             };
             let place = format!("sensors.gnss.silent_s[{i}]");
-            let hint = "write each silence as [from, to], in order of time, and join those that meet";
+            let hint =
+                "write each silence as [from, to], in order of time, and join those that meet";
             return Err(Error::input(place, format!("{from_s} to {to_s} s"), wanted, hint));
         }
         Ok(())

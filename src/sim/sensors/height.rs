@@ -216,8 +216,7 @@ mod tests {
     #[test]
     fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
         let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };
-        let mut barometer =
-            Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, noise);
+        let mut barometer = Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, noise);
         assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
 
         let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
