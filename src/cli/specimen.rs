@@ -47,8 +47,13 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
         if svg { out.write_all(sheet.svg().as_bytes()) } else { write_png(&sheet, out) }
     })?;
     let (n, all) = (shown.chars().count(), visible.len());
-    let text = line("font", &format!("{}: {n} of {all} characters", font.name()));
-    let json = json!({ "font": font.name(), "characters": shown, "asked": all });
+    let mut text = line("font", &format!("{}: {n} of {all} characters", font.name()));
+    let lost: String = shown.chars().filter(|character| font.lost(*character) > 0.0).collect();
+    if !lost.is_empty() {
+        text += &line("faulty", &format!("the center lines lack a stroke of {lost}"));
+    }
+    let json =
+        json!({ "font": font.name(), "characters": shown, "asked": all, "lost_stroke": lost });
     Ok(Report::new(text, json).with_files(&[path]))
 }
 

@@ -15,6 +15,7 @@ pub mod table;
 pub mod tracking;
 
 pub use airborne::airborne;
+pub(crate) use airborne::on_floor;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
 /// battery.

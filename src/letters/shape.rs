@@ -31,6 +31,8 @@ pub(super) struct Shape {
     pub(super) advance: f64,
     /// None for a space.
     pub(super) runs: Vec<Run>,
+    /// Length of a stroke of the face that the center lines lost, in cap heights; 0: none.
+    pub(super) lost: f64,
 }
 
 impl Shape {
@@ -38,6 +40,10 @@ impl Shape {
     pub(super) fn ink(&self) -> [f64; 4] {
         let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied());
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
+    }
+
+    pub(super) fn n_points(&self) -> usize {
+        self.runs.iter().map(|run| run.points.len()).sum()
     }
 
     /// Left edge and width of a proportional character's cell, in cap heights.
@@ -101,7 +107,7 @@ mod tests {
     fn a_box_letter_fills_its_cell() {
         let dark = Run { lit: false, points: vec![[0.0, 1.0], [0.0, 1.0]] };
         let lit = run(&[[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]);
-        let shape = Shape { advance: 1.0, runs: vec![dark, lit] };
+        let shape = Shape { advance: 1.0, runs: vec![dark, lit], lost: 0.0 };
         let cell = Cell { left_m: 2.0, baseline_m: 0.5, width_m: 0.3, cap_height_m: 0.4 };
         let glyph = shape.glyph('L', cell, Fit::Box);
         assert_eq!(glyph.moves.len(), 3, "one dark and two lit moves");
@@ -113,6 +119,7 @@ mod tests {
     #[test]
     fn a_proportional_letter_stands_in_the_middle_and_is_reached_in_the_dark() {
         let shape = Shape {
+            lost: 0.0,
             advance: 0.4,
             runs: vec![run(&[[0.2, 1.0], [0.2, 0.0]]), run(&[[0.2, 0.5], [0.2, 0.6]])],
         };

@@ -9,9 +9,9 @@ use crate::letters::{Cell, Font, Trace};
 use crate::photo::Photo;
 use crate::score::{LetterVerdict, Marks, Verdict};
 
-/// Colors of Okabe and Ito (2008).
-const INTENDED: [u8; 3] = [86, 180, 233];
-const MISSING: [u8; 3] = [213, 94, 0];
+/// Colors that no lamp of a Crazyflie has: these are white, blue and red.
+const INTENDED: [u8; 3] = [0, 200, 120];
+const MISSING: [u8; 3] = [255, 80, 200];
 const STRAY: [u8; 3] = [240, 228, 66];
 const CELL: [u8; 3] = [150, 150, 150];
 
@@ -118,7 +118,7 @@ fn labels(marks: &Marks, verdict: &Verdict) -> Vec<(String, [f64; 2], f64)> {
         let ([left, top], [right, _]) = (*corners.first()?, *corners.get(1)?);
         let size_px = LABEL_SHARE * (right - left);
         let row = |above: f64| [left, top - above * size_px];
-        let own = (format!("{} {:.2}", letter.expected, letter.p), row(2.0), size_px);
+        let own = (format!("{} {:.2}", letter.expected, letter.p?), row(2.0), size_px);
         let rival = letter.rivals.first();
         let rival = rival
             .map(|rival| (format!("{}? {:.2}", rival.letter, rival.p), row(0.4), 0.85 * size_px));

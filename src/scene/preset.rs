@@ -115,7 +115,7 @@ mod tests {
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
             let scene = Scene { word: "Zoë, 2027: Straße!".into(), ..Scene::preset(preset) };
             assert_eq!(scene.controller.kind, ControllerKind::Pid);
-            assert_eq!(scene.strokes().unwrap().word, scene.word);
+            assert_eq!(scene.strokes().unwrap().word.replace('\n', " "), scene.word);
             let [left, _, right, _] = scene.strokes().unwrap().bounds_m();
             assert!((left + right).abs() < 1e-9, "centered");
         }

@@ -100,6 +100,9 @@ mod tests {
     use super::*;
     use crate::camera::LensModel;
 
+    /// A headlight from the side.
+    const SIDE_CD: f64 = 0.09;
+
     /// A lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
     fn of(candela: f64, open_s: f64, change: fn(&mut CameraOptions)) -> (Camera, Option<Metered>) {
         let mut csv = "t,x,y,z,r,g,b\n".to_owned();
@@ -122,32 +125,32 @@ mod tests {
 
     #[test]
     fn a_short_trail_is_two_stops_over_and_a_long_exposure_leaves_the_room_dark() {
-        let (camera, short) = of(1.8, 30.0, |_| {});
+        let (camera, short) = of(SIDE_CD, 30.0, |_| {});
         let short = short.unwrap();
         assert!((short.trail_stops - 2.0).abs() < 0.2 && !short.gave_way, "{short:?}");
         assert_eq!((camera.f_number, camera.iso), (short.f_number, short.iso));
-        let long = of(1.8, 150.0, |_| {}).1.unwrap();
+        let long = of(SIDE_CD, 150.0, |_| {}).1.unwrap();
         assert!(long.gave_way && long.f_number > short.f_number, "{long:?}");
-        assert!((long.room_stops.unwrap() + 7.0).abs() < 0.2, "{long:?}");
+        assert!((long.room_stops.unwrap() + 7.0).abs() < 0.25, "{long:?}");
         // In an hour no room stays dark: the trail is kept.
-        let hour = of(1.8, 3600.0, |_| {}).1.unwrap();
+        let hour = of(SIDE_CD, 3600.0, |_| {}).1.unwrap();
         assert!((hour.trail_stops + 1.0).abs() < 0.2, "{hour:?}");
     }
 
     #[test]
     fn a_faint_lamp_raises_the_sensitivity_where_the_lens_opens_no_further() {
-        let faint = of(0.02, 2.0, |_| {}).1.unwrap();
+        let faint = of(0.004, 0.5, |_| {}).1.unwrap();
         assert_eq!(faint.f_number, 2.8);
         assert!(faint.iso > 100.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
-        let kit = of(0.02, 2.0, |options| options.lens = LensModel::Kit16).1.unwrap();
+        let kit = of(0.004, 0.5, |options| options.lens = LensModel::Kit16).1.unwrap();
         assert!(kit.f_number == 3.5, "{kit:?}");
     }
 
     #[test]
     fn the_start_does_not_matter_and_off_is_off() {
-        let apart = of(1.8, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
-        assert_eq!(apart.0, of(1.8, 30.0, |_| {}).0);
-        let off = of(1.8, 30.0, |options| options.metering = Metering::Off);
+        let apart = of(SIDE_CD, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
+        assert_eq!(apart.0, of(SIDE_CD, 30.0, |_| {}).0);
+        let off = of(SIDE_CD, 30.0, |options| options.metering = Metering::Off);
         assert_eq!((off.0.f_number, off.1), (8.0, None));
         assert_eq!(of(0.0, 30.0, |_| {}).1, None, "darkness");
     }

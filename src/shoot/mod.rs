@@ -27,15 +27,18 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
-use crate::logs::{ImportOptions, import};
+use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
-use crate::score::Reader;
+use crate::score::{Reader, is_judged};
 use crate::sim::{Drone, SimOptions, fly};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
 mod metering;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;
@@ -94,12 +97,16 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`import`] and [`LightTrace::read_csv`].
+    /// As [`logs::import`] and [`LightTrace::read_csv`].
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self> {
-        if is_light_trace(path) {
-            return Ok(Self::Light(LightTrace::read_csv(path)?));
+        if path.is_dir() {
+            return Ok(Self::Flight(logs::import(path, options)?));
         }
-        Ok(Self::Flight(import(path, options)?))
+        let (bytes, file) = (logs::read(path)?, path.display().to_string());
+        if is_light_trace(&bytes) {
+            return Ok(Self::Light(LightTrace::parse_csv(&bytes[..], &file)?));
+        }
+        Ok(Self::Flight(logs::import_bytes(&bytes, &file, options)?))
     }
 }
 
@@ -261,10 +268,9 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// A reader of the strokes, where the photo is read and shows a word.
+    /// A reader of the strokes, where the photo is read and shows a word that can be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
-        // A drawing has no word to read.
-        let word = self.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+        let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         match (&self.reader, word) {
             (_, None) => Ok(None),
             _ if self.judging == Judging::Skipped => Ok(None),

@@ -39,6 +39,7 @@ mod response;
 mod sensors;
 mod vehicle;
 
+pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use fly::fly;
@@ -47,7 +48,7 @@ pub use options::{
     Compensation, ControllerKind, ControllerOptions, EkfOptions, EstimatorKind, FloorOptions,
     FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions, Gusts,
     HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
-    ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
+    ObserverOptions, PidOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
     TimeOfFlightOptions, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;

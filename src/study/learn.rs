@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::correct::{LearnOptions, correct};
-use super::statistics::{mean, standard_error};
+use super::statistics::{mean, mean_of_strata};
 use super::{Outcome, Prepared, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
@@ -21,8 +21,6 @@ use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::settings::Described;
 
-/// A round helped when its mean gain is this many standard errors above zero.
-const SURE: f64 = 2.0;
 /// Rounds that may fail in a row before learning stops.
 const PATIENCE: u32 = 3;
 
@@ -150,9 +148,9 @@ fn helped(before: &[Outcome], now: &[Outcome]) -> bool {
     lower_limit(&reads) > 0.0 || (lower_limit(&near) > 0.0 && mean(&reads) > -0.05)
 }
 
-/// Lower confidence limit of the mean.
+/// Lower end of the mean's 95 % interval.
 fn lower_limit(values: &[f64]) -> f64 {
-    mean(values) - SURE * standard_error(values)
+    mean_of_strata(&[values.to_vec()]).low
 }
 
 fn round(outcomes: &[Outcome], kept: bool) -> Round {
@@ -172,6 +170,7 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::PlanOptions;
     use crate::scene::{NamedScene, Preset, Scene};
     use crate::sim::ControllerKind;
     use crate::study::Conditions;
@@ -200,10 +199,13 @@ mod tests {
 
     #[test]
     fn learning_that_does_not_help_stops_and_says_so() {
-        // Without gain every round flies the design again.
-        let options = LearnOptions { rounds: 9, flights: 2, gain: 0.0, ..LearnOptions::default() };
-        let learned =
-            learn(&ready(ControllerKind::Geometric), &options, None, &mut |_| {}).unwrap();
+        // Without gain every round flies the design again, with lights that are aimed already.
+        let options = LearnOptions { rounds: 9, flights: 3, gain: 0.0, ..LearnOptions::default() };
+        let mut scene = Scene { plan: PlanOptions::even(), ..Scene::preset(Preset::Ae4832022) };
+        scene.controller.kind = ControllerKind::Geometric;
+        let named = NamedScene::new("s", scene);
+        let ready = Prepared::new(&named, "L", &Conditions::still()).unwrap();
+        let learned = learn(&ready, &options, None, &mut |_| {}).unwrap();
         assert!(!learned.helped() && learned.rounds.len() < 9, "{:?}", learned.rounds);
         assert!(!learned.rounds.last().unwrap().kept);
     }

@@ -47,7 +47,7 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!((&json["word"], &json["read"]), (&"NOOR".into(), &"NOOR".into()));
     assert_eq!((&json["legible"], &json["backend"]), (&true.into(), &"cpu".into()));
     assert_eq!(json["letters"].as_array().unwrap().len(), 4);
-    for field in ["expected", "best", "runner_up", "margin"] {
+    for field in ["expected", "best", "p", "rivals"] {
         assert!(!json["letters"][0][field].is_null(), "letters[].{field}");
     }
     let flight = &json["flights"][0];
@@ -77,7 +77,7 @@ fn preview_prints_json_with_the_promised_fields() {
         object.keys().filter(|key| *key != "files").cloned().collect::<Vec<_>>()
     };
     assert_eq!(keys(scored.as_object().unwrap()), keys(file));
-    for key in ["word", "read", "legible", "probability", "letters", "flight_sha256"] {
+    for key in ["word", "read", "legible", "readability", "letters", "flight_sha256"] {
         assert_eq!(scored[key], file[key], "{key}");
     }
 }

@@ -7,7 +7,7 @@
 
 use super::outline::{Contour, Ink, mean_stroke_width, rim};
 use super::smooth::{simplified, smooth};
-use crate::geometry::distance;
+use crate::geometry::{distance, segment_distance};
 use crate::statistics::median;
 use axis::Axis;
 use limbs::Knot;
@@ -32,6 +32,10 @@ const SAMPLING: [f64; 2] = [0.15, 0.01];
 /// A part with less length than this by its radius is a dot.
 const BLOB: f64 = 0.8;
 
+/// A stroke is lost where so many half widths of the axis are untouched. The axis into the corner
+/// of a stroke's end has 0.9, into that of a serif less than 2.
+const LOST: f64 = 3.0;
+
 /// Radius of the smallest ring for a dot, in cap heights, as in the Hershey fonts.
 const DOT: f64 = 0.035;
 
@@ -40,6 +44,9 @@ const DOT: f64 = 0.035;
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
     pub(super) half_width: f64,
+    /// Longest part of the medial axis whose ink no line touches, where it is too long for a corner:
+    /// a stroke of the face that was lost. In cap heights; 0: none.
+    pub(super) lost: f64,
 }
 
 /// The center lines of an outline in cap heights.
@@ -47,7 +54,8 @@ pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
     let ink = Ink::new(contours);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let mut axis = Axis::new(&rim(contours, &ink, spacing), &ink);
-    let parts = parts(&axis);
+    let parts = parts(&axis.neighbors);
+    let whole = axis.neighbors.clone();
     let bends = prune::prune(&mut axis);
     let lines = junctions::lines(&axis, &bends, &ink);
     let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line)).collect();
@@ -64,7 +72,8 @@ pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
             lines.push(ring(middle, DOT.max(0.5 * radius)));
         }
     }
-    CenterLines { lines, half_width }
+    let lost = lost(&axis, &whole, &lines, half_width);
+    CenterLines { lines, half_width, lost }
 }
 
 /// A ring of four sides, which stands for a dot.
@@ -72,11 +81,31 @@ pub(super) fn ring([x, y]: [f64; 2], r: f64) -> Vec<[f64; 2]> {
     vec![[x, y + r], [x - r, y], [x, y - r], [x + r, y], [x, y + r]]
 }
 
+/// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
+fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
+    let legs: Vec<[[f64; 2]; 2]> =
+        lines.iter().flat_map(|line| line.windows(2).map(|leg| [leg[0], leg[1]])).collect();
+    let untouched = |node: usize| {
+        legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
+    };
+    let untouched: Vec<bool> = (0..whole.len()).map(untouched).collect();
+    let untouched = &untouched;
+    let kept =
+        |node: usize| whole[node].iter().copied().filter(move |n| untouched[node] && untouched[*n]);
+    let links: Vec<Vec<usize>> = (0..whole.len()).map(|node| kept(node).collect()).collect();
+    let length = |part: &Vec<usize>| {
+        let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
+        0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
+    };
+    let longest = parts(&links).iter().map(length).fold(0.0, f64::max);
+    if longest > LOST * half_width { longest } else { 0.0 }
+}
+
 /// Connected sets of nodes.
-fn parts(axis: &Axis) -> Vec<Vec<usize>> {
-    let mut seen = vec![false; axis.middles.len()];
+fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    let mut seen = vec![false; neighbors.len()];
     let mut parts = Vec::new();
-    for start in 0..axis.middles.len() {
+    for start in 0..neighbors.len() {
         if seen[start] {
             continue;
         }
@@ -84,7 +113,7 @@ fn parts(axis: &Axis) -> Vec<Vec<usize>> {
         let mut part = vec![start];
         let mut next = 0;
         while next < part.len() {
-            for node in &axis.neighbors[part[next]] {
+            for node in &neighbors[part[next]] {
                 if !seen[*node] {
                     seen[*node] = true;
                     part.push(*node);
@@ -174,6 +203,18 @@ mod tests {
         let sides = [stem, foot, [0.6, 0.0, 0.8, 1.0], [0.0, 0.8, 0.8, 1.0]];
         let around = [[10, 10], [10, 90], [70, 90], [70, 10], [10, 10]];
         assert_eq!(traced(&sides), [around], "a frame is one closed line with four corners");
+    }
+
+    #[test]
+    fn a_stroke_that_no_line_touches_is_lost() {
+        let contour = |[l, b, r, t]: [f64; 4]| vec![[l, b], [r, b], [r, t], [l, t]];
+        let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]].map(contour);
+        assert_eq!(center_lines(&tee).lost, 0.0);
+        let ink = Ink::new(&tee);
+        let axis = Axis::new(&rim(&tee, &ink, 0.01), &ink);
+        let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
+        let found = lost(&axis, &axis.neighbors, &stem, 0.1);
+        assert!((0.2..0.6).contains(&found), "half the bar: {found}");
     }
 
     #[test]

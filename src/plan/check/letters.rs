@@ -19,6 +19,10 @@ pub fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
     let yes = |fault: fn(&Glyph) -> bool| move |glyph: &Glyph| if fault(glyph) { 1.0 } else { 0.0 };
     let mut findings =
         vec![finding(Check::DoubledStroke, strokes, SHORT_M, |glyph| doubled_m(&glyph.moves))];
+    if let Some(font) = &strokes.font {
+        let lost_m = |glyph: &Glyph| font.lost(glyph.character) * glyph.cell.cap_height_m;
+        findings.push(finding(Check::LostStroke, strokes, 0.0, lost_m));
+    }
     if matches!(style, Style::Team(_)) {
         findings.push(finding(Check::Tail, strokes, 0.0, yes(has_tail)));
         findings.push(finding(Check::LightNeverOff, strokes, 0.0, yes(never_off)));

@@ -40,6 +40,9 @@ pub enum Check {
     /// Letters with a stroke that is drawn twice; each value is the doubled length in m.
     #[serde(rename = "doubled stroke")]
     DoubledStroke,
+    /// Letters whose center lines lack a stroke of the typeface; each value is its length in m.
+    #[serde(rename = "lost stroke")]
+    LostStroke,
     /// Letters whose light is on before the drone has reached them.
     Tail,
     /// Letters without a dark move at either end.
@@ -95,6 +98,8 @@ pub enum Check {
     Evenness,
     /// Share of the flight's box that two base stations see.
     Coverage,
+    /// What keeps the word from being read whatever its letters are: shutter, lamps, framing.
+    Picture,
 }
 
 /// The result of one check.

@@ -55,7 +55,7 @@ impl Covariance {
         span_s: f64,
         lever: &Matrix3<f64>,
         turn_rad: &Vector3<f64>,
-        acceleration_density: f64,
+        acceleration_density: [f64; 3],
         rate_density: f64,
     ) {
         let b = lever * span_s;
@@ -75,16 +75,13 @@ impl Covariance {
         self.vt = vt_next * t_transposed;
         self.tt = t_transposed.transpose() * self.tt * t_transposed;
 
-        let velocity = acceleration_density * span_s;
-        let add = |block: &mut Matrix3<f64>, value: f64| {
-            for i in 0..3 {
-                block[(i, i)] += value;
-            }
-        };
-        add(&mut self.pp, velocity * span_s * span_s / 3.0);
-        add(&mut self.pv, velocity * span_s / 2.0);
-        add(&mut self.vv, velocity);
-        add(&mut self.tt, rate_density * span_s);
+        for (i, density) in acceleration_density.into_iter().enumerate() {
+            let velocity = density * span_s;
+            self.pp[(i, i)] += velocity * span_s * span_s / 3.0;
+            self.pv[(i, i)] += velocity * span_s / 2.0;
+            self.vv[(i, i)] += velocity;
+            self.tt[(i, i)] += rate_density * span_s;
+        }
         for block in [&mut self.pp, &mut self.vv, &mut self.tt] {
             *block = (*block + block.transpose()) * 0.5;
         }
@@ -172,7 +169,7 @@ mod tests {
         let mut p = Covariance::new(0.3, 0.2, 0.1);
         let force = Vector3::new(0.4, -0.3, 9.7);
         for _ in 0..5 {
-            p.carry(0.05, &-force.cross_matrix(), &Vector3::new(0.03, -0.02, 0.05), 0.1, 0.02);
+            p.carry(0.05, &-force.cross_matrix(), &Vector3::new(0.03, -0.02, 0.05), [0.1; 3], 0.02);
         }
         p
     }
@@ -182,7 +179,7 @@ mod tests {
         let (mut p, before) = (some(), dense::matrix(&some()));
         let (span, turn) = (0.02, Vector3::new(0.01, 0.02, -0.03));
         let lever = -Vector3::new(1.0, -2.0, 9.0).cross_matrix();
-        p.carry(span, &lever, &turn, 0.3, 0.04);
+        p.carry(span, &lever, &turn, [0.3; 3], 0.04);
         let cross = turn.cross_matrix();
         let mut phi = SMatrix::<f64, 9, 9>::identity();
         phi.fixed_view_mut::<3, 3>(0, 3).copy_from(&(Matrix3::identity() * span));
@@ -221,7 +218,7 @@ mod tests {
         let lever = -(Vector3::z() * 9.81).cross_matrix();
         for i in 0..1_000_000_u32 {
             if i % 4 == 0 {
-                p.carry(0.005, &lever, &Vector3::zeros(), 1e-6, 1e-8);
+                p.carry(0.005, &lever, &Vector3::zeros(), [1e-6; 3], 1e-8);
             }
             let angle = f64::from(i);
             let position = Vector3::new(libm::sin(angle), libm::cos(angle), libm::sin(0.7 * angle));

@@ -18,7 +18,7 @@ use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
 use super::floor::{FloorBelow, Measured};
-use crate::sim::options::{EkfOptions, SensorOptions};
+use crate::sim::options::{EkfOptions, Generation, SensorOptions};
 use crate::sim::sensors::{
     DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
 };
@@ -49,6 +49,8 @@ pub(super) struct Ekf {
     /// The floor below the drone, where it may have steps.
     floor: Option<FloorBelow>,
     stations: Vec<StationPose>,
+    /// Whether each station is of the second generation.
+    is_v2: Vec<bool>,
     anchors_m: Vec<Vector3<f64>>,
     trust: Trust,
 }
@@ -56,11 +58,14 @@ pub(super) struct Ekf {
 /// Spectral densities (two-sided), variances and the gate.
 #[derive(Clone, Copy, Debug)]
 struct Trust {
-    acceleration: f64,
+    /// Along world x, y, z.
+    acceleration: [f64; 3],
     rate: f64,
-    sweep: f64,
+    /// Of a station of the first and of the second generation.
+    sweep: [f64; 2],
     position: f64,
-    range: f64,
+    /// Of a difference, and of two-way ranging.
+    range: [f64; 2],
     barometer: f64,
     gate_sq: f64,
     /// Standard deviation of a near range to the floor.
@@ -87,13 +92,24 @@ impl Ekf {
             errors: Errors::default(),
             floor: options.floor_steps.then(FloorBelow::new),
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
+            is_v2: sensors
+                .lighthouse
+                .stations
+                .iter()
+                .map(|s| s.generation == Generation::V2)
+                .collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
-                acceleration: 0.5 * square(options.acceleration_noise_m_s2_sqrt_hz),
+                acceleration: [
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_z_m_s2_sqrt_hz,
+                ]
+                .map(|density| 0.5 * square(density)),
                 rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
-                sweep: square(options.sweep_sigma_rad),
+                sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
                 position: square(options.position_sigma_m),
-                range: square(options.range_sigma_m),
+                range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
                 barometer: square(options.barometer_sigma_m),
                 gate_sq: square(options.gate_sigmas),
                 ranger_m: sensors.time_of_flight.noise_m,
@@ -137,13 +153,14 @@ impl Ekf {
     }
 
     fn correct_sweep(&mut self, sweep: &Sweep) {
+        let variance = self.trust.sweep[usize::from(self.is_v2[sweep.station])];
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
             let place_m = self.position_m + self.world_from_body * lever;
             let crossing = self.stations[sweep.station].crossing(sweep.plane, &place_m);
             let position = crossing.slope_rad_m;
             let turn = lever.cross(&self.world_from_body.tr_mul(&position));
             let innovation = angle_rad - crossing.angle_rad;
-            self.correct(Slope { position, turn }, innovation, self.trust.sweep);
+            self.correct(Slope { position, turn }, innovation, variance);
         }
     }
 
@@ -158,7 +175,8 @@ impl Ekf {
             position -= away / distance_m.max(f64::MIN_POSITIVE);
         }
         let turn = Vector3::zeros();
-        self.correct(Slope { position, turn }, range.distance_m - expected_m, self.trust.range);
+        let variance = self.trust.range[usize::from(range.minus.is_none())];
+        self.correct(Slope { position, turn }, range.distance_m - expected_m, variance);
     }
 
     fn correct_position(&mut self, position_m: &Vector3<f64>) {

@@ -161,7 +161,7 @@ mod tests {
         };
         let mut errors = Errors::default();
         for _ in 0..5 {
-            p.carry(0.05, &lever, &turn_rad, 0.1, 0.02);
+            p.carry(0.05, &lever, &turn_rad, [0.1; 3], 0.02);
             floor.carry(0.05, &lever, &turn_rad);
             let slope = Slope { position: Vector3::z() * 1.1, turn: Vector3::new(0.1, -0.2, 0.0) };
             let before = whole(&p, &floor);

@@ -47,22 +47,30 @@ settings! {
     /// Extended Kalman filter: assumed errors of its sensors.
     ///
     /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
-    /// `tdoaEngine.h`): 0.5 m/s² and 0.1 rad/s a tick of 1 ms, which are densities of 0.022 and
-    /// 0.0045; sweeps 1 mrad, positions 1 cm, ranges 15 cm, air pressure 2 m. The gate is ours: at
+    /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
+    /// are densities of 0.022 (0.045) and 0.0045; sweeps 1 mrad (0.4 mrad of the first
+    /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
+    /// Commits 170923a, 71bf0d5 and 0cf8300. The gate is ours: at
     /// 5 the error in flight is a fifth larger.
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
         /// More follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.022, in 1e-6..=100.0;
+        /// The same along world z, where the propellers shake.
+        acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.045, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.0045, in 1e-7..=10.0;
-        /// Standard deviation of a sweep angle.
+        /// Standard deviation of a sweep angle of a second-generation station.
         sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0;
+        /// Standard deviation of a sweep angle of a first-generation station.
+        sweep_v1_sigma_rad: f64 = 0.0004, in 1e-6..=1.0;
         /// Standard deviation of a measured position per axis.
         position_sigma_m: f64 = 0.01, in 1e-5..=100.0;
-        /// Standard deviation of an ultra-wideband range.
+        /// Standard deviation of a difference of ultra-wideband ranges.
         range_sigma_m: f64 = 0.15, in 1e-4..=100.0;
+        /// Standard deviation of an ultra-wideband range by two-way ranging.
+        two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0;
         /// Standard deviation of a barometric height.
         ///
         /// That of the time-of-flight ranger follows its distance, as in the firmware.

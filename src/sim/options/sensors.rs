@@ -247,7 +247,7 @@ impl Described for Station {
 
 impl Positioning {
     /// Whether it gives positions, rather than angles or distances.
-    pub(in crate::sim) fn gives_positions(self) -> bool {
+    pub(crate) fn gives_positions(self) -> bool {
         matches!(self, Self::Position | Self::CrossingBeams | Self::Gnss)
     }
 }

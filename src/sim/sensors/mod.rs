@@ -86,7 +86,16 @@ impl Sensors {
         seed: u64,
         drone: u64,
     ) -> Self {
-        let noise = |sensor: &str| Noise::new(seed, drone, sensor);
+        // What is wrong with a room is the same for all drones in it: the places of stations and
+        // anchors, and what the solution for them bends.
+        let of_room = |sensor: &str| {
+            sensor == "lighthouse distortion"
+                || sensor.starts_with("uwb link")
+                || sensor.starts_with("station") && sensor.ends_with("pose")
+                || sensor.starts_with("station") && sensor.ends_with("distortion")
+        };
+        let noise =
+            |sensor: &str| Noise::new(seed, if of_room(sensor) { 0 } else { drone }, sensor);
         let lighthouse = &options.lighthouse;
         let has = |sensor| options.heights.contains(&sensor);
         Self {
@@ -217,6 +226,23 @@ mod tests {
             }
         };
         (0..n).map(read).collect()
+    }
+
+    #[test]
+    fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
+        let at_m = Vector3::new(0.4, -0.1, 0.9);
+        let settled_m = |options: &SensorOptions, seed, drone| {
+            Sensors::new(options, &FloorOptions::default(), 500, seed, drone).settled_m(at_m)
+        };
+        let options = SensorOptions::default();
+        assert_eq!(settled_m(&options, 1, 0), settled_m(&options, 1, 3), "one room");
+        assert_ne!(settled_m(&options, 1, 0), settled_m(&options, 2, 0), "another room");
+        let first = |drone| {
+            let mut sensors = Sensors::new(&options, &FloorOptions::default(), 500, 1, drone);
+            let body = RigidBody::at(at_m);
+            sensors.read(&body, Vector3::z() * 9.81).position_m
+        };
+        assert_ne!(first(0), first(1), "each has jitter of its own");
     }
 
     #[test]
