@@ -6,8 +6,7 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, Drone, EstimatorKind, FloorStep, Gusts, HeightSensor, Positioning, SimOptions,
-    fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
@@ -50,10 +49,13 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
                 o.controller.kind = ControllerKind::Geometric;
             })
         }),
-        ("bzzz, satellites, altitude hold over a table", {
+        ("bzzz, satellites", {
             with(SimOptions::bzzz(), |o| {
-                o.floor.steps =
-                    vec![FloorStep { x_m: [0.15, 1.0], y_m: [-1.0, 1.0], height_m: 0.3 }];
+                o.sensors =
+                    SensorOptions { positioning: Positioning::Gnss, ..SensorOptions::default() };
+                o.observer =
+                    ObserverOptions { kind: EstimatorKind::Ekf, ..ObserverOptions::default() };
+                o.controller.kind = ControllerKind::Lqr;
             })
         }),
         ("ae483-2022, truth, fed forward", {

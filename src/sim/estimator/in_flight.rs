@@ -299,6 +299,7 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
         SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };
     options.observer.kind = EstimatorKind::Ekf;
     options.observer.ekf.two_way_sigma_m = 0.06;
+    options.observer.ekf.acceleration_noise_z_m_s2_sqrt_hz = 0.022;
     let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
     let rms_m = |options: &SimOptions| {
         let errors_m = |seed: u64| {
