@@ -28,6 +28,7 @@ mod hold;
 mod identify;
 mod import;
 mod learn;
+mod locate;
 mod meter;
 mod names;
 mod output;
@@ -115,7 +116,7 @@ verbs! {
         Check(check::CheckArgs),
         /// Meter the lamps: stops over saturation, and the right settings
         Meter(meter::MeterArgs),
-        /// Map where Lighthouse stations see the drone, and how well
+        /// Map how well stations or anchors can place the drone
         Coverage(coverage::CoverageArgs),
         /// Export a plan for drones: scripts, trajectories, shows, gains
         Export(export::ExportArgs),
@@ -129,6 +130,8 @@ verbs! {
         ComparePhoto(compare_photo::ComparePhotoArgs),
         /// Identify thrust, center of mass and noise from a flight log
         Identify(identify::IdentifyArgs),
+        /// Locate drones from logs of ultra-wideband ranges
+        Locate(locate::LocateArgs),
     }
     "Choose a controller" {
         /// Print controller gains, poles and stability margins

@@ -202,18 +202,16 @@ pub(super) fn pieces<P>(
     polynomials: impl Fn(&P) -> Polynomials,
 ) -> Vec<P> {
     let [max_m_s, max_m_s2] = stretch.limits();
-    let farthest = |at: usize, found: &[P]| {
-        let start_s = stretch.time_s(at);
-        let near = |to: usize| {
-            let made = polynomials(&piece(at, to, found));
-            let off_m = |t: f64| {
-                (made.at((t - start_s).min(made.duration_s))[0] - stretch.position_m(t)).norm()
-            };
-            stretch.time_s(to) - start_s < max_piece_s
-                && stretch.check_times_s(at, to).all(|t| off_m(t) <= tolerance_m)
+    let near = |at: usize, to: usize, found: &[P]| {
+        let (made, start_s) = (polynomials(&piece(at, to, found)), stretch.time_s(at));
+        let off_m = |t: f64| {
+            (made.at((t - start_s).min(made.duration_s))[0] - stretch.position_m(t)).norm()
         };
-        longest(at, stretch.last(), near)
+        stretch.time_s(to) - start_s < max_piece_s
+            && stretch.check_times_s(at, to).all(|t| off_m(t) <= tolerance_m)
     };
+    let farthest =
+        |at: usize, found: &[P]| longest(at, stretch.last(), |to: usize| near(at, to, found));
     // Largest speed or acceleration relative to the design's.
     let effort = |at: usize, to: usize, found: &[P]| {
         let made = polynomials(&piece(at, to, found));
@@ -232,7 +230,9 @@ pub(super) fn pieces<P>(
         let farthest = farthest(at, found);
         match max_m_s2 {
             0.0 => vec![farthest],
-            _ => (at + 1..=farthest).filter(|to| effort(at, *to, found) <= OVER_LIMITS).collect(),
+            _ => (at + 1..=farthest)
+                .filter(|to| effort(at, *to, found) <= OVER_LIMITS && near(at, *to, found))
+                .collect(),
         }
     };
     // The pieces, and for each its first setpoint and the ends that were not tried.
@@ -250,7 +250,8 @@ pub(super) fn pieces<P>(
                 tried.truncate(index);
                 continue;
             }
-            let all = at + 1..=farthest(at, &found);
+            let near = |to: &usize| *to == at + 1 || near(at, *to, &found);
+            let all = (at + 1..=farthest(at, &found)).filter(near);
             let efforts = all.map(|to| (to, effort(at, to, &found)));
             to = efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(to, _)| to);
         }

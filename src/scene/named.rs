@@ -11,11 +11,16 @@ use crate::plan::Plan;
 use crate::settings::similar;
 
 /// Scenes that ship with the program, as TOML.
-const SHIPPED: [(&str, &str); 4] = [
+const SHIPPED: [(&str, &str); 6] = [
     ("team", include_str!("shipped/team.toml")),
     ("pid", include_str!("shipped/pid.toml")),
     ("geometric", include_str!("shipped/geometric.toml")),
     ("tuned", include_str!("shipped/tuned.toml")),
+    ("two-drones-three-anchors", include_str!("shipped/two-drones-three-anchors.toml")),
+    (
+        "two-drones-three-anchors-and-floor",
+        include_str!("shipped/two-drones-three-anchors-and-floor.toml"),
+    ),
 ];
 
 /// A scene with a name, and learned plans.
@@ -57,8 +62,9 @@ impl NamedScene {
 
 impl Scene {
     /// Finds a scene and lays single settings over it, see [`Scene::parse_with`]: a shipped scene
-    /// (team, pid, geometric, tuned), a preset, a scene file, or a folder with `scene.toml` and
-    /// learned plans, `plan-WORD.csv` for one drone, `plan1-WORD.csv` and so on for several.
+    /// (team, pid, geometric, tuned, two-drones-three-anchors and the same with -and-floor), a
+    /// preset, a scene file, or a folder with `scene.toml` and learned plans, `plan-WORD.csv` for
+    /// one drone, `plan1-WORD.csv` and so on for several.
     ///
     /// Names go before files: a folder called as a shipped scene is `./tuned`.
     ///

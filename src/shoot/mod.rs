@@ -13,7 +13,8 @@
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
 //!
-//! Not modelled: wake and collisions between drones.
+//! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
+//! side. Not modelled: wake and collisions between drones.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -31,7 +32,7 @@ use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
 use crate::score::{Reader, is_judged};
-use crate::sim::{Drone, SimOptions, fly};
+use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
 
 mod file;
 #[cfg(test)]
@@ -205,6 +206,9 @@ impl Shoot {
     /// As [`crate::sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
+        if self.in_step() {
+            return self.fly_in_step(watch);
+        }
         let done = Mutex::new(vec![0.0; n]);
         let one = |drone: usize| {
             self.fly_drone(drone, &mut |share| {
@@ -221,7 +225,28 @@ impl Shoot {
         flights.into_iter().collect()
     }
 
-    /// Flies the plan of one drone, counted from 0.
+    /// Whether the drones hear each other.
+    fn in_step(&self) -> bool {
+        self.plans.len() > 1 && self.scene.observer.kind == EstimatorKind::Cooperative
+    }
+
+    /// Flies all plans with drones that hear each other.
+    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let believed = self.scene.sim();
+        let mut fleet = Vec::new();
+        for (drone, planned) in self.plans.iter().enumerate() {
+            fleet.push((&planned.plan, self.drone(drone, &believed)));
+        }
+        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
+    }
+
+    /// A drone of the fleet, which its controller believes to be the scene's.
+    fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
+        let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
+        Drone { believed, actual, seed: self.scene.seed, index: drone as u64 }
+    }
+
+    /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.
     ///
     /// # Errors
     ///
@@ -232,9 +257,7 @@ impl Shoot {
     /// If there is no such plan.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
-        let actual = self.actual.get(drone).map_or(&believed, |actual| &actual.sim);
-        let (plan, seed) = (&self.plans[drone].plan, self.scene.seed);
-        fly(plan, &Drone { believed: &believed, actual, seed, index: drone as u64 }, progress)
+        fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
     /// Flies, exposes, develops and reads.

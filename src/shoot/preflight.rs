@@ -32,8 +32,21 @@ impl Shoot {
     ///
     /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
-        let fly = |drone| self.fly_drone(drone, &mut |_| {});
-        self.findings((0..self.plans.len()).map(fly).collect(), profile)
+        if !self.in_step() {
+            let fly = |drone| self.fly_drone(drone, &mut |_| {});
+            return self.findings((0..self.plans.len()).map(fly).collect(), profile);
+        }
+        let lost = |(what, hint): &(String, String)| {
+            Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+        };
+        let flown = match self.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                vec![(what, hint); self.plans.len()].iter().map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        };
+        self.findings(flown, profile)
     }
 
     /// The same, of flights that were flown already.

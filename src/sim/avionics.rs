@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
+use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
 use super::sensors::{Readings, Sensors};
 use super::vehicle::{Plant, RigidBody, State};
@@ -40,15 +41,15 @@ pub(super) struct Avionics {
 }
 
 impl Avionics {
-    /// The onboard system of a drone that starts at rest at `start_m`.
-    pub(super) fn new(drone: &Drone<'_>, start_m: Vector3<f64>) -> Result<Self> {
-        let Drone { believed, actual, seed, index } = *drone;
+    /// The onboard system of a drone that starts at rest, as the fleet is told.
+    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+        let Drone { believed, actual, seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seed, index);
-        let settled_m = sensors.settled_m(start_m);
+        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seed, fleet);
+        let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(believed, settled_m)?,
+            estimator: estimator(believed, settled_m, fleet)?,
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
@@ -64,12 +65,19 @@ impl Avionics {
         })
     }
 
-    /// One tick: reads the sensors, updates the estimate and commands the motors.
+    /// One tick: reads the sensors, updates the estimate and commands the motors. `fleet_m` are the
+    /// true positions of the fleet, between which ranges are measured.
     ///
     /// # Errors
     ///
     /// [`Error::Infeasible`] for a flight that the controller has lost.
-    pub(super) fn tick(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
+    pub(super) fn tick(
+        &mut self,
+        plan: &Plan,
+        time_s: f64,
+        plant: &Plant,
+        fleet_m: &[Vector3<f64>],
+    ) -> Result<()> {
         let short = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
@@ -83,7 +91,7 @@ impl Avionics {
 
         let body = plant.body();
         let throttle = self.command.motors.mean() / self.motor_max;
-        let readings = self.sensors.read(&body, plant.specific_force_m_s2());
+        let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
         self.estimator.update(&Readings { throttle, ..readings }, self.tick_s);
         self.fresh = false;
 
@@ -104,6 +112,17 @@ impl Avionics {
         let writes = setpoint.letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
         self.check(time_s, &body)
+    }
+
+    /// A message to the fleet.
+    pub(super) fn tell(&mut self) -> Option<Message> {
+        self.estimator.tell()
+    }
+
+    /// Hears a message of the fleet.
+    pub(super) fn hear(&mut self, told: &Message) {
+        self.estimator.hear(told);
+        self.fresh = false;
     }
 
     /// Commands of the motors m1…m4.
@@ -132,6 +151,7 @@ impl Avionics {
             setpoint: self.setpoint,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
             battery: plant.battery_v().zip(plant.energy_j()),
+            covariance_m2: self.estimator.covariance_m2(),
         }
     }
 

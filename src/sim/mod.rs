@@ -29,8 +29,10 @@ mod drone;
 mod estimator;
 mod fly;
 pub mod identify;
+pub mod localization;
 mod noise;
 mod options;
+mod peers;
 mod presets;
 mod recorder;
 #[cfg(test)]
@@ -42,14 +44,15 @@ mod vehicle;
 pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
-pub use fly::fly;
+pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
+pub use fly::{fly, fly_fleet};
 pub use options::{
     AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions,
-    Compensation, ControllerKind, ControllerOptions, EkfOptions, EstimatorKind, FloorOptions,
-    FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions, Gusts,
-    HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
-    ObserverOptions, PidOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    TimeOfFlightOptions, UwbOptions, VehicleOptions,
+    Compensation, ControllerKind, ControllerOptions, CooperativeOptions, EkfOptions, EstimatorKind,
+    FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions,
+    Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
+    ObserverOptions, PeerOptions, PidOptions, Positioning, RateOptions, SensorOptions, Share,
+    SimOptions, Station, TimeOfFlightOptions, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

@@ -155,7 +155,7 @@ fn keys_of_the_scene_are_set_on_the_command_line() {
 fn lines_are_at_most_80_columns_wide() {
     let folder = tempfile::tempdir().unwrap();
     let verbs = "preview plan fly expose score read check meter coverage import compare \
-                 compare-photo identify gains rank tune learn robustness scene specimen";
+                 compare-photo identify locate gains rank tune learn robustness scene specimen";
     let mut commands: Vec<Vec<&str>> = vec![vec!["--help"], vec!["-h"]];
     for verb in verbs.split_whitespace() {
         commands.extend([vec![verb, "--help"], vec![verb, "-h"]]);
@@ -171,6 +171,9 @@ fn lines_are_at_most_80_columns_wide() {
         "check I --style even",
         "meter --flight flight.csv",
         "coverage I --step 0.2",
+        "coverage --scene two-drones-three-anchors",
+        "locate --region --scene two-drones-three-anchors",
+        "locate --region",
         "import flight.csv --word I -o b.csv",
         "compare flight.csv b.csv -o plots",
         "identify flight.csv",

@@ -8,6 +8,7 @@ mod camera;
 mod cli;
 mod compare;
 mod compare_flights;
+mod cooperation;
 mod coverage;
 mod dialects;
 mod digests;

@@ -264,8 +264,10 @@ mod tests {
             let plan = waves([size_m, rate, phase], n, step_s);
             let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
             let worst_m = trajectory.worst_m(&plan);
-            proptest::prop_assert!(worst_m <= tolerance_m + 0.0005, "{} m", worst_m);
             let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+            // The end of a piece is off by half a millisecond at most.
+            let late_m = 0.0005 * max_m_s;
+            proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
             let [v, a] = sampled(&trajectory);
             // Of 4000 such plans 14 are more than 5 % over, and none more than 9 %: whole
             // millimeters leave no gentler pieces of a slow plan.

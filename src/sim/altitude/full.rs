@@ -9,6 +9,7 @@ use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
 use crate::sim::options::{GRAVITY_M_S2, SimOptions};
+use crate::sim::peers::{Fleet, Member};
 use crate::sim::vehicle::Plant;
 
 /// Flies a scenario, as [`super::hold`] says.
@@ -24,8 +25,9 @@ pub(super) fn hold(
     let start_m = plan.setpoints[0].position_m;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
-    let mut avionics =
-        Avionics::new(&Drone { believed, actual: &actual, seed, index: 0 }, start_m)?;
+    let drone = Drone { believed, actual: &actual, seed, index: 0 };
+    let members = vec![Member::new(&actual, seed, 0, start_m)];
+    let mut avionics = Avionics::new(&drone, &Fleet { members, place: 0 })?;
     let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "7.2e6 at most")]
     let n_ticks = (duration_s * f64::from(rates.control_hz)).round() as u32;
@@ -33,7 +35,7 @@ pub(super) fn hold(
     let mut readings = Vec::new();
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(rates.control_hz);
-        avionics.tick(&plan, time_s, &plant)?;
+        avionics.tick(&plan, time_s, &plant, &[])?;
         let motors = avionics.motors();
         if let Some(filter) = avionics.altitude() {
             readings.extend_from_slice(filter.readings());

@@ -26,7 +26,7 @@ impl Estimator for Altitude {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
         self.horizontal.update(&level, tick_s);
-        let cos_tilt = self.horizontal.attitude.matrix()[(2, 2)];
+        let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
         let filter = &mut self.vertical;
         if readings.throttle > 0.0 {
             filter.predict(readings.throttle * cos_tilt, tick_s);
@@ -45,9 +45,9 @@ impl Estimator for Altitude {
     }
 
     fn state(&self) -> State {
-        let mut velocity_m_s = self.horizontal.velocity_m_s;
+        let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(Filtered::Velocity);
-        let mut state = self.horizontal.state_at(&velocity_m_s);
+        let mut state = self.horizontal.motion.state_at(&velocity_m_s);
         state[ALTITUDE] = self.vertical.estimate(Filtered::Altitude);
         state
     }

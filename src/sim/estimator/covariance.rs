@@ -103,40 +103,65 @@ impl Covariance {
         variance: f64,
         gate_sq: f64,
     ) -> bool {
-        let [a_p, a_v, a_t] = self.against(slope);
-        let s = slope.position.dot(&a_p) + slope.turn.dot(&a_t) + variance;
-        let expected = slope.position.dot(&errors.position_m) + slope.turn.dot(&errors.turn_rad);
-        let left = innovation - expected;
+        let a = self.spread(slope);
+        let s = slope.along(&a) + variance;
+        let left = innovation - slope.along(errors);
         if left * left > gate_sq * s {
             return false;
         }
         let scale = 1.0 / s.sqrt();
-        self.take(errors, &[a_p * scale, a_v * scale, a_t * scale], left * scale);
+        let gain = a.times(scale);
+        errors.add(&gain, left * scale);
+        self.reduce(&gain);
         true
     }
 
-    /// `P h` of position, velocity and turn.
+    /// `P h`: how the errors go along with a measurement.
     #[inline(always)]
-    pub(super) fn against(&self, slope: &Slope) -> [Vector3<f64>; 3] {
-        [
-            self.pp * slope.position + self.pt * slope.turn,
-            self.pv.tr_mul(&slope.position) + self.vt * slope.turn,
-            self.pt.tr_mul(&slope.position) + self.tt * slope.turn,
-        ]
+    pub(super) fn spread(&self, slope: &Slope) -> Errors {
+        Errors {
+            position_m: self.pp * slope.position + self.pt * slope.turn,
+            velocity_m_s: self.pv.tr_mul(&slope.position) + self.vt * slope.turn,
+            turn_rad: self.pt.tr_mul(&slope.position) + self.tt * slope.turn,
+        }
     }
 
-    /// Moves `errors` by `step` along `a/√s`, and subtracts that vector's square.
+    /// `P ← P − a aᵀ`.
     #[inline(always)]
-    pub(super) fn take(&mut self, errors: &mut Errors, [p, v, t]: &[Vector3<f64>; 3], step: f64) {
-        errors.position_m += p * step;
-        errors.velocity_m_s += v * step;
-        errors.turn_rad += t * step;
+    pub(super) fn reduce(&mut self, a: &Errors) {
+        let (p, v, t) = (a.position_m, a.velocity_m_s, a.turn_rad);
         self.pp -= p * p.transpose();
         self.pv -= p * v.transpose();
         self.pt -= p * t.transpose();
         self.vv -= v * v.transpose();
         self.vt -= v * t.transpose();
         self.tt -= t * t.transpose();
+    }
+}
+
+impl Slope {
+    /// The change of the measurement with errors.
+    #[inline(always)]
+    pub(super) fn along(&self, errors: &Errors) -> f64 {
+        self.position.dot(&errors.position_m) + self.turn.dot(&errors.turn_rad)
+    }
+}
+
+impl Errors {
+    #[inline(always)]
+    pub(super) fn times(&self, factor: f64) -> Self {
+        Self {
+            position_m: self.position_m * factor,
+            velocity_m_s: self.velocity_m_s * factor,
+            turn_rad: self.turn_rad * factor,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self, factor: f64) {
+        self.position_m += other.position_m * factor;
+        self.velocity_m_s += other.velocity_m_s * factor;
+        self.turn_rad += other.turn_rad * factor;
     }
 }
 

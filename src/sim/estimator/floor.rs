@@ -5,7 +5,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::covariance::{Covariance, Errors, Slope};
+use super::covariance::{Covariance, Errors};
+use super::ekf::Residual;
 use super::step_test::{Floor, StepTest};
 use crate::control::Innovation;
 
@@ -20,7 +21,7 @@ const STEP_M: f64 = 0.5;
 /// The floor, and its covariance with the nine errors.
 #[derive(Clone, Debug)]
 pub(super) struct FloorBelow {
-    pub(super) height_m: f64,
+    height_m: f64,
     /// Correction by the measurements of this tick.
     error_m: f64,
     variance: f64,
@@ -53,95 +54,64 @@ impl FloorBelow {
         self.variance += WALK_M_SQRT_S * WALK_M_SQRT_S * span_s;
     }
 
-    /// Corrects all ten states by a measurement that changes with the floor by `per_m`, as
-    /// [`Covariance::correct`].
+    /// Corrects all ten states by a measurement, as [`Covariance::correct`]; by a range to the floor
+    /// unless the floor steps.
     pub(super) fn correct(
         &mut self,
         covariance: &mut Covariance,
         errors: &mut Errors,
-        measured: &Measured,
+        measured: &Residual,
+        to_floor: bool,
         gate_sq: f64,
     ) {
-        let (a, of_floor, Innovation { value, variance }) =
-            self.against(covariance, errors, measured);
-        if value * value > gate_sq * variance {
+        let Residual { slope, innovation, variance } = measured;
+        // A range shrinks by as much with the floor as it grows with the height.
+        let per_floor_m = if to_floor { -slope.position.z } else { 0.0 };
+        let [p, v, t] = &self.with;
+        let of_floor = p.dot(&slope.position) + t.dot(&slope.turn) + self.variance * per_floor_m;
+        let mut a = covariance.spread(slope);
+        a.add(&Errors { position_m: *p, velocity_m_s: *v, turn_rad: *t }, per_floor_m);
+        let left = Innovation {
+            value: innovation - slope.along(errors) - per_floor_m * self.error_m,
+            variance: slope.along(&a) + per_floor_m * of_floor + variance,
+        };
+        match if to_floor { self.test.look(&left) } else { Floor::Still } {
+            Floor::Still => {}
+            Floor::Open => return,
+            Floor::Stepped(farther_m) => {
+                self.error_m += farther_m / per_floor_m;
+                self.variance += STEP_M * STEP_M;
+                return;
+            }
+        }
+        if left.value * left.value > gate_sq * left.variance {
             return;
         }
-        let scale = 1.0 / variance.sqrt();
-        let (a, f) = (a.map(|part| part * scale), of_floor * scale);
-        covariance.take(errors, &a, value * scale);
-        self.error_m += f * value * scale;
-        for (with, part) in self.with.iter_mut().zip(&a) {
+        let scale = 1.0 / left.variance.sqrt();
+        let (gain, f) = (a.times(scale), of_floor * scale);
+        errors.add(&gain, left.value * scale);
+        covariance.reduce(&gain);
+        self.error_m += f * left.value * scale;
+        for (with, part) in
+            self.with.iter_mut().zip([gain.position_m, gain.velocity_m_s, gain.turn_rad])
+        {
             *with -= part * f;
         }
         self.variance -= f * f;
     }
 
-    /// Corrects by a range to the floor, unless the floor steps.
-    pub(super) fn correct_range(
-        &mut self,
-        covariance: &mut Covariance,
-        errors: &mut Errors,
-        measured: &Measured,
-        gate_sq: f64,
-    ) {
-        let innovation = self.against(covariance, errors, measured).2;
-        match self.test.look(&innovation) {
-            Floor::Still => self.correct(covariance, errors, measured, gate_sq),
-            Floor::Open => {}
-            Floor::Stepped(farther_m) => {
-                self.error_m += farther_m / measured.per_floor_m;
-                self.variance += STEP_M * STEP_M;
-            }
-        }
-    }
-
-    /// `P h` of the nine errors and of the floor, and what is left of the innovation.
-    fn against(
-        &self,
-        covariance: &Covariance,
-        errors: &Errors,
-        measured: &Measured,
-    ) -> ([Vector3<f64>; 3], f64, Innovation) {
-        let Measured { slope, per_floor_m, innovation, variance } = measured;
-        let Slope { position, turn } = slope;
-        let mut a = covariance.against(slope);
-        for (part, with) in a.iter_mut().zip(&self.with) {
-            *part += with * *per_floor_m;
-        }
-        let of_floor =
-            self.with[0].dot(position) + self.with[2].dot(turn) + self.variance * per_floor_m;
-        let expected = position.dot(&errors.position_m)
-            + turn.dot(&errors.turn_rad)
-            + per_floor_m * self.error_m;
-        let spread = position.dot(&a[0]) + turn.dot(&a[2]) + per_floor_m * of_floor + variance;
-        (a, of_floor, Innovation { value: innovation - expected, variance: spread })
-    }
-
-    /// Applies the corrections of this tick's measurements.
-    pub(super) fn settle(&mut self) {
+    /// Height of the floor after the corrections of this tick.
+    pub(super) fn settled_m(&mut self) -> f64 {
         self.height_m += std::mem::take(&mut self.error_m);
+        self.height_m
     }
-}
-
-/// A scalar measurement.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Measured {
-    /// How it changes with the errors.
-    pub(super) slope: Slope,
-    /// How it changes with the floor's height.
-    pub(super) per_floor_m: f64,
-    /// Measured less predicted.
-    pub(super) innovation: f64,
-    /// Of its noise.
-    pub(super) variance: f64,
 }
 
 #[cfg(test)]
 mod tests {
     use nalgebra::{SMatrix, SVector};
 
-    use super::super::covariance::dense;
+    use super::super::covariance::{Slope, dense};
     use super::*;
 
     #[test]

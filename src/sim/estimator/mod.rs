@@ -5,23 +5,29 @@
 mod altitude;
 mod altitude_filter;
 mod attitude;
+mod bound;
+mod cooperative;
 mod covariance;
 mod ekf;
 mod floor;
 #[cfg(test)]
 mod in_flight;
+mod joint;
 mod luenberger;
 mod step_test;
 mod truth;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use self::altitude::Altitude;
 pub use self::altitude_filter::{AltitudeFilter, Measurement, Sensor, State as AltitudeState};
+pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
+use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::luenberger::Observer;
 use self::truth::Truth;
 use super::options::{EstimatorKind, Positioning, SimOptions};
+use super::peers::{Fleet, Message};
 use super::sensors::Readings;
 use super::vehicle::State;
 use crate::error::Result;
@@ -38,6 +44,19 @@ pub(super) trait Estimator: std::fmt::Debug {
     fn altitude(&self) -> Option<&AltitudeFilter> {
         None
     }
+
+    /// Covariance of the estimated position, where it is logged.
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        None
+    }
+
+    /// A message to the other drones of the fleet.
+    fn tell(&mut self) -> Option<Message> {
+        None
+    }
+
+    /// Hears a message of another drone of the fleet.
+    fn hear(&mut self, _told: &Message) {}
 }
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
@@ -49,6 +68,7 @@ pub(super) trait Estimator: std::fmt::Debug {
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,
+    fleet: &Fleet,
 ) -> Result<Box<dyn Estimator>> {
     let SimOptions { observer, sensors, .. } = options;
     let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
@@ -63,6 +83,7 @@ pub(super) fn estimator(
                 hears_satellites: sensors.positioning == Positioning::Gnss,
             })
         }
+        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
         EstimatorKind::Truth => Box::new(Truth::new(position_m)),
     })
 }

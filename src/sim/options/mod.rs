@@ -14,10 +14,12 @@ pub use self::controller::{
     PidOptions,
 };
 pub use self::floor::{FloorOptions, FloorStep};
-pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
+pub use self::observer::{
+    CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
+};
 pub use self::sensors::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
+    PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub(super) use self::vehicle::GRAVITY_M_S2;
 pub use self::vehicle::{

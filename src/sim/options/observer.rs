@@ -16,6 +16,8 @@ settings! {
         ekf: EkfOptions = EkfOptions::default();
         /// Altitude filter.
         altitude: AltitudeOptions = AltitudeOptions::default();
+        /// The filter of a fleet, with the weights of `ekf`.
+        cooperative: CooperativeOptions = CooperativeOptions::default();
     }
 
     /// An estimator of the drone's motion.
@@ -27,8 +29,32 @@ settings! {
         /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all else
         /// by the extended Kalman filter.
         "altitude" => Altitude,
+        /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
+        /// ranges and messages.
+        "cooperative" => Cooperative,
         /// The true state.
         "truth" => Truth,
+    }
+
+    /// The filter of a fleet.
+    pub struct CooperativeOptions {
+        /// What the drones tell each other.
+        share: Share = Share::Measurements;
+        /// Standard deviation of the place where a drone starts, per axis.
+        start_sigma_m: f64 = 0.02, in 1e-4..=10.0;
+        /// Standard deviation of the tilt at the start, per axis.
+        start_tilt_rad: f64 = 0.02, in 1e-5..=1.0;
+    }
+
+    /// What the drones of a fleet tell each other.
+    pub enum Share {
+        /// Their motion, ranges and heights: every drone estimates all drones from them.
+        "measurements" => Measurements,
+        /// Their estimates. What two drones have in common is then counted twice: worse, for
+        /// comparison.
+        "estimates" => Estimates,
+        /// Nothing: every drone has its own anchors alone.
+        "nothing" => Nothing,
     }
 
     /// Luenberger observer, its gain by the dual regulator.
@@ -91,25 +117,27 @@ settings! {
 impl ObserverOptions {
     /// Checks that the estimator can use the measurements of the sensors.
     pub(super) fn check_inputs(&self, sensors: &SensorOptions) -> Result<()> {
+        let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
-        if self.kind == EstimatorKind::Altitude && !measures_altitude {
-            return Err(Error::input(
-                "observer.kind",
-                "altitude, with no sensor of the altitude",
-                "satellites, a ranger or a barometer",
-                "set sensors.positioning = \"gnss\", or name sensors.heights",
-            ));
-        }
-        if self.kind != EstimatorKind::Luenberger || sensors.positioning.gives_positions() {
-            return Ok(());
-        }
+        let (found, wanted) = match self.kind {
+            EstimatorKind::Altitude if !measures_altitude => {
+                ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
+            }
+            EstimatorKind::Luenberger if !gives_positions => {
+                ("luenberger, which takes positions, with a positioning that gives none", "ekf")
+            }
+            EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
+                ("cooperative, which takes ranges to anchors and drones, without uwb-twr", "ekf")
+            }
+            _ => return Ok(()),
+        };
         Err(Error::input(
             "observer.kind",
-            "luenberger, which takes positions, with a positioning that gives none",
-            "ekf",
+            found,
+            wanted,
             "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
-             gnss",
+             gnss for luenberger, to uwb-twr for cooperative",
         ))
     }
 }
