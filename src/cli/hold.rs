@@ -42,7 +42,7 @@ pub(super) struct HoldArgs {
 pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
-    let scene = args.scene.load_or(&preset, "scene")?;
+    let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
     let (options, seed) = (scene.sim(), scene.seed);
     let models = args.model.map_or(Model::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;

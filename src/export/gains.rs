@@ -28,9 +28,10 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
-            Vec::new()
-        }
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => Vec::new(),
     }
 }
 
