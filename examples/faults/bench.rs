@@ -151,7 +151,9 @@ pub(crate) const FAULTS: [Fault; 10] = [
         unit: "stops less light",
         levels: [8.0, 9.5, 10.0, 10.2, 10.5, 11.0],
         turn: |setting, stops| {
-            for fixture in setting.actual.light.fixtures.iter_mut().flatten() {
+            let light = &mut setting.actual.light;
+            let lamps = light.fixtures();
+            for fixture in light.fixtures.insert(lamps) {
                 fixture.dies.iter_mut().for_each(|die| die.intensity_cd *= libm::exp2(-stops));
             }
             Ok(())

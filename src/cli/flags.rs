@@ -193,6 +193,29 @@ impl PlanFlags {
     }
 }
 
+/// The scene with its letters and its way of flying.
+#[derive(Debug, Args)]
+pub(super) struct DesignFlags {
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
+    #[command(flatten)]
+    plan: PlanFlags,
+}
+
+impl DesignFlags {
+    /// The scene with the settings of these and of other flags.
+    pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
+        Ok(self.named(more)?.scene)
+    }
+
+    fn named(&self, more: &[Setting]) -> Result<NamedScene> {
+        let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
+        self.scene.named(&settings.concat())
+    }
+}
+
 /// A word, or ready plans, with the scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
@@ -204,11 +227,7 @@ pub(super) struct SubjectFlags {
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
-    scene: SceneFlags,
-    #[command(flatten)]
-    letters: LetterFlags,
-    #[command(flatten)]
-    plan: PlanFlags,
+    design: DesignFlags,
 }
 
 impl SubjectFlags {
@@ -218,8 +237,7 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let settings = [self.letters.settings(), self.plan.settings()].concat();
-        let mut found = self.scene.named(&settings)?;
+        let mut found = self.design.named(&[])?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
@@ -233,17 +251,17 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let NamedScene { mut scene, plans: mut learned, .. } = self.named()?;
-        change(&mut scene)?;
+        let mut named = self.named()?;
+        change(&mut named.scene)?;
         let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
         let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
         let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
         match inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => set_word(&mut scene, word),
+            [word] if plans.is_empty() => set_word(&mut named.scene, word),
             all if all.len() == plans.len() => {
                 let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
-                return Shoot::with_plans(scene, plans.collect::<Result<_>>()?);
+                return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -251,10 +269,7 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
-        match learned.remove(&scene.strokes()?.word) {
-            Some(plans) => Shoot::with_plans(scene, plans),
-            None => Shoot::new(scene),
-        }
+        Shoot::named(named)
     }
 }
 

@@ -285,6 +285,7 @@ mod tests {
         (info.color_type, info.bit_depth) = (png::ColorType::Rgb, png::BitDepth::Eight);
         let text = "# more\n".repeat(60 << 17);
         let mut chunk = png::text_metadata::ITXtChunk::new(SCENE_KEYWORD, text);
+        chunk.compressed = true;
         chunk.compress_text().unwrap();
         info.utf8_text.push(chunk);
         let encoder = png::Encoder::with_info(&mut file, info).unwrap();
