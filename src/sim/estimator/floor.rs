@@ -143,8 +143,8 @@ mod tests {
             let gain = before * h / s;
             let joseph = SMatrix::<f64, 10, 10>::identity() - gain * h.transpose();
             let want = joseph * before * joseph.transpose() + gain * gain.transpose() * 0.01;
-            let measured = Measured { slope, per_floor_m: -1.1, innovation: 0.02, variance: 0.01 };
-            floor.correct(&mut p, &mut errors, &measured, 25.0);
+            let measured = Residual { slope, innovation: 0.02, variance: 0.01 };
+            floor.correct(&mut p, &mut errors, &measured, true, 25.0);
             assert!((whole(&p, &floor) - want).norm() < 1e-13 * want.norm());
         }
         assert!(floor.with[0].z > 0.0, "a drone that is higher has its floor higher");
