@@ -6,7 +6,8 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, ObserverOptions, Positioning,
+    SensorOptions, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
