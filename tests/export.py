@@ -1,18 +1,25 @@
 """Checks exported files in a folder with cflib: see tests/export."""
 
+import bisect
 import contextlib
+import csv
 import importlib.util
 import io
 import json
+import math
 import os
+import re
 import struct
+import subprocess
 import sys
+import threading
 import types
 import unittest
 import zipfile
 
 from cflib.crazyflie.commander import Commander
 from cflib.crazyflie.high_level_commander import HighLevelCommander
+from cflib.crazyflie.mem import MemoryElement
 from cflib.crazyflie.mem.trajectory_memory import CompressedSegment, CompressedStart, Poly4D
 
 WORK = sys.argv[1]
@@ -35,16 +42,20 @@ class Clock:
     """Time that passes only while somebody sleeps; runs what is due then."""
 
     def __init__(self):
-        self.now_s, self.due = 100.0, []
+        self.now_s, self.due, self.lock = 100.0, [], threading.RLock()
 
     def monotonic(self):
         return self.now_s
 
     def sleep(self, s):
-        self.now_s += s
-        for event in [event for event in self.due if event[0] <= self.now_s]:
-            self.due.remove(event)
-            event[1]()
+        with self.lock:
+            end_s = self.now_s + s
+            while self.due and min(self.due, key=lambda event: event[0])[0] <= end_s:
+                event = min(self.due, key=lambda event: event[0])
+                self.due.remove(event)
+                self.now_s = max(self.now_s, event[0])
+                event[1]()
+            self.now_s = max(self.now_s, end_s)
 
 
 class Callbacks(list):
@@ -64,11 +75,24 @@ class Radio:
         self.commander, self.high_level_commander = Commander(self), HighLevelCommander(self)
         self.param = types.SimpleNamespace(set_value=self.set_value)
         self.supervisor = types.SimpleNamespace(send_arming_request=lambda arm: None)
-        self.log = types.SimpleNamespace(add_config=self.blocks.append, toc=types.SimpleNamespace(
+        self.log = types.SimpleNamespace(add_config=self.add_block, toc=types.SimpleNamespace(
             get_element_by_complete_name=lambda name: None if "ae483" in name else name))
         self.memory = types.SimpleNamespace(trajectory=[], write_data_sync=self.uploaded)
-        self.mem = types.SimpleNamespace(get_mems=lambda kind: [self.memory])
-        self.upload = None
+        self.mem = types.SimpleNamespace(get_mems=lambda kind: [
+            self.memory if kind == MemoryElement.TYPE_TRAJ else self.led])
+        self.upload, self.timings = None, None
+        self.led = types.SimpleNamespace(timings=[], add=self.add_timing, write_data=self.write_led)
+
+    def add_block(self, block):
+        block.radio = self
+        self.blocks.append(block)
+
+    def add_timing(self, duration, rgb):
+        self.led.timings.append((duration, rgb["r"], rgb["g"], rgb["b"]))
+
+    def write_led(self, done):
+        self.timings = list(self.led.timings)
+        self.clock.due.append((self.clock.now_s + 0.2, lambda: done(self.led, 0)))
 
     def uploaded(self):
         self.upload = b"".join(bytes(element.pack()) for element in self.memory.trajectory)
@@ -88,8 +112,6 @@ class Radio:
 class Block:
     """Stands in for cflib's LogConfig; a started block sends a row when the clock moves."""
 
-    radio = None
-
     def __init__(self, name, period_in_ms):
         self.name, self.variables, self.data_received_cb, self.on = name, [], Callbacks(), False
         self.period_s = period_in_ms / 1000
@@ -100,7 +122,7 @@ class Block:
         assert sum(sizes[kind] for _, kind in self.variables) <= 26, self.name
 
     def start(self):
-        self.on, radio = True, Block.radio
+        self.on, radio = True, self.radio
 
         def row():
             if not self.on:
@@ -116,7 +138,7 @@ class Block:
         self.on = False
 
 
-def flight(script, mode, clock_rate=1.0, **radio):
+def flight(script, mode, clock_rate=1.0, controller=5, begun=None, **radio):
     """Prepares and flies a script under the recording drone; returns it, its drone and what ended it."""
     import cflib.crazyflie.log
 
@@ -125,7 +147,7 @@ def flight(script, mode, clock_rate=1.0, **radio):
     script.time = clock
     due = radio.pop("due", None)
     radio.setdefault("place", script.DATA["start_m"])
-    cf = Block.radio = Radio(clock, **radio)
+    cf = Radio(clock, **radio)
     log = os.path.join(WORK, f"log-{clock.__hash__()}.json")
     drone = script.Drone(cf, log)
     ended = None
@@ -133,9 +155,11 @@ def flight(script, mode, clock_rate=1.0, **radio):
         try:
             script.prepare(drone, mode)
             cf.begun_s = clock.now_s
+            if begun:
+                begun(cf)
             if due:
                 clock.due.append((clock.now_s + due[0], lambda: due[1](cf)))
-            script.fly(drone, mode, 5, clock_rate)
+            script.fly(drone, mode, controller, clock_rate)
         except (script.Stopped, KeyboardInterrupt) as error:
             ended = error
     return cf, drone, ended
@@ -186,13 +210,39 @@ class Bytes(unittest.TestCase):
             packed += Poly4D(t, *[Poly4D.Poly(c[8 * k:8 * k + 8]) for k in range(4)]).pack()
         self.assertEqual(packed, data)
 
-    def test_a_show_is_a_zip_that_python_reads(self):
+    def test_a_show_keeps_skybrushs_rules_and_flies_as_its_table(self):
         with zipfile.ZipFile(os.path.join(WORK, "NOOR.skyc")) as archive:
             self.assertIsNone(archive.testzip())
             show = json.loads(archive.read("show.json"))
         points = show["swarm"]["drones"][0]["settings"]["trajectory"]["points"]
-        self.assertTrue(all(a[0] <= b[0] for a, b in zip(points, points[1:])))
+        # What TrajectorySpecification.iter_segments of skybrush-server (065df0b) demands.
+        self.assertEqual(points[0][2], [])
+        steps = [round(b[0] - a[0], 3) for a, b in zip(points, points[1:])]
+        self.assertGreater(min(steps), 0.0)
+        self.assertTrue(all(len(control) in (0, 2) for _, _, control in points))
         self.assertEqual(points[-1][1][2], 0.0)
+
+        def place(time_s):
+            """Position by de Casteljau's scheme, as skybrush.js evaluates a segment."""
+            at = next(k for k, point in enumerate(points) if point[0] >= time_s)
+            if at == 0:
+                return points[0][1]
+            (from_s, start, _), (to_s, end, control) = points[at - 1], points[at]
+            share, left = (time_s - from_s) / (to_s - from_s), [start, *control, end]
+            while len(left) > 1:
+                left = [[(1 - share) * u + share * v for u, v in zip(p, q)]
+                        for p, q in zip(left, left[1:])]
+            return left[0]
+
+        with zipfile.ZipFile(os.path.join(WORK, "NOOR.zip")) as archive:
+            rows = list(csv.DictReader(archive.read("Drone 1.csv").decode().splitlines()))
+        # Legs from rest to rest are cubic in a show, of degree 7 in the firmware: letters count.
+        lit = [row for row in rows if int(row["Red"]) > 0]
+        self.assertGreater(len(lit), 100)
+        for row in lit:
+            want = [float(row[f"{axis} [m]"]) for axis in "xyz"]
+            found = place(float(row["Time [msec]"]) / 1000)
+            self.assertLess(math.dist(found, want), 0.001, row)
 
 
 class Flights(unittest.TestCase):
@@ -258,6 +308,29 @@ class Flights(unittest.TestCase):
                 self.assertEqual(sent, value)
                 self.assertLessEqual(abs(sent_s - started_s - (t - start_s) / rate), 0.05)
 
+    def test_few_lights_of_the_ring_play_from_its_timing_memory(self):
+        script = load("ring.py")
+        timing = script.DATA["timing"]
+        cf, drone, ended = flight(script, "trajectory")
+        self.assertIsNone(ended)
+        self.assertEqual(cf.timings, [tuple(entry) for entry in timing["entries"]])
+        started_s = cf.packets(HIGH_LEVEL, START)[0][0]
+        zero_s = started_s - script.DATA["trajectory"]["start_s"]
+        effects = [(t - zero_s, v) for t, n, v in cf.params if n == "ring.effect"]
+        self.assertEqual([v for _, v in effects], [14, 0, 17, 0])
+        self.assertLessEqual(abs(effects[2][0] - script.DATA["lights"][0][0]), 0.05)
+        sent = [t for t, n, _ in cf.params if n == "ring.fadeColor" and t > started_s]
+        self.assertEqual(len(sent), 1, "only in the end")
+        notes = json.loads(content(os.path.abspath(drone.log_file)))["light.ring"]
+        played = [(t / 1000 + 50 - zero_s, v) for t, v in zip(notes["time"], notes["data"])][1:]
+        for (t, _, level), (found_s, found) in zip(timing["changes"], played):
+            self.assertEqual(found, level)
+            self.assertLessEqual(abs(found_s - t), 0.05)
+        # Over the radio the same script sends every change.
+        cf, _, _ = flight(script, "position")
+        sent = [v for t, n, v in cf.params if n == "ring.fadeColor" and t > cf.begun_s]
+        self.assertEqual(sent[:-1], [light[2] for light in script.DATA["lights"]])
+
     def test_ctrl_c_at_any_time_lands_from_there(self):
         for mode, name in (("position", "NOOR.py"), ("trajectory", "trajectory.py")):
             for after_s in (1.3, 3.0, 9.0, 20.0):
@@ -308,6 +381,223 @@ class Flights(unittest.TestCase):
         with contextlib.redirect_stdout(printed):
             launcher.main()
         self.assertEqual(printed.getvalue().count("  land("), 2)
+
+
+class Main(unittest.TestCase):
+    """The scripts as they are started, up to the key press."""
+
+    def start(self, name, key):
+        """Runs a script's main; returns the radios and what was printed. `key` is the key press."""
+        import cflib.crazyflie.log
+        import cflib.crazyflie.syncCrazyflie
+        import cflib.crtp
+
+        cflib.crazyflie.log.LogConfig = Block
+        script, clock, radios = load(name), Clock(), []
+        parts = [load("fleet/" + part) for part in getattr(script, "SCRIPTS", [])] or [script]
+        script.load = lambda part: parts[script.SCRIPTS.index(part)]
+        for part in parts:
+            part.time = clock
+
+        class Link:
+            def __init__(self, uri, cf):
+                place = parts[len(radios)].DATA["start_m"]
+                self.cf = Radio(clock, place=place)
+                radios.append(self.cf)
+
+            def __enter__(self):
+                return self
+
+            def __exit__(self, *_):
+                return None
+
+            def wait_for_params(self):
+                pass
+
+        def pressed(prompt):
+            self.assertIn("Enter takes off", prompt)
+            for radio in radios:
+                self.assertEqual(radio.sent, [], "nothing is sent before the key")
+                names = {name for _, name, _ in radio.params}
+                self.assertEqual(names, {"kalman.resetEstimation"}, "and no lamp")
+            return key()
+
+        cflib.crtp.init_drivers = lambda: None
+        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = Link
+        script.input = pressed
+        sys.argv = [name, "--controller", "5"]
+        if len(parts) == 1:
+            sys.argv += ["--log", os.path.join(WORK, "main.json")]
+        with contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit) as ended:
+            script.main()
+            raise SystemExit("flown")
+        return radios, str(ended.exception)
+
+    def test_nothing_is_sent_without_the_key(self):
+        def refuse():
+            raise KeyboardInterrupt
+
+        radios, ended = self.start("NOOR.py", refuse)
+        self.assertEqual((radios[0].sent, ended), ([], "stopped by Ctrl-C"))
+        radios, ended = self.start("NOOR.py", lambda: "")
+        self.assertEqual(ended, "flown")
+        self.assertEqual(len(radios[0].packets(HIGH_LEVEL, LAND)), 1)
+
+    def test_several_drones_wait_for_one_key(self):
+        def refuse():
+            raise SystemExit("no key")
+
+        radios, ended = self.start("fleet/fly_NOOR.py", refuse)
+        self.assertEqual((len(radios), ended), (2, "no key"))
+        self.assertEqual([radio.sent for radio in radios], [[], []])
+
+
+def noctograph(*arguments):
+    """Runs the program in the work folder; returns its JSON."""
+    program = [os.environ["NOCTOGRAPH"], *arguments, "--json"]
+    run = subprocess.run(program, cwd=WORK, capture_output=True, text=True, check=False)
+    if run.returncode > 1:
+        raise AssertionError(f"{arguments}: {run.stderr}")
+    return json.loads(run.stdout)
+
+
+def table(name):
+    with open(os.path.join(WORK, name), encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+class Flown(dict):
+    """Variables of the firmware in a simulated flight, on the clock of a script under the stub."""
+
+    SCALE = {"yaw": 57.29577951308232, "pitch": -57.29577951308232, "roll": 57.29577951308232}
+
+    def __init__(self, path, radio):
+        self.rows, self.radio = table(path), radio
+        self.times = [float(row["time_s"]) for row in self.rows]
+
+    def get(self, name, default=0.0):
+        time_s = self.radio.clock.now_s - self.radio.begun_s - 1.0
+        row = self.rows[max(bisect.bisect_right(self.times, time_s + 1e-9) - 1, 0)]
+        group, variable = name.split(".")
+        if group == "stateEstimate" and variable in "xyz":
+            return float(row[f"{variable}_m"])
+        if group == "stateEstimate" and variable in self.SCALE:
+            return self.SCALE[variable] * float(row[f"{variable}_rad"])
+        if group == "ctrltarget":
+            return float(row[f"{variable}_design_m"])
+        if group == "motor":
+            return round(float(row[variable]))
+        return {"pm.vbat": 4.0}.get(name, default)
+
+
+def dry_run(script):
+    """What a script prints in a dry run, as rows of a plan: (time in s, (x, y, z), light)."""
+    program = [sys.executable, os.path.join(WORK, script), "--dry-run"]
+    lines = subprocess.run(program, capture_output=True, text=True, check=True).stdout.splitlines()
+    (x, y), lit, rows = load(script).DATA["start_m"], 0.0, []
+    place = (x, y, 0.0)
+    rows.append((0.0, place, lit))
+    for line in lines:
+        time_s, command, values = re.match(r"\s*(\S+) s  (\w+)\((.*)\)", line).groups()
+        time_s = float(time_s) - 1.0  # the second in which it arms
+        if command == "position":
+            place = tuple(float(value) for value in values.split(", "))
+        elif command == "light":
+            lit = float(values.split(", ")[3])
+        elif command == "land":
+            place = (place[0], place[1], 0.0)
+        else:
+            continue
+        rows.append((time_s, place, lit))
+    # Of several commands at a time the last one holds.
+    return sorted(dict((row[0], row) for row in rows).values())
+
+
+class RoundTrip(unittest.TestCase):
+    """Design, script, flight, log and photo: what the script sends is flown by the simulator, the
+    script records that flight, and its log makes the same photo."""
+
+    SCENE = ["--scene", "pid", "--style", "even", "--set", "plan.style.exposure=switched"]
+
+    def test_the_log_of_the_script_makes_the_same_photo(self):
+        plan = ["NO", *self.SCENE]
+        noctograph("preview", *plan, "-o", "designed", "--size", "640x360")
+        noctograph("export", *plan, "--to", "cflib", "-o", "NO.py")
+        with open(os.path.join(WORK, "sent.csv"), "w", encoding="utf-8") as file:
+            motion = [f"{q}{axis}_m_{unit}" for q, unit in (("v", "s"), ("a", "s2")) for axis in "xyz"]
+            file.write(f"time_s,x_m,y_m,z_m,{','.join(motion)},letter,light.headlights\n")
+            rows = table("designed/plan.csv")
+            times = [float(row["time_s"]) - 0.0005 for row in rows]
+            for time_s, (x, y, z), lit in dry_run("NO.py"):
+                letter = rows[bisect.bisect(times, time_s) - 1]["letter"]
+                file.write(f"{time_s:.3f},{x},{y},{z},0,0,0,0,0,0,{letter},{lit}\n")
+        noctograph("fly", "sent.csv", "--scene", "pid", "-o", "sent_flight.csv")
+
+        def fed(cf):
+            cf.values = Flown("sent_flight.csv", cf)
+
+        cf, drone, ended = flight(load("NO.py"), "position", controller=1, begun=fed)
+        self.assertIsNone(ended)
+        log = os.path.basename(drone.log_file)
+        noctograph("import", log, "-o", "imported.csv")
+        with open(drone.log_file, encoding="utf-8") as file:
+            first_s = json.load(file)["stateEstimate.x"]["time"][0] / 1000
+        offset_s = first_s + 50.0 - cf.begun_s - 1.0  # the stub stamps from 50 s on
+        compared = noctograph("compare", "sent_flight.csv", "imported.csv",
+                              "--offset", f"{offset_s:.4f}")
+        self.assertLess(compared["max_m"], 0.002, "the log against the flight")
+        off_m = self.apart_in_letters("designed/flight.csv", "imported.csv", offset_s)
+        self.assertGreater(len(off_m), 1000)
+        self.assertLess(max(off_m), 0.002, "the log against the flight of the design")
+
+        picture = ["--word", "NO", "--scene", "pid", "--size", "640x360", "-o", "log.png"]
+        noctograph("expose", "imported.csv", *picture)
+        verdicts = [noctograph("score", photo, "NO") for photo in ("designed/photo.png", "log.png")]
+        self.assertEqual(*[(verdict["read"], verdict["legible"]) for verdict in verdicts])
+        apart = abs(verdicts[0]["probability"] - verdicts[1]["probability"])
+        self.assertLess(apart, 0.02, "probability of being read")
+
+        learned = ["learn", "pid", "NO", "--set", "plan.style.kind=even", "--from-log", log,
+                   "--sent", "designed/plan.csv", "-o", "learned"]
+        noctograph(*learned)
+        sent, corrected = table("designed/plan.csv"), table("learned/plan-NO.csv")
+        moved = [math.dist([float(row[a]) for a in axes], [float(old[a]) for a in axes])
+                 for axes in [("x_sent_m", "z_sent_m")] for old, row in zip(sent, corrected)]
+        self.assertEqual(len(sent), len(corrected))
+        self.assertTrue(0.001 < max(moved) < 0.2, f"corrected by up to {max(moved)} m")
+
+    def apart_in_letters(self, designed, logged, offset_s):
+        """Distances of a log from a flight at the flight's samples of letters, in m."""
+        axes, rows = ("x_m", "y_m", "z_m"), table(logged)
+        times = [float(row["time_s"]) + offset_s for row in rows]
+        off_m = []
+        for row in table(designed):
+            time_s = float(row["time_s"])
+            at = bisect.bisect(times, time_s)
+            if row["letter"] != "0" and 0 < at < len(times):
+                share = (time_s - times[at - 1]) / (times[at] - times[at - 1])
+                there = [(1 - share) * float(rows[at - 1][axis]) + share * float(rows[at][axis])
+                         for axis in axes]
+                off_m.append(math.dist(there, [float(row[axis]) for axis in axes]))
+        return off_m
+
+
+class Killed(unittest.TestCase):
+    def test_a_killed_export_leaves_a_whole_file_or_none(self):
+        program = [os.environ["NOCTOGRAPH"], "export", "NOOR", "--style", "even", "--to", "cflib"]
+        for out in ("whole.py", "killed.py"):
+            for delay_s in [10.0] if out == "whole.py" else [0.02 * k for k in range(1, 16)]:
+                path = os.path.join(WORK, out)
+                run = subprocess.Popen([*program, "-o", out], cwd=WORK, stdout=subprocess.DEVNULL)
+                try:
+                    run.wait(delay_s)
+                except subprocess.TimeoutExpired:
+                    run.kill()
+                    run.wait()
+                if os.path.exists(path):
+                    self.assertEqual(content(out), content("whole.py"), f"killed at {delay_s} s")
+                    if out == "killed.py":
+                        os.remove(path)
 
 
 if __name__ == "__main__":

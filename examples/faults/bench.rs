@@ -151,7 +151,9 @@ pub(crate) const FAULTS: [Fault; 10] = [
         unit: "stops less light",
         levels: [8.0, 9.5, 10.0, 10.2, 10.5, 11.0],
         turn: |setting, stops| {
-            for fixture in setting.actual.light.fixtures.iter_mut().flatten() {
+            let light = &mut setting.actual.light;
+            let lamps = light.fixtures();
+            for fixture in light.fixtures.insert(lamps) {
                 fixture.dies.iter_mut().for_each(|die| die.intensity_cd *= libm::exp2(-stops));
             }
             Ok(())
@@ -257,7 +259,7 @@ impl Setting {
 }
 
 /// The score's answer: a line for the clean words and one for each level of the faults, with the mean
-/// probability, then of each word its own, what is read, and the worst letter.
+/// readability, then of each word its own, what is read, and the worst letter.
 pub(crate) fn table(faults: &[Fault]) -> Result<String> {
     let mut readers = Vec::new();
     let mut text =
@@ -293,10 +295,10 @@ fn line(
             }
         };
         let verdict = readers[at].1.score(&shot.photo, &(&shot.camera).into())?;
-        let worst = verdict.letters.iter().min_by(|a, b| a.p.total_cmp(&b.p));
-        let worst = worst.map_or('?', |letter| letter.expected);
-        sum += verdict.probability;
-        each += &format!(" | {:.3} {} {worst}", verdict.probability, verdict.read);
+        let judged = verdict.letters.iter().filter_map(|letter| Some((letter.p?, letter.expected)));
+        let worst = judged.min_by(|a, b| a.0.total_cmp(&b.0)).map_or('?', |(_, letter)| letter);
+        sum += verdict.readability;
+        each += &format!(" | {:.3} {} {worst}", verdict.readability, verdict.read);
     }
     Ok(format!("{name} | {:.4}{each}\n", sum / WORDS.len() as f64))
 }

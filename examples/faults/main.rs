@@ -1,34 +1,19 @@
-//! Photographs with faults: a contact sheet of the bench, sets of photographs for other readers, and
-//! their scores.
+//! Photographs with faults: a contact sheet of the bench, and its table at other levels.
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels
 //! cargo run --release --example faults -- try wander 0.1 0.2 0.3 0.4 0.5 0.6 # other levels
-//! cargo run --release --example faults -- shoot main 400 photos/main  # of different rooms and cameras
-//! cargo run --release --example faults -- score photos/main           # scores.csv beside them
 //! ```
-//!
-//! `examples/outside_readers.py` compares the results of other readers on such a folder.
 
 use std::error::Error;
-use std::fmt::Write as _;
-use std::fs;
 use std::path::Path;
 
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, GrayImage, Rgb, RgbImage};
-use nalgebra::Vector3;
-use noctograph::camera::Camera;
-use noctograph::letters::{self, Strokes};
-use noctograph::photo::Photo;
-use noctograph::scene::Scene;
-use noctograph::score;
+use image::{DynamicImage, GrayImage, RgbImage};
 
 use bench::{FAULTS, Fault, LEVELS, Setting, WORDS};
-use variety::{Draw, Set, draw};
 
 mod bench;
-mod variety;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -38,18 +23,7 @@ fn main() -> Outcome<()> {
     match arguments[..] {
         ["try", fault, ref levels @ ..] => rehearse(fault, levels),
         ["sheet", path] => sheet(Path::new(path)),
-        ["shoot", set, n, folder] => {
-            let set = match set {
-                "main" => Set::Main,
-                "blind" => Set::Blind,
-                _ => return Err("name a set: main or blind".into()),
-            };
-            shoot(set, n.parse()?, Path::new(folder))
-        }
-        ["score", folder] => rate(Path::new(folder)),
-        _ => {
-            Err("name what to make: sheet PATH, shoot main|blind N FOLDER, or score FOLDER".into())
-        }
+        _ => Err("name a task: sheet PATH, or try FAULT LEVELS".into()),
     }
 }
 
@@ -95,94 +69,5 @@ fn sheet(path: &Path) -> Outcome<()> {
         }
     }
     sheet.save(path)?;
-    Ok(())
-}
-
-/// Photographs of a set with their list: file, word, fault, level, font, and the corners of the
-/// word's box in pixels, from the upper left clockwise.
-fn shoot(set: Set, n: usize, folder: &Path) -> Outcome<()> {
-    fs::create_dir_all(folder)?;
-    let background = folder.join("room.png");
-    room().save(&background)?;
-    let background = background.to_str().ok_or("a folder whose name is UTF-8")?;
-    let mut list =
-        String::from("file,word,fault,level,font,x0,y0,x1,y1,x2,y2,x3,y3,cap_height_px\n");
-    for index in 0..n {
-        let Draw { setting, fault } = draw(set, index, background)?;
-        let shot = match setting.shoot() {
-            Ok(shot) => shot,
-            // A drone that is lost leaves no photograph.
-            Err(error) => {
-                print_out(&format!("{index}: {error}\n"));
-                continue;
-            }
-        };
-        let file = format!("{index:04}.png");
-        let mut photo = shot.photo;
-        // What the scorer is told: the word as it was to be written, the camera as it stood.
-        let scene = Scene { camera: setting.actual.camera.clone(), ..setting.known.clone() };
-        photo.scene_toml = Some(scene.to_toml());
-        photo.write_png(fs::File::create(folder.join(&file))?, None, &[])?;
-        let (name, level) = fault.map_or(("clean", 0), |(at, level)| (FAULTS[at].name, level + 1));
-        let letters = &setting.known.letters;
-        let strokes = shot.strokes.as_ref().ok_or("a word was written")?;
-        write!(list, "{file},{},{name},{level},{}", strokes.word, letters.font)?;
-        let corners = corners_px(strokes, &shot.camera);
-        for [x, y] in corners {
-            write!(list, ",{x:.1},{y:.1}")?;
-        }
-        let [left, _, _, foot] = corners;
-        writeln!(list, ",{:.1}", foot[1] - left[1])?;
-    }
-    fs::write(folder.join("photos.csv"), list)?;
-    Ok(())
-}
-
-fn corners_px(strokes: &Strokes, camera: &Camera) -> [[f64; 2]; 4] {
-    let [left, bottom, right, top] = strokes.bounds_m();
-    let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
-    corners.map(|[x, z]| {
-        let seen = camera.image_from_world(Vector3::new(x, 0.0, z));
-        seen.map_or([f64::NAN; 2], |seen| [seen.x_px, seen.y_px])
-    })
-}
-
-/// A dim room: a wall, a window, a door and a table.
-fn room() -> RgbImage {
-    RgbImage::from_fn(480, 320, |x, y| {
-        #[expect(clippy::cast_possible_truncation, reason = "140 at most")]
-        let wall = (60 + x / 8 + y / 16) as u8;
-        match (x, y) {
-            (300..=420, 40..=150) if (x - 300) % 60 > 4 && (y - 40) % 55 > 4 => {
-                Rgb([150, 165, 190])
-            }
-            (60..=130, 90..=280) => Rgb([wall / 2 + 20, wall / 3 + 15, wall / 4 + 10]),
-            (170..=290, 220..=231) | (180..=188 | 272..=280, 232..=285) => Rgb([90, 70, 50]),
-            (_, 286..) => Rgb([wall / 2, wall / 2, wall / 2 - 5]),
-            _ => Rgb([wall, wall - 6, wall - 14]),
-        }
-    })
-}
-
-/// Scores the photographs of a folder: what `scores.csv` says of each.
-fn rate(folder: &Path) -> Outcome<()> {
-    let list = fs::read_to_string(folder.join("photos.csv"))?;
-    let mut table = String::from("file,p,loss,read,reason,letters\n");
-    for line in list.lines().skip(1) {
-        let file = line.split(',').next().ok_or("a file in every line")?;
-        let photo = Photo::read(&folder.join(file))?;
-        let scene = Scene::parse(photo.scene_toml.as_deref().ok_or("a scene inside")?, file)?;
-        let strokes = letters::write(&scene.word, &scene.letters)?;
-        let camera = scene.camera.camera(strokes.bounds_m(), 1.0)?;
-        let verdict = score::score(&photo, &strokes, &camera, &scene.score)?;
-        let p = verdict.probability;
-        let calibration = verdict.calibration;
-        let loss = (calibration.offset - libm::log(p / (1.0 - p))) / calibration.slope;
-        let reason = verdict.reason.map_or(String::new(), |reason| format!("{reason:?}"));
-        let each = verdict.letters.iter().map(|letter| format!("{:.4}", letter.p));
-        let each = each.collect::<Vec<_>>().join(" ");
-        writeln!(table, "{file},{p:.5},{loss:.4},{},{reason},{each}", verdict.read)?;
-    }
-    fs::write(folder.join("scores.csv"), table)?;
     Ok(())
 }

@@ -11,6 +11,7 @@ commit 2cc4af9, whose scene files these are; the photos of readings.tsv are its.
 import argparse
 import concurrent.futures
 import csv
+import functools
 import hashlib
 import json
 import math
@@ -19,7 +20,7 @@ import random
 import struct
 import subprocess
 import tempfile
-import zlib
+import tomllib
 
 from words import AMBIGUOUS, EVERYDAY, NAMES, NEAR_WORDS, word_list
 
@@ -202,12 +203,16 @@ def scene_of_score(scene):
                  "camera.lens": {"kind": "custom", **part(camera, "focal_length_m", "distortion")}})
 
 
-def fixtures(program, preset, color, stops, folder):
-    """The lamps of a preset, the writing ones in a color and all dimmer by some stops."""
-    import tomllib
+@functools.cache
+def preset_scene(program, preset):
+    return subprocess.run([program, "scene", "--preset", preset], capture_output=True, text=True, check=True).stdout
 
-    text = subprocess.run([program, "scene", "--preset", preset], capture_output=True, text=True, check=True).stdout
-    lamps = tomllib.loads(text)["light"].get("fixtures", [])
+
+def fixtures(program, preset, color, stops):
+    """The lamps of a preset, the writing ones in a color and all dimmer by some stops."""
+    # The printed scene has the lamps of its deck as a comment.
+    rows = preset_scene(program, preset).split("as light.fixtures lists them.\n")[1]
+    lamps = tomllib.loads("\n".join(row.removeprefix("#").strip() for row in rows.splitlines()))["light"]["fixtures"]
     for lamp in lamps:
         for die in lamp["dies"]:
             die["intensity_cd"] = die["intensity_cd"] * 2.0 ** -stops
@@ -338,7 +343,7 @@ def shoot(program, draw, photo, scene_out, seed, svg=None, cut=None):
         if draw["late_s"]:
             light["radio_delay_s"] = round(0.02 + draw["late_s"], 4)
         text = toml(dict(scene, light=light))
-        lamps = fixtures(program, scene[""]["preset"], draw["color"], draw["stops"], folder)
+        lamps = fixtures(program, scene[""]["preset"], draw["color"], draw["stops"])
         text = text.replace("[light]\n", f"[light]\nfixtures = {lamps}\n")
         open(in_folder("scene.toml"), "w").write(text)
         call("fly", in_folder("plan.csv"), "--scene", in_folder("scene.toml"), "-o", in_folder("flight.csv"))

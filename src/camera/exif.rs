@@ -10,9 +10,10 @@ use exif::{Exif, In, Tag, Value};
 
 use super::{BodyModel, CameraOptions, CustomBody, CustomLens, LensModel, Metering};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
-/// Largest file of a photograph.
-const MAX_FILE_BYTES: u64 = 1 << 28;
+/// Largest file of a photograph: a raw one of a technical camera.
+const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
 impl CameraOptions {
     /// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
@@ -24,19 +25,10 @@ impl CameraOptions {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF or lacks
     /// tags that a camera needs, with their names.
     pub fn taken_as(self, path: &Path) -> Result<Self> {
-        let unreadable = |source| Error::read(path, source);
         let place = path.display().to_string();
-        let file = std::fs::File::open(path).map_err(unreadable)?;
-        let length = file.metadata().map_err(unreadable)?.len();
-        if length > MAX_FILE_BYTES {
-            let found = format!("{length} bytes");
-            let wanted = format!("a photograph of at most {MAX_FILE_BYTES}");
-            return Err(Error::input(place, found, wanted, HINT));
-        }
-        let mut reader = std::io::BufReader::new(file);
-        match exif::Reader::new().read_from_container(&mut reader) {
+        let mut bytes = std::io::Cursor::new(LIMIT.read(path)?);
+        match exif::Reader::new().read_from_container(&mut bytes) {
             Ok(exif) => self.with_exif(&exif, &place),
-            Err(exif::Error::Io(source)) => Err(unreadable(source)),
             Err(error) => {
                 let found = format!("no EXIF ({error})");
                 Err(Error::input(place, found, "a photograph as the camera wrote it", HINT))

@@ -49,8 +49,10 @@ pub struct Camera {
     pub vignetting: f64,
     /// White balance: gains of red, green and blue between the sensor and the tone curve.
     pub white_balance: [f64; 3],
-    /// Sensitivity: `H_sat` = 78 / ISO lx s (ISO 12232).
+    /// Sensitivity; see [`Self::saturation_lx_s`].
     pub iso: f64,
+    /// Sensitivity at which a full well is white; at a lower one it is white too.
+    pub base_iso: f64,
     /// Time of flight at which the shutter opens.
     pub shutter_open_s: f64,
     /// Time of flight at which the shutter closes.
@@ -186,10 +188,12 @@ impl Camera {
             / (self.f_number * self.f_number)
     }
 
-    /// Luminous exposure in lx s at which the sensor saturates (ISO 12232, saturation based).
+    /// Luminous exposure in lx s at which the sensor saturates: `78 / ISO` (ISO 12232, saturation
+    /// based) from the base sensitivity on, where the converter clips, and that of the full well,
+    /// `78 / base ISO`, below it.
     #[must_use]
     pub fn saturation_lx_s(&self) -> f64 {
-        78.0 / self.iso
+        78.0 / self.iso.max(self.base_iso)
     }
 }
 

@@ -26,10 +26,13 @@ settings! {
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Aperture number; with metering, the one from which the meter starts.
+        /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0;
-        /// Sensitivity; a pixel saturates at 78 / ISO lx s.
+        /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / base_iso lx s below the
+        /// base sensitivity.
         iso: f64 = 100.0, in 1.0..=1e7;
+        /// Sensitivity at which a full well is white; above it, the converter clips earlier.
+        base_iso: f64 = 100.0, in 1.0..=1e5;
         /// Time of flight at which the shutter opens.
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes; the end of the flight if left out.
@@ -165,6 +168,7 @@ impl CameraOptions {
             transmission: self.transmission,
             blur_m: self.blur_m,
             iso: self.iso,
+            base_iso: self.base_iso,
             shutter_open_s: self.shutter_open_s,
             shutter_close_s: self.shutter_close_s.unwrap_or(end_s).max(self.shutter_open_s),
             width_px: self.width_px,

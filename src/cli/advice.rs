@@ -8,14 +8,22 @@ use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 11] = [
+const FLAGS: [(&str, &str, &str); 15] = [
     ("camera", "corners", "names the corners of the line instead of a camera"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
+    (
+        "camera.framing.position_m",
+        "set camera.framing.position_m=[X,Y,Z]",
+        "places it, of a fixed camera, Y below 0",
+    ),
     ("flight", "part", "chooses the part that is compared: letters, airborne or all"),
     ("flight A", "offset", "sets B's clock without the designs"),
     ("flight B", "offset", "sets B's clock without the designs"),
     ("flights A and B", "offset", "sets B's clock"),
+    ("letters.drawing", "trust", "opens the file"),
     ("letters.font", "font", "names another font"),
+    ("letters.font", "trust", "opens the file"),
+    ("noctograph.scene", "scene", "names another one"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),

@@ -14,7 +14,7 @@ use super::report::{Report, line};
 use super::show;
 use crate::error::Result;
 use crate::flight::Flight;
-use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, compare};
+use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::geometry::Attitude;
 use crate::logs::PositionSource;
@@ -29,7 +29,11 @@ pub(super) struct CompareArgs {
     /// Part of both flights that is compared
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Seconds to add to B's clock [default: the designs are aligned]
+    /// What sets B's clock: the setpoints (design), or what was flown, for a log of a plan whose
+    /// setpoints lead (plan.reference = "inverse")
+    #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
+    align: String,
+    /// Seconds to add to B's clock, in place of --align
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     offset: Option<f64>,
     #[command(flatten)]
@@ -50,7 +54,11 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
     let options = ComparisonOptions {
         part: args.part,
-        alignment: args.offset.map_or(Alignment::Design, Alignment::Offset),
+        alignment: match args.offset {
+            Some(offset_s) => Alignment::Offset(offset_s),
+            None if args.align == "flown" => Alignment::Flown,
+            None => Alignment::Design,
+        },
         max_gap_s: args.flights.max_gap,
     };
     let a = args.flights.read(&args.a)?;
@@ -110,6 +118,9 @@ fn to_json(
         "mean_m": [mean.x, mean.y, mean.z],
         "max_m": comparison.max_m,
         "attitude_rmse_rad": turned,
+        "first": comparison.first.map(|(cause, share)| {
+            json!({ "cause": first(cause), "share": share })
+        }),
         "a": side(&args.a, digest_a, a),
         "b": side(&args.b, digest_b, b),
     })
@@ -149,7 +160,43 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
         let share = 100.0 * d.in_corridor_frac;
         Some(format!("{:24}{:+8.3}{:+8.3}{share:15.1} %\n", "", d.min_y_m, d.max_y_m))
     });
+    if let Some((cause, share)) = comparison.first {
+        text += "\n";
+        text +=
+            &line("first", &format!("{} ({:.0} % of the difference)", first(cause), 100.0 * share));
+    }
     text
+}
+
+/// The largest cause of the difference, and what to change for it.
+fn first(cause: Discrepancy) -> String {
+    match cause {
+        Discrepancy::Lag(s) if s > 0.0 => {
+            format!(
+                "lag: B is {s:.2} s behind A: plan with plan.reference=inverse, or learn from B; \
+                 if only its clock is late, compare with --align flown"
+            )
+        }
+        Discrepancy::Lag(s) => {
+            format!("lag: B is {:.2} s ahead of A: set the clocks with --align flown", -s)
+        }
+        Discrepancy::Offset(m) => format!(
+            "offset: B is beside A by {:+.3}, {:+.3}, {:+.3} m: plan with --after B, or check the \
+             origin of the positioning system",
+            m.x, m.y, m.z
+        ),
+        Discrepancy::Scale(s) => format!(
+            "scale: B is {:+.1} % larger: check the geometry of the positioning system",
+            100.0 * s
+        ),
+        Discrepancy::Path(m) => {
+            format!("path: B leaves A's path by {:.0} mm: learn from B", 1e3 * m)
+        }
+        Discrepancy::Noise(m) => format!(
+            "noise: B shakes by {:.0} mm: lower the gains, check the propellers and the positions",
+            1e3 * m
+        ),
+    }
 }
 
 /// A row of a vector: its name, x, y, z and the length in the x-z plane.

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::device::tried;
 use super::flags::{FlightFlags, PictureFlags, SceneFlags};
 use super::names::named;
 use super::output::Output;
@@ -41,12 +42,13 @@ pub(super) struct ExposeArgs {
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let mut scene = args.scene.load(&[])?;
     args.picture.apply(&mut scene)?;
+    let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
-    let format = args.format.unwrap_or_else(|| Format::from_path(&args.output));
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights)?;
-    let backend = args.picture.backend;
+    let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
+    warn(&shot.obstacles);
     warn(&shot.warnings);
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;

@@ -33,6 +33,14 @@ pub(super) fn json(finding: &Finding) -> serde_json::Value {
     json
 }
 
+/// The stops in one line; `None` where there are none.
+pub(super) fn stops(findings: &[Finding]) -> Option<String> {
+    let stops = findings.iter().filter(|finding| finding.severity == Severity::Stop);
+    let stops: Vec<String> =
+        stops.map(|stop| format!("{} ({})", name(stop.check), found(stop))).collect();
+    (!stops.is_empty()).then(|| stops.join("; "))
+}
+
 fn name(check: Check) -> String {
     let name = serde_json::json!(check);
     name.as_str().unwrap_or_default().to_owned()
@@ -72,7 +80,8 @@ fn found(finding: &Finding) -> String {
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
         Check::Memory if finding.value.is_none() => detail.clone(),
-        Check::Memory => format!("{value} bytes as a compressed trajectory"),
+        Check::Memory if detail.is_empty() => format!("{value} bytes compressed, too much for any"),
+        Check::Memory => format!("{value} bytes compressed; it can be exported as {detail}"),
         Check::LedMemory => format!("{value} entries"),
         Check::Headlights if is_fine => "on or off".into(),
         Check::Headlights => format!("dimmed by {value} commands, first{at}"),
@@ -96,6 +105,8 @@ fn found(finding: &Finding) -> String {
         Check::Evenness => format!("{:.1} % within half a stop", 100.0 * value),
         Check::Coverage if finding.value.is_none() => "the scene has no base stations".into(),
         Check::Coverage => format!("{:.1} % of the flight's box is seen", 100.0 * value),
+        Check::Picture if is_fine => "shows the word while it is written".into(),
+        Check::Picture => detail.clone(),
     }
 }
 
@@ -196,6 +207,10 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         Check::Coverage => (
             "two Lighthouse stations see every place".into(),
             "move the word or the stations (see `coverage`)",
+        ),
+        Check::Picture => (
+            "the word in the picture, lit, the shutter open".into(),
+            "as the finding says, or --camera auto",
         ),
     };
     (wanted, change)

@@ -10,7 +10,7 @@ use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
-use crate::logs::{self, ImportOptions, PositionSource};
+use crate::logs::{self, Damaged, ImportOptions, PositionSource};
 use crate::plan::{Plan, Style};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
@@ -70,12 +70,24 @@ impl SceneFlags {
         self.scene.is_some()
     }
 
-    /// The scene that was named, or else that of a text.
-    pub(super) fn load_or(&self, toml: &str, file: &str) -> Result<Scene> {
+    /// Whether a key of the scene was typed.
+    pub(super) fn sets(&self, key: &str) -> bool {
+        self.set.set.iter().any(|(typed, _)| typed == key)
+    }
+
+    /// The scene that was named, or else that of a text, which is checked before any file that it
+    /// names is looked at.
+    pub(super) fn load_or(
+        &self,
+        toml: &str,
+        file: &str,
+        check: impl FnOnce(&mut Scene) -> Result<()>,
+    ) -> Result<Scene> {
         if self.scene.is_some() {
             return self.load(&[]);
         }
         let mut scene = parse_scene(toml, file, &self.set.set)?;
+        check(&mut scene)?;
         self.finish(&mut scene)?;
         Ok(scene)
     }
@@ -87,7 +99,10 @@ impl SceneFlags {
             warn_of(path, &config.warnings);
             scene.sensors.lighthouse.stations = config.stations;
         }
-        scene.check()
+        scene.check()?;
+        scene.settle_files()?;
+        warn_of_idle_keys(scene);
+        Ok(())
     }
 }
 
@@ -138,7 +153,9 @@ impl LetterFlags {
     pub(super) fn settings(&self) -> Vec<Setting> {
         let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
         let drawing = self.drawing.iter();
-        let drawing = drawing.flat_map(|file| [("letters.drawing", file.as_str()), ("word", "")]);
+        let drawing = drawing.flat_map(|file| {
+            [("letters.drawing", file.as_str()), ("letters.drawing_sha256", ""), ("word", "")]
+        });
         let mut settings = owned(font.chain(drawing));
         if let Some([width_m, _, height_m]) = self.room {
             let wide_m = width_m - 2.0 * FROM_WALL_M;
@@ -176,6 +193,29 @@ impl PlanFlags {
     }
 }
 
+/// The scene with its letters and its way of flying.
+#[derive(Debug, Args)]
+pub(super) struct DesignFlags {
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    letters: LetterFlags,
+    #[command(flatten)]
+    plan: PlanFlags,
+}
+
+impl DesignFlags {
+    /// The scene with the settings of these and of other flags.
+    pub(super) fn load(&self, more: &[Setting]) -> Result<Scene> {
+        Ok(self.named(more)?.scene)
+    }
+
+    fn named(&self, more: &[Setting]) -> Result<NamedScene> {
+        let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
+        self.scene.named(&settings.concat())
+    }
+}
+
 /// A word, or ready plans, with the scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
@@ -187,11 +227,7 @@ pub(super) struct SubjectFlags {
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
-    scene: SceneFlags,
-    #[command(flatten)]
-    letters: LetterFlags,
-    #[command(flatten)]
-    plan: PlanFlags,
+    design: DesignFlags,
 }
 
 impl SubjectFlags {
@@ -201,8 +237,7 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let settings = [self.letters.settings(), self.plan.settings()].concat();
-        let mut found = self.scene.named(&settings)?;
+        let mut found = self.design.named(&[])?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
@@ -216,17 +251,17 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        let NamedScene { mut scene, plans: mut learned, .. } = self.named()?;
-        change(&mut scene)?;
+        let mut named = self.named()?;
+        change(&mut named.scene)?;
         let inputs: Vec<String> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
         let is_plan = |input: &&String| Path::new(input).extension().is_some_and(|e| e == "csv");
         let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
         match inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => set_word(&mut scene, word),
+            [word] if plans.is_empty() => set_word(&mut named.scene, word),
             all if all.len() == plans.len() => {
                 let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
-                return Shoot::with_plans(scene, plans.collect::<Result<_>>()?);
+                return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -234,10 +269,7 @@ impl SubjectFlags {
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
         }
-        match learned.remove(&scene.strokes()?.word) {
-            Some(plans) => Shoot::with_plans(scene, plans),
-            None => Shoot::new(scene),
-        }
+        Shoot::named(named)
     }
 }
 
@@ -327,19 +359,47 @@ pub(super) struct FlightFlags {
     /// Position (and attitude) of a log that counts as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
     pub(super) position: PositionSource,
-    /// Longest gap of a log that is bridged, in seconds
+    /// Longest gap of a log that is interpolated, in seconds
     #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
     pub(super) max_gap: f64,
+    /// Sample rate of a log as a flight, in Hz
+    #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
+    pub(super) rate: f64,
+    /// Seconds that the drone's clock counts in a true second: a number or a fraction (84/85 for
+    /// µSD logs of firmware before August 2026)
+    #[arg(long, value_name = "RATIO", default_value = "1", value_parser = ratio)]
+    pub(super) clock_ratio: f64,
+    /// Recover the undamaged part of a broken µSD log, instead of refusing it
+    #[arg(long)]
+    pub(super) recover: bool,
+}
+
+/// A number, or a fraction of two.
+fn ratio(text: &str) -> std::result::Result<f64, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let ratio = match text.split_once('/') {
+        Some((above, below)) => number(above).zip(number(below)).map(|(a, b)| a / b),
+        None => number(text),
+    };
+    ratio.filter(|r| r.is_finite()).ok_or_else(|| "wanted a number such as 0.988, or 84/85".into())
 }
 
 impl FlightFlags {
     pub(super) fn options(&self) -> ImportOptions {
-        let (position, max_gap_s) = (self.position, self.max_gap);
-        ImportOptions { position, max_gap_s, ..ImportOptions::default() }
+        ImportOptions {
+            position: self.position,
+            max_gap_s: self.max_gap,
+            sample_rate_hz: self.rate,
+            clock_ratio: self.clock_ratio,
+            damaged: if self.recover { Damaged::Recover } else { Damaged::Refuse },
+        }
     }
 
+    /// Reads a flight or a log, and prints its warnings.
     pub(super) fn read(&self, path: &Path) -> Result<Flight> {
-        read_flight(path, &self.options())
+        let flight = logs::import(path, &self.options())?;
+        warn_of(path, &flight.warnings);
+        Ok(flight)
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone.
@@ -363,11 +423,11 @@ impl FlightFlags {
     }
 }
 
-/// Reads a flight and prints its warnings.
-pub(super) fn read_flight(path: &Path, options: &ImportOptions) -> Result<Flight> {
-    let flight = logs::import(path, options)?;
-    warn_of(path, &flight.warnings);
-    Ok(flight)
+/// Warns of keys that were set and have no effect.
+pub(super) fn warn_of_idle_keys(scene: &Scene) {
+    for (key, why) in scene.idle_keys() {
+        message("warning: ", &format!("{key} has no effect: {why}"));
+    }
 }
 
 /// Prints the warnings of a file.

@@ -23,6 +23,9 @@ enum Kind {
         /// Shell that it is for
         shell: Shell,
     },
+    /// Open the graphics device and run the shader once
+    #[command(hide = true)]
+    Device,
     /// Write man pages, one for each verb
     Man {
         /// Folder for them
@@ -39,6 +42,10 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
             clap_complete::generate(*shell, &mut command, "noctograph", &mut script);
             let script = String::from_utf8(script).expect("scripts are text");
             Ok(Report::new(script.clone(), json!({ "script": script })))
+        }
+        Kind::Device => {
+            let adapter = crate::expose::try_device()?;
+            Ok(Report::new(format!("{adapter}\n"), json!({ "adapter": adapter })))
         }
         Kind::Man { output } => {
             let folder = OutputFolder::create(output)?;

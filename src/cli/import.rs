@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags, read_flight, set_word};
+use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::output::Output;
 use super::report::{Report, line};
 use super::show;
 use crate::error::Result;
 use crate::flight::airborne;
-use crate::logs::{Damaged, ImportOptions};
 use crate::plan::relight;
 
 #[derive(Debug, Args)]
@@ -27,16 +26,6 @@ pub(super) struct ImportArgs {
     scene: SceneFlags,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Sample rate of the flight, in Hz
-    #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
-    rate: f64,
-    /// Seconds that the drone's clock counts in a true second (0.98824 for µSD logs of firmware
-    /// before August 2026)
-    #[arg(long, value_name = "RATIO", default_value_t = 1.0)]
-    clock_ratio: f64,
-    /// Recover the undamaged part of a broken µSD log, instead of refusing it
-    #[arg(long)]
-    recover: bool,
     /// Flight to write
     #[arg(short, long, value_name = "FILE", default_value = "flight.csv")]
     output: PathBuf,
@@ -45,13 +34,7 @@ pub(super) struct ImportArgs {
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let mut scene = args.scene.load(&[])?;
     let output = Output::create(&args.output)?;
-    let options = ImportOptions {
-        sample_rate_hz: args.rate,
-        clock_ratio: args.clock_ratio,
-        damaged: if args.recover { Damaged::Recover } else { Damaged::Refuse },
-        ..args.flight.options()
-    };
-    let mut flight = read_flight(&args.log, &options)?;
+    let mut flight = args.flight.read(&args.log)?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
         relight(&mut flight, &scene.strokes()?)?;
@@ -70,7 +53,9 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings,
         "flight": show::flight_json(&flight),
     });
-    let air = air_s.map_or("never".to_owned(), |[from, to]| format!("{from:.2} s to {to:.2} s"));
-    let text = line("samples", &format!("{}, in the air {air}", flight.samples.len()));
+    let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {
+        format!("in the air {from:.2} s to {to:.2} s")
+    });
+    let text = line("samples", &format!("{}, {air}", flight.samples.len()));
     Ok(Report::new(text + &show::flight_lines(&flight), json).with_files(&[path]))
 }

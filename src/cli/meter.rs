@@ -6,11 +6,12 @@ use clap::Args;
 
 use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
 use super::progress::watch;
-use super::report::Report;
+use super::report::{Report, wrapped};
 use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{LampReading, floor_stops, meter};
+use crate::light::Drive;
 use crate::shoot::Lighting;
 
 #[derive(Debug, Args)]
@@ -43,7 +44,10 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let scene = shoot.scene.clone();
     let Lighting { trace, camera, warnings, .. } = shoot.lighting(&watch())?;
     warn(&warnings);
+    let fixtures = scene.light.fixtures().into_iter();
+    let writes = fixtures.filter(|fixture| matches!(fixture.drive, Drive::Command(_)));
     let found = Found {
+        writes: writes.map(|fixture| fixture.name).collect(),
         readings: meter(&trace, &camera)?,
         ambient_stops: scene.photo.ambient_stops(&camera),
         floor_stops: floor_stops(&trace, &camera, &scene.expose),
@@ -55,6 +59,8 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
 /// Exposures of the lamps, of the room and of the floor.
 struct Found {
     camera: Camera,
+    /// Names of the lamps that a command switches.
+    writes: Vec<String>,
     readings: Vec<LampReading>,
     /// Stops over saturation of the room in the middle of the picture; `None`: dark.
     ambient_stops: Option<f64>,
@@ -63,10 +69,12 @@ struct Found {
 }
 
 fn table(found: &Found, target_stops: f64) -> String {
-    let Found { camera, readings, ambient_stops, floor_stops } = found;
+    let Found { camera, ambient_stops, floor_stops, .. } = found;
+    let readings = &grouped(&found.readings);
     let Camera { focal_length_m, f_number, iso, .. } = camera;
-    let mut text = format!(
-        "{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
+    let mut text = wrapped("", &in_one_sentence(found, target_stops));
+    text += &format!(
+        "\n{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
          stops over saturation, along the trail\n\
          lamp                 lit s    median      5 %     95 %   uneven  streaks s\n",
         focal_length_m * 1000.0,
@@ -93,7 +101,9 @@ fn table(found: &Found, target_stops: f64) -> String {
         let advice = reading.advice(camera, target_stops);
         let name: String = reading.name.chars().take(18).collect();
         let aperture = format!("f/{:.1}", advice.f_number);
-        text += &format!("{name:18} {aperture:>9} {:9.0} {:13.3}\n", advice.iso, advice.level);
+        let iso = advice.iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
+        let level = advice.level.map_or("-".to_owned(), |level| format!("{level:.3}"));
+        text += &format!("{name:18} {aperture:>9} {iso:>9} {level:>13}\n");
     }
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot)));
     // What stays under saturation leaves no blob, however long the lamp lingers.
@@ -118,11 +128,57 @@ fn table(found: &Found, target_stops: f64) -> String {
     text
 }
 
+/// What the lamp that writes needs.
+fn in_one_sentence(found: &Found, target_stops: f64) -> String {
+    let writes = |reading: &&LampReading| {
+        let name = reading.name.rsplit(": ").next().unwrap_or_default();
+        found.writes.iter().any(|lamp| lamp == name)
+    };
+    let brightest = |a: &&LampReading, b: &&LampReading| a.median_stops.total_cmp(&b.median_stops);
+    let writing = found.readings.iter().filter(writes).max_by(brightest);
+    let Some(lamp) = writing.or_else(|| found.readings.iter().max_by(brightest)) else {
+        return "No lamp is lit in the picture.".into();
+    };
+    let (name, stops) = (&lamp.name, lamp.median_stops);
+    if (stops - target_stops).abs() < 0.5 {
+        return format!("The trail of {name} is right: {stops:+.1} stops over saturation.");
+    }
+    let advice = lamp.advice(&found.camera, target_stops);
+    let iso = advice.iso.map_or(String::new(), |iso| format!(" or ISO {iso:.0}"));
+    format!(
+        "The trail of {name} is at {stops:+.1} stops over saturation: set f/{:.1}{iso} for \
+         {target_stops:+.1}.",
+        advice.f_number
+    )
+}
+
+/// The readings with the LEDs of a ring as one row, that of the brightest.
+fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
+    let group = |reading: &LampReading| {
+        let (group, led) = reading.name.rsplit_once(' ')?;
+        led.parse::<u8>().ok()?;
+        group.ends_with("ring").then(|| format!("{group}, brightest"))
+    };
+    let mut rows: Vec<LampReading> = Vec::new();
+    for reading in readings {
+        let Some(name) = group(reading) else {
+            rows.push(reading.clone());
+            continue;
+        };
+        match rows.iter_mut().find(|row| row.name == name) {
+            Some(row) if row.median_stops >= reading.median_stops => {}
+            Some(row) => *row = LampReading { name, ..reading.clone() },
+            None => rows.push(LampReading { name, ..reading.clone() }),
+        }
+    }
+    rows
+}
+
 /// Hot spots that a table lists.
 const MOST_SPOTS: usize = 20;
 
 fn json(found: &Found, target_stops: f64) -> serde_json::Value {
-    let Found { camera, readings, ambient_stops, floor_stops } = found;
+    let Found { camera, readings, ambient_stops, floor_stops, .. } = found;
     let lamps: Vec<_> = readings
         .iter()
         .map(|reading| {

@@ -16,6 +16,7 @@ mod check;
 mod compare;
 mod compare_photo;
 mod coverage;
+mod device;
 mod export;
 mod expose;
 mod findings;
@@ -27,6 +28,7 @@ mod hold;
 mod identify;
 mod import;
 mod learn;
+mod locate;
 mod meter;
 mod names;
 mod output;
@@ -114,7 +116,7 @@ verbs! {
         Check(check::CheckArgs),
         /// Meter the lamps: stops over saturation, and the right settings
         Meter(meter::MeterArgs),
-        /// Map where Lighthouse stations see the drone, and how well
+        /// Map how well stations or anchors can place the drone
         Coverage(coverage::CoverageArgs),
         /// Export a plan for drones: scripts, trajectories, shows, gains
         Export(export::ExportArgs),
@@ -128,6 +130,8 @@ verbs! {
         ComparePhoto(compare_photo::ComparePhotoArgs),
         /// Identify thrust, center of mass and noise from a flight log
         Identify(identify::IdentifyArgs),
+        /// Locate drones from logs of ultra-wideband ranges
+        Locate(locate::LocateArgs),
     }
     "Choose a controller" {
         /// Print controller gains, poles and stability margins
@@ -175,11 +179,23 @@ fn command() -> Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let command = command();
-    let matches = command.clone().get_matches();
-    let args = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let matches = match command.clone().try_get_matches() {
+        Ok(matches) => matches,
+        Err(error) => return usage(&error),
+    };
+    let args = match Args::from_arg_matches(&matches) {
+        Ok(args) => args,
+        Err(error) => return usage(&error),
+    };
     let done = on_threads(args.threads, || run(&args.verb)).and_then(|report| {
-        let json = args.json.then(|| format!("{}\n", report.json));
-        print(json.as_ref().unwrap_or(&report.text))?;
+        let json =
+            args.json.then(|| escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")));
+        let text = json.unwrap_or_else(|| printable(&report.text));
+        if report.aside {
+            let _ = std::io::stderr().write_all(text.as_bytes());
+        } else {
+            print(&text)?;
+        }
         Ok(report.outcome)
     });
     match done {
@@ -200,10 +216,44 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Prints the help that was asked for, or what is wrong with the arguments.
+fn usage(error: &clap::Error) -> ExitCode {
+    let text = error.render().to_string();
+    if !error.use_stderr() {
+        return match print(&text) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                message("error: ", &error.to_string());
+                message("hint: ", error.hint());
+                ExitCode::from(2)
+            }
+        };
+    }
+    // clap names a similar argument as a tip, and ends with where help is.
+    let text = text.replace("\n  tip: ", "\nhint: ");
+    let (text, more) = match text.split_once("\nFor more information") {
+        Some((text, _)) => (text, "--help lists the arguments and what they take"),
+        None => (&*text, ""),
+    };
+    let text = printable(text.trim_end());
+    let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
+    if !more.is_empty() && !text.contains("\nhint: ") {
+        message("hint: ", more);
+    }
+    ExitCode::from(2)
+}
+
+/// Most worker threads: those of the largest machines.
+const MAX_THREADS: usize = 1024;
+
 /// Runs work on a number of threads; 0: one for each processor core.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads == 0 {
         return work();
+    }
+    if threads > MAX_THREADS {
+        let wanted = format!("at most {MAX_THREADS}");
+        return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::Infeasible {
@@ -225,9 +275,24 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Text with its control characters as escapes.
+fn printable(text: &str) -> String {
+    escaped(text, |code| format!("\\u{{{code:x}}}"))
+}
+
+/// Text with the codes of its control characters, those that turn the direction of writing among
+/// them, as escapes: names from foreign files must not steer a terminal. Line ends and tabs stay.
+fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
+    let steers = |c: char| {
+        (c.is_control() && c != '\n' && c != '\t')
+            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
+}
+
 /// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
 fn message(head: &str, text: &str) {
-    let _ = std::io::stderr().write_all(wrapped(head, text).as_bytes());
+    let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }
 
 /// Prints warnings.

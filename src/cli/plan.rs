@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::flags::{FlightFlags, LetterFlags, PlanFlags, SceneFlags, set_word};
+use super::flags::{DesignFlags, FlightFlags, set_word};
 use super::output::{Output, Outputs, is_svg};
 use super::report::{Report, wrapped};
 use crate::error::Result;
@@ -20,11 +20,7 @@ pub(super) struct PlanArgs {
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
-    scene: SceneFlags,
-    #[command(flatten)]
-    letters: LetterFlags,
-    #[command(flatten)]
-    plan: PlanFlags,
+    design: DesignFlags,
     /// Flight or log of the same drone whose mean error is subtracted from every setpoint
     #[arg(long, value_name = "FILE")]
     after: Option<PathBuf>,
@@ -37,8 +33,7 @@ pub(super) struct PlanArgs {
 }
 
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let settings = [args.letters.settings(), args.plan.settings()].concat();
-    let mut scene = args.scene.load(&settings)?;
+    let mut scene = args.design.load(&[])?;
     if let Some(path) = &args.after {
         scene.plan.mean_error_m = mean_error(path, &args.flight)?;
     }

@@ -5,16 +5,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::device::tried;
 use super::flags::{PictureFlags, SubjectFlags};
 use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
-use super::report::{Outcome, Report, line};
-use super::{show, warn};
+use super::report::{Outcome, Report, line, wrapped};
+use super::{findings, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, flown};
 use crate::plan::Plan;
+use crate::plan::check::Profile;
 use crate::shoot::{Format, Shoot};
 
 #[derive(Debug, Args)]
@@ -37,7 +39,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         fly_as_exported(&mut shoot, form)?;
     }
     let folder = OutputFolder::create(&args.output)?;
-    let backend = args.picture.backend;
+    let before = shoot.clone();
+    let backend = tried(args.picture.backend);
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
     warn(&shot.warnings);
 
@@ -69,9 +72,16 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["photo_sha256"] = sha256(png).into();
     let mut text = match verdict {
         Some(verdict) => show::verdict_table(verdict),
-        None => line("verdict", "none: only words are read"),
+        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     };
+    if let Some(obstacle) = shot.obstacles.first() {
+        text = wrapped("photo     ", obstacle) + &text;
+    }
     text.push('\n');
+    let findings = before.inspect(&shot.flights, &Profile::indoor())?;
+    json["obstacles"] = shot.obstacles.clone().into();
+    json["stops"] = findings::stops(&findings).into();
+    text.extend(findings::stops(&findings).map(|stops| wrapped("check     ", &stops)));
     text.extend(shot.flights.iter().map(show::flight_lines));
     text += &show::camera_line(&shot);
     text += &line("exposed", &format!("by {backend} on {adapter}"));

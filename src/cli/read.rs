@@ -17,7 +17,7 @@ pub(super) struct ReadArgs {
     photo: PathBuf,
     /// Corners of the line in the photo, clockwise from the upper left, in pixels: for a photo
     /// taken at an angle
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     #[command(flatten)]
     camera: CameraFlags,
@@ -32,9 +32,9 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
         let report = Report::new("no writing found\n".into(), json);
         return Ok(report.with_outcome(Outcome::NotLegible));
     }
-    let mut text = format!("{}\n\nletter    p     similarity\n", reading.text);
+    let mut text = format!("{}\n\nletter    p\n", reading.text);
     for letter in &reading.letters {
-        text += &format!("{:10}{:.2}  {:.2}\n", letter.letter, letter.p, letter.similarity);
+        text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
     }
     Ok(Report::new(text, json))
 }

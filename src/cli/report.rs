@@ -1,9 +1,10 @@
 //! What a verb reports: a table for people, the same as JSON for programs, and its outcome.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use crate::files::STANDARD_OUTPUT;
 use crate::score::Verdict;
 
 /// Columns that tables and messages keep to.
@@ -16,6 +17,8 @@ pub(super) struct Report {
     /// An object.
     pub(super) json: Value,
     pub(super) outcome: Outcome,
+    /// Whether a file was written on standard output, so that this belongs on stderr.
+    pub(super) aside: bool,
 }
 
 /// What decides the exit code.
@@ -28,7 +31,7 @@ pub(super) enum Outcome {
 
 impl Report {
     pub(super) fn new(text: String, json: Value) -> Self {
-        Self { text, json, outcome: Outcome::Done }
+        Self { text, json, outcome: Outcome::Done, aside: false }
     }
 
     /// Adds the files that were written.
@@ -38,6 +41,7 @@ impl Report {
             self.text += &format!("{head:10}{}\n", file.display());
         }
         self.json["files"] = serde_json::json!(files);
+        self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
         self
     }
 

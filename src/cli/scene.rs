@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{LetterFlags, PlanFlags, SceneFlags};
+use super::flags::DesignFlags;
 use super::output::Output;
 use super::report::Report;
 use crate::error::Result;
@@ -19,20 +19,15 @@ pub(super) struct SceneArgs {
     #[arg(long, value_name = "NAME", conflicts_with = "scene")]
     preset: Option<String>,
     #[command(flatten)]
-    scene: SceneFlags,
-    #[command(flatten)]
-    letters: LetterFlags,
-    #[command(flatten)]
-    plan: PlanFlags,
+    design: DesignFlags,
     /// Scene file to write, instead of printing it
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &SceneArgs) -> Result<Report> {
-    let mut settings = [args.letters.settings(), args.plan.settings()].concat();
-    settings.extend(args.preset.iter().map(|name| ("preset".to_owned(), name.clone())));
-    let mut scene = args.scene.load(&settings)?;
+    let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
+    let mut scene = args.design.load(&preset.collect::<Vec<_>>())?;
     scene.word = args.word.clone().unwrap_or(scene.word);
     let toml = scene.to_toml();
     let Some(path) = &args.output else {

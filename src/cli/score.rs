@@ -10,7 +10,7 @@ use super::output::{Output, is_svg};
 use super::report::{Outcome, Report};
 use super::square_on::Corners;
 use super::{message, show};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::photo::Photo;
@@ -33,7 +33,7 @@ pub(super) struct ScoreArgs {
     camera: CameraFlags,
     /// Corners of the word in the photo, clockwise from the upper left, in pixels, instead of a
     /// camera
-    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", conflicts_with_all = ["camera", "camera_from"])]
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     /// Plan that was flown: refused unless it writes the word
     #[arg(long, value_name = "FILE")]
@@ -43,23 +43,40 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
+    /// Open the font or drawing that the photo's own scene names: it is a path on this machine,
+    /// chosen by the author of the photo
+    #[arg(long)]
+    trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
-    /// (pink), stray light (yellow) and the probability of each letter
+    /// (pink), stray light (yellow) and the share of each letter
     #[arg(short, long, value_name = "FILE", alias = "overlay")]
     output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
-    let photo = Photo::read(&args.photo)?;
-    let inside = photo.scene_toml.as_deref();
+    let (photo, notes) = Photo::read_with_notes(&args.photo)?;
+    let inside = photo.scene_toml.as_deref().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
-    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file)?;
+    let mut scene = args.scene.load_or(inside.unwrap_or_default(), &file, |scene| {
+        if inside.is_some() && !args.trust {
+            distrust(args, scene, &file)?;
+        }
+        Ok(())
+    })?;
+    let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
     args.camera.apply(&mut scene)?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, even if another one is looked for now.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
+    if let (Some(_), Some(flown), Some(digest)) = (foreign, &flown, &notes.strokes_sha256)
+        && flown.sha256() != *digest
+    {
+        let hint = "find the font or drawing that the photo was made with";
+        let found = "a font or drawing with other strokes";
+        return Err(Error::input(file, found, format!("that of digest {digest}"), hint));
+    }
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
     }
@@ -84,10 +101,11 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     };
     let flights = args.flight.iter().map(|path| args.flights.read(path));
     let flights: Vec<Flight> = flights.collect::<Result<_>>()?;
+    check_flights(args, &flights, notes.flight_sha256.as_deref())?;
     let known = known(&flights, &scene.plan);
     let reader = Reader::new(&strokes, &scene.score)?;
     let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
-    verdict.second_opinion = Some(reading.text);
+    verdict.compare_with(&reading);
     let mut files = Vec::new();
     if let (Some(output), Some(path)) = (output, &args.output) {
         let svg = is_svg(path);
@@ -103,6 +121,35 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let outcome = Outcome::from(&verdict);
     let report = Report::new(show::verdict_table(&verdict), json).with_files(&files);
     Ok(report.with_outcome(outcome))
+}
+
+/// The key of a file that the photo's scene names, unless it was typed.
+fn foreign_file(args: &ScoreArgs, scene: &Scene) -> Option<&'static str> {
+    scene.letters.files().map(|(key, _)| key).find(|key| !args.scene.sets(key))
+}
+
+/// Refuses a photo's own scene where it names a font or a drawing; its background is not needed.
+fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
+    scene.photo.background.clear();
+    let Some(key) = foreign_file(args, scene) else { return Ok(()) };
+    let hint = "name the scene yourself, or trust the photo's if you know who made it";
+    let wanted = "a font that comes with the program: a photo may name any file";
+    Err(Error::input(format!("{file}: {key}"), "the path of a file", wanted, hint))
+}
+
+/// Refuses flights that are not those of the photo, where it says which these are.
+fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> Result<()> {
+    let Some(shown) = shown else { return Ok(()) };
+    for (flight, path) in flights.iter().zip(&args.flight) {
+        let digest = flight.sha256();
+        if !shown.split(' ').any(|known| known == digest) {
+            let hint = "name the flight that was exposed in this photo";
+            let found = format!("a flight of digest {digest}");
+            let wanted = format!("the one that the photo shows, {shown}");
+            return Err(Error::input(path.display().to_string(), found, wanted, hint));
+        }
+    }
+    Ok(())
 }
 
 /// Locates a word in a photo without a camera.

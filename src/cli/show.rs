@@ -6,29 +6,37 @@ use serde_json::Value;
 use super::report::{line, wrapped};
 use crate::camera::Camera;
 use crate::flight::tracking::{Part, Tracking, track};
-use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S};
+use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::geometry::Attitude;
-use crate::score::{Reason, Verdict};
+use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::Shot;
 
-/// The verdict: a line for the word, a row for each letter.
+/// Shares below this are not printed.
+const LEAST_SHARE: f64 = 0.01;
+
+/// The verdict: lines for the word, a row for each letter, advice.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
-    let Verdict { word, read, legible, probability, .. } = verdict;
+    let Verdict { word, read, legible, readability, .. } = verdict;
     let legible = if *legible { "legible" } else { "NOT legible" };
-    let verdict_line = format!("{word} reads as {read}: {legible} (probability {probability:.2})");
+    let verdict_line = format!("{word} reads as {read}: {legible} (readability {readability:.2})");
     let mut text = wrapped("", &verdict_line);
     if let Some(reason) = verdict.reason {
-        text += &line("because", in_words(reason));
+        text += &line("because", &in_words(reason, verdict));
     }
-    text += "\nletter    best      runner-up margin\n";
+    if let Some(rival) = verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE) {
+        text += &line("rival", &format!("{}, share {:.2}", rival.word, rival.p));
+    }
+    if let Some(faithfulness) = verdict.faithfulness {
+        text += &line("strokes", &format!("agree with their light by {faithfulness:.2}"));
+    }
+    if verdict.is_contradicted() {
+        let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
+        text += &line("blind", &format!("reads {}", second.unwrap_or("nothing")));
+    }
+    text += "\nletter    best      share rivals\n";
     for letter in &verdict.letters {
-        let shown = |c: Option<char>| c.map_or("-".to_owned(), String::from);
-        let (best, runner_up) = (shown(letter.best), shown(letter.runner_up));
-        text += &format!("{:10}{best:10}{runner_up:10}{:+.3}\n", letter.expected, letter.margin);
-    }
-    if let Some(second) = verdict.second_opinion.as_ref().filter(|second| *second != word) {
-        let second = if second.is_empty() { "nothing" } else { second };
-        text += &wrapped("\n", &format!("Blind recognition reads {second}."));
+        text += row(letter).trim_end();
+        text.push('\n');
     }
     for (index, advice) in verdict.advice.iter().enumerate() {
         let gain = advice.gain.map_or("?".to_owned(), |gain| format!("{gain:+.2}"));
@@ -38,22 +46,46 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
     text
 }
 
-fn in_words(reason: Reason) -> &'static str {
-    match reason {
+/// A letter, what is seen, its share, and likely other letters.
+fn row(letter: &LetterVerdict) -> String {
+    let expected = letter.expected;
+    let Some(p) = letter.p else { return format!("{expected:10}not judged") };
+    let best = letter.best.unwrap_or('-');
+    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
+    let rivals: Vec<String> =
+        rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
+    format!("{expected:10}{best:10}{p:.2}  {}", rivals.join(", "))
+}
+
+fn in_words(reason: Reason, verdict: &Verdict) -> String {
+    let text = match reason {
         Reason::NotInPhoto => "the photo does not show the place of the word",
         Reason::NoLight => "there is no light in the place of the word",
         Reason::TooSmall => "its letters are less than 20 pixels high",
         Reason::OutOfRange => "it is too far from its place, or too large or too small",
-        Reason::Misread => "a letter resembles another one, or none",
-    }
+        Reason::OtherLength => "the photo shows a word of another length",
+        Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
+            Some(rival) => return format!("{} is likelier", rival.word),
+            None => "a letter resembles another one, or none",
+        },
+        Reason::Unsure => "every letter is likeliest, but not likely enough",
+    };
+    text.to_owned()
 }
 
 /// Flight time, tracking error over the letters or, where none was written, in the air, and digest.
 pub(super) fn flight_lines(flight: &Flight) -> String {
     let duration_s = duration_s(flight);
     let digest = format!("digest    {}\n", flight.sha256());
-    let Ok(tracking) = track(flight, Part::from_flight(flight)) else {
-        return format!("flight    {duration_s:.1} s on the floor\n{digest}");
+    let tracking = match track(flight, Part::from_flight(flight)) {
+        Ok(tracking) => tracking,
+        Err(error) => {
+            let why = on_floor(flight).map_or_else(
+                || format!("no tracking error: {error}"),
+                |why| format!("on the floor: {why}"),
+            );
+            return line("flight", &format!("{duration_s:.1} s, {why}")) + &digest;
+        }
     };
     let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
     let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));

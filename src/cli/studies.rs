@@ -7,12 +7,13 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SetFlag, find_scene};
+use super::flags::{SetFlag, find_scene, warn_of_idle_keys};
 use super::message;
 use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::settings::similar;
@@ -55,7 +56,9 @@ impl StudyFlags {
 
     /// A scene with the keys that were set.
     pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
-        find_scene(named, &self.set.set)
+        let found = find_scene(named, &self.set.set)?;
+        warn_of_idle_keys(&found.scene);
+        Ok(found)
     }
 
     /// The conditions that were named.
@@ -84,6 +87,8 @@ impl StudyFlags {
                 for line in lines.filter(|line| !line.starts_with('#')) {
                     words.push(self.word(line, usual)?);
                 }
+            } else if is_path(named) {
+                return Err(Error::read(named.as_ref(), std::io::ErrorKind::NotFound.into()));
             } else {
                 words.push(self.word(named, usual)?);
             }
@@ -103,8 +108,16 @@ impl StudyFlags {
     }
 }
 
+/// Whether a word looks like the name of a file.
+fn is_path(named: &str) -> bool {
+    let lower = named.to_lowercase();
+    named.contains(['/', '\\'])
+        || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
+}
+
 fn read_text(file: &str) -> Result<String> {
-    std::fs::read_to_string(file).map_err(|source| Error::read(file.as_ref(), source))
+    let hint = "split it, or shorten it";
+    Limit { bytes: 1 << 20, what: "a list of words or conditions", hint }.read_text(file.as_ref())
 }
 
 /// Opens a study's folder of flights, and says how many are there already.

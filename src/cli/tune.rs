@@ -99,6 +99,9 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         [] => Knob::usual(&base.scene),
         knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
     };
+    if let Some(longest_s) = args.longest {
+        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
+    }
     let options = TuneOptions {
         knobs,
         search: args.search,

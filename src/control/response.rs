@@ -53,6 +53,15 @@ impl StepResponse {
         output
     }
 
+    /// Multiplications of [`Self::inverse`] for so many inputs, an interval apart.
+    #[must_use]
+    pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 inputs")]
+        let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
+        let width = (self.settled_s() / interval_s).min(n) + 2.0;
+        n * (per_input + 1.0) * 0.5 * width * width
+    }
+
     /// Inputs, each held from its time in `times_s` until the next, that make the loop put out
     /// `wanted`, in the sense of least squares over the whole span, after a rest at its first
     /// value: the zero-phase inverse, which begins to act before it is due.

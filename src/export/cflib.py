@@ -26,6 +26,7 @@ TAKE_OFF_S = 3.0
 SINK_M_S = 0.3
 RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 LOG_PERIOD_MS = 20
+RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
 
 # What noctograph's import, compare and learn read, by type; 26 bytes a block at most.
 LOG = @LOG@
@@ -107,6 +108,27 @@ class Drone:
         rounded = [[(round(1000 * v) + math.copysign(0.25, v)) / 1000 for v in vector]
                    for vector in (position, velocity, acceleration)]
         self.cf.commander.send_full_state_setpoint(*rounded, [0.0, 0.0, 0.0, 1.0], 0.0, 0.0, 0.0)
+
+    def lit(self, channel, level):
+        """A light that changes by the timing memory on board: nothing is sent."""
+        self._note(channel, level)
+
+    def upload_lights(self, entries):
+        from cflib.crazyflie.mem import MemoryElement
+
+        memories = self.cf.mem.get_mems(MemoryElement.TYPE_DRIVER_LEDTIMING)
+        if not memories:
+            raise Stopped("this drone has no LED-ring deck")
+        written = threading.Event()
+        memories[0].timings = []
+        for duration, r, g, b in entries:
+            memories[0].add(duration, {"r": r, "g": g, "b": b})
+        memories[0].write_data(lambda memory, address: written.set())
+        end_s = self.clock() + SETTLE_S
+        while not written.is_set():
+            if self.clock() > end_s:
+                raise Stopped("the lights could not be uploaded")
+            self.wait_until(self.clock() + 0.05)
 
     def upload(self, n_bytes, data, n_pieces):
         from cflib.crazyflie.mem import MemoryElement
@@ -231,9 +253,23 @@ def paced(time_s, clock):
     return start_s + (time_s - start_s) / clock
 
 
+def on_board(mode):
+    """The lights that the LED ring's timing memory plays, on the clock of the trajectory."""
+    return DATA["timing"] if mode == "trajectory" else None
+
+
+def lights(mode, clock):
+    """Changes of the lights: sent one by one, or the start of the timing memory and notes of it."""
+    timing = on_board(mode)
+    changes = timing["changes"] if timing else DATA["lights"]
+    command = "lit" if timing else "light"
+    listed = [(paced(time_s, clock), command, tuple(values)) for time_s, *values in changes]
+    return listed + ([(listed[0][0], "param", ("ring.effect", RING_TIMING))] if timing else [])
+
+
 def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
-    listed = [(paced(time_s, clock), "light", tuple(values)) for time_s, *values in DATA["lights"]]
+    listed = lights(mode, clock)
     if mode == "trajectory":
         start = (DATA["trajectory"]["start_s"], "start_trajectory", ())
         return sorted([start] + listed, key=lambda event: event[0])
@@ -257,6 +293,8 @@ def prepare(drone, mode):
     if mode == "trajectory":
         trajectory = DATA["trajectory"]
         drone.upload(len(trajectory["hex"]) // 2, trajectory["hex"], trajectory["pieces"])
+        if on_board(mode):
+            drone.upload_lights(on_board(mode)["entries"])
 
 
 def fly(drone, mode, controller, clock, begin=lambda: None):
@@ -266,6 +304,8 @@ def fly(drone, mode, controller, clock, begin=lambda: None):
     if controller == DATA["controller"]:
         for name, value in DATA["gains"]:
             drone.param(name, value)
+    if on_board(mode):
+        drone.param("ring.effect", 0)
     drone.log()
     drone.wait_until(drone.clock() + 0.5)
     begin()
@@ -299,6 +339,8 @@ def end(drone, mode, airborne):
     """Lights off, down, motors off; the log is kept whatever happens."""
     try:
         if airborne:
+            if on_board(mode):
+                drone.param("ring.effect", 0)
             for values in DATA["dark"]:
                 drone.light(*values)
             if mode != "trajectory":

@@ -7,7 +7,7 @@
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{Command, commands, dark, preparation};
+use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
 use super::pieces::Stretch;
 use super::{Job, gains, stem};
@@ -60,6 +60,12 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
+    // Notes of the changes in the log need the channel: the memory plays the ring alone.
+    let timing = timing(plan, &lights).map(|timing| {
+        let entries = timing.entries.iter().map(|(lasts, [r, g, b])| json!([lasts, r, g, b]));
+        let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
+        json!({ "entries": entries.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
+    });
     let commands = |commands: &[Command]| -> Vec<Value> {
         let one = |c: &Command| json!([c.time_s, c.parameter, c.value, c.channel, c.level]);
         commands.iter().map(one).collect()
@@ -98,6 +104,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
+        "timing": timing,
         "setpoints": setpoints(plan, end_s)?,
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
@@ -131,6 +138,11 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
     let in_the_air = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
     letters_s.max(dark_s).min(in_the_air.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
+}
+
+/// Whether a plan's setpoints are far enough apart to be sent one by one.
+pub(super) fn fits_the_radio(plan: &Plan) -> bool {
+    setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
 /// What is sent over the radio: the plan in the air without the setpoints that only carry a light

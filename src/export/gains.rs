@@ -1,10 +1,12 @@
 //! Gains of a scene's controller for the firmware: parameters, or a table in C.
 //!
-//! - `geometric`: parameters `ctrlLee.*` (firmware `controller_lee.c`), whose attitude gains are
-//!   torques (N m per rad) where the scene's are angular accelerations; and the position loop of
-//!   `ctrlMel.*` (`controller_mellinger.c`), in N per m. Mellinger's attitude gains are in units of
-//!   the motors and stay the firmware's.
-//! - `pid`: none. The scene flies the firmware's own gains.
+//! - `geometric`: parameters of two controllers that are the same for small angles. `ctrlLee.*`
+//!   (firmware `controller_lee.c`) has torques (N m per rad) where the scene has angular
+//!   accelerations; `ctrlMel.*` (`controller_mellinger.c`) has forces (N per m) and, for the
+//!   attitude, motor commands per twice the sine of the error. Its derivative of the body rate,
+//!   which the scene lacks, is 0.
+//! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
+//!   `pid_rate`), which the scene flies.
 //! - `lqr` and its kin: the matrix as a C header, for a controller of one's own such as that of the
 //!   AE483 course.
 
@@ -16,13 +18,23 @@ use serde_json::{Map, json};
 use super::File;
 use crate::error::Result;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use crate::sim::{ControllerKind, SimOptions};
+use crate::sim::{ControllerKind, SimOptions, pid_gains};
+
+/// Firmware parameters of a controller.
+type Parameters = Vec<(String, f64)>;
 
 /// Firmware parameters of the scene's controller.
-pub(super) fn parameters(sim: &SimOptions) -> Vec<(String, f64)> {
-    if sim.controller.kind != ControllerKind::Geometric {
-        return Vec::new();
+pub(super) fn parameters(sim: &SimOptions) -> Parameters {
+    match sim.controller.kind {
+        ControllerKind::Geometric => lee(sim),
+        ControllerKind::Pid => pid(sim),
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+            Vec::new()
+        }
     }
+}
+
+fn lee(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mut parameters = Vec::new();
     for (axis, index) in ["x", "y", "z"].into_iter().zip(0..3) {
@@ -42,15 +54,59 @@ pub(super) fn parameters(sim: &SimOptions) -> Vec<(String, f64)> {
     parameters
 }
 
-/// Position loop of Mellinger's controller with the same stiffness.
-fn mellinger(sim: &SimOptions) -> Vec<(String, f64)> {
-    let (k, mass_kg) = (&sim.controller.geometric, sim.vehicle.mass_kg);
-    let axis = |axis: &str| {
-        let gains = [("kp", k.k_position), ("kd", k.k_velocity), ("ki", k.k_position_integral)];
-        gains.map(|(name, gain)| (format!("ctrlMel.{name}_{axis}"), mass_kg * gain))
+/// Mellinger's controller with the same stiffness and damping.
+fn mellinger(sim: &SimOptions) -> Parameters {
+    let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
+    let mass_kg = vehicle.mass_kg;
+    let mut parameters = Parameters::new();
+    let mut add = |name: &str, axis: &str, gain: f64| {
+        parameters.push((format!("ctrlMel.{name}{axis}"), gain));
     };
-    let mass = ("ctrlMel.mass".to_owned(), mass_kg);
-    [axis("xy"), axis("z")].concat().into_iter().chain([mass]).collect()
+    for axis in ["_xy", "_z"] {
+        add("kp", axis, mass_kg * k.k_position);
+        add("kd", axis, mass_kg * k.k_velocity);
+        add("ki", axis, mass_kg * k.k_position_integral);
+    }
+    // Commands per torque: half of a roll command goes to each of four motors on its lever, a yaw
+    // command to each in full (`power_distribution_quadrotor.c`).
+    let command = vehicle.motor_max / 65_535.0;
+    let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
+    let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
+    let mean = |of: &dyn Fn(usize) -> f64| f64::midpoint(of(0), of(1));
+    let torque = |gains: [f64; 3]| {
+        let of = |axis: usize| vehicle.inertia_kg_m2[axis] * gains[axis];
+        [("_xy", roll * mean(&of)), ("_z", yaw * of(2))]
+    };
+    // The attitude error is twice the sine of the angle.
+    for (name, gains, share) in
+        [("kR", k.k_attitude, 0.5), ("kw", k.k_rate, 1.0), ("ki_m", k.k_attitude_integral, 0.5)]
+    {
+        torque(gains).into_iter().for_each(|(axis, gain)| add(name, axis, share * gain));
+    }
+    add("kd_omega_rp", "", 0.0);
+    add("mass", "", mass_kg);
+    // A thrust command goes to all four motors.
+    add("massThrust", "", 1.0 / (4.0 * vehicle.k_f_n * command));
+    parameters
+}
+
+/// The firmware's cascade.
+fn pid(sim: &SimOptions) -> Parameters {
+    let names = [
+        ("posCtlPid", ["xK", "yK", "zK"]),
+        ("velCtlPid", ["vxK", "vyK", "vzK"]),
+        ("pid_attitude", ["roll_k", "pitch_k", "yaw_k"]),
+        ("pid_rate", ["roll_k", "pitch_k", "yaw_k"]),
+    ];
+    let mut parameters = Parameters::new();
+    for ((group, loops), gains) in names.into_iter().zip(pid_gains(&sim.controller.pid)) {
+        for (name, gains) in loops.into_iter().zip(gains) {
+            let terms = ["p", "i", "d"].into_iter().zip(gains);
+            parameters.extend(terms.map(|(term, gain)| (format!("{group}.{name}{term}"), gain)));
+        }
+    }
+    parameters.push(("posCtlPid.thrustBase".to_owned(), sim.controller.pid.thrust_base));
+    parameters
 }
 
 /// The gains as files: `gains.json` with firmware parameters, or `gains.h`.
@@ -59,16 +115,16 @@ fn mellinger(sim: &SimOptions) -> Vec<(String, f64)> {
 ///
 /// As [`design`].
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
-    let object = |parameters: Vec<(String, f64)>| -> Map<String, serde_json::Value> {
+    let object = |parameters: Parameters| -> Map<String, serde_json::Value> {
         parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
     };
     let json = match sim.controller.kind {
         ControllerKind::Geometric => json!({
-            "lee": { "stabilizer.controller": 5, "parameters": object(parameters(sim)) },
+            "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
         ControllerKind::Pid => json!({
-            "pid": { "stabilizer.controller": 1, "parameters": {} },
+            "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
@@ -122,7 +178,41 @@ mod tests {
         assert_eq!(gain("ctrlLee.Kpos_Pz"), Some(9.8));
         let torque = sim.vehicle.inertia_kg_m2[1] * 384.0;
         assert_eq!(gain("ctrlLee.KR_y"), Some(torque));
-        assert!((mellinger(&sim)[0].1 - 9.8 * sim.vehicle.mass_kg).abs() < 1e-12, "N/m");
+    }
+
+    #[test]
+    fn mellingers_gains_ask_for_the_same_thrust_and_torques_as_lees() {
+        let sim = SimOptions::default();
+        let of = |parameters: Parameters| -> std::collections::BTreeMap<String, f64> {
+            parameters.into_iter().collect()
+        };
+        let (lee, mellinger) = (of(lee(&sim)), of(mellinger(&sim)));
+        let vehicle = &sim.vehicle;
+        let force = mellinger["ctrlMel.kp_z"] * 0.01;
+        assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
+        // The torque of motors that get the command for an error of 0.1 rad, by their levers.
+        let error = 2.0 * libm::sin(0.1);
+        let roll = mellinger["ctrlMel.kR_xy"] * error;
+        let torque = 4.0 * (roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;
+        let want = 0.5 * (lee["ctrlLee.KR_x"] + lee["ctrlLee.KR_y"]) * libm::sin(0.1);
+        assert!((torque / want - 1.0).abs() < 1e-12, "{torque} N m instead of {want} N m");
+        let torque = 4.0 * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
+        assert!((torque / lee["ctrlLee.Kw_z"] - 1.0).abs() < 1e-12, "{torque} N m s");
+        // Of the size of the firmware's own 70 000, 20 000 and 132 000.
+        assert!((10_000.0..100_000.0).contains(&mellinger["ctrlMel.kR_xy"]));
+        assert!((120_000.0..140_000.0).contains(&mellinger["ctrlMel.massThrust"]));
+    }
+
+    #[test]
+    fn pid_gains_have_the_names_of_the_firmware() {
+        let found = pid(&SimOptions::default());
+        assert_eq!(found.len(), 37);
+        let gain = |name: &str| found.iter().find(|(n, _)| n == name).map(|(_, gain)| *gain);
+        assert_eq!(gain("posCtlPid.zKi"), Some(0.5));
+        assert_eq!(gain("velCtlPid.vxKp"), Some(25.0));
+        assert_eq!(gain("pid_attitude.yaw_kd"), Some(0.35));
+        let rate = SimOptions::default().controller.pid.rate_pid;
+        assert_eq!(gain("pid_rate.roll_ki"), Some(rate[1]), "the scene's");
     }
 
     #[test]

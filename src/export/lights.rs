@@ -5,6 +5,9 @@
 //! `ring.fadeTime` 0 (one write for three colors), the color LED deck to `colorLedBot.wrgb8888`.
 //! The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
 //! time of the radio and half a tick.
+//!
+//! A ring with few changes can play them from its timing memory ([`Timing`]), on the clock of a
+//! trajectory on board, so that a late packet moves none of them.
 
 use crate::error::{Error, Result};
 use crate::light::{LightOptions, RingColor, RingEffect};
@@ -108,6 +111,46 @@ pub fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
     parameters
 }
 
+/// Unit of a duration in the timing memory, s (`LEDRING_TIME_MEM_SEC`).
+const TIMING_S: f64 = 0.04;
+/// Longest duration of an entry, in that unit.
+const MAX_TIMING: u64 = u8::MAX as u64;
+/// Entries of the timing memory (`LEDRING_TIME_MEM_SIZE`); one ends the list.
+pub(crate) const MAX_ENTRIES: usize = 10;
+
+/// A ring's lights as its timing memory plays them (`ring.effect` 17) from the first change on.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Timing {
+    /// Duration in units of 40 ms and color of each entry. Dark to the end by the last one.
+    pub(super) entries: Vec<(u8, [u8; 3])>,
+    /// Time in the plan, s, and level of each change as it is played.
+    pub(super) changes: Vec<(f64, f64)>,
+}
+
+/// The timing memory of a plan that lights the ring alone; `None` where it does not fit, or does not
+/// end dark.
+pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
+    let (first, last) = (commands.first()?, commands.last()?);
+    if !plan.lights.keys().eq(["ring"]) || last.value != 0 {
+        return None;
+    }
+    let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
+    for (index, command) in commands.iter().enumerate() {
+        changes.push((first.time_s + TIMING_S * played as f64, command.level));
+        let until_s = commands.get(index + 1).map_or(command.time_s + TIMING_S, |c| c.time_s);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+        let until = ((until_s - first.time_s) / TIMING_S).round() as u64;
+        // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
+        let until = until.max(played + 1);
+        while played < until {
+            let lasts = (until - played).min(MAX_TIMING);
+            entries.push((u8::try_from(lasts).expect("at most 255"), rgb(command)));
+            played += lasts;
+        }
+    }
+    (entries.len() < MAX_ENTRIES).then_some(Timing { entries, changes })
+}
+
 /// Red, green and blue of a command's light, 0 to 255.
 #[must_use]
 pub(super) fn rgb(command: &Command) -> [u8; 3] {
@@ -153,5 +196,31 @@ mod tests {
         assert_eq!(sent("ring"), [(1.0, ring, 0x64_3200), (2.0, ring, 0xC8_6400), (4.0, ring, 0)]);
         assert_eq!(sent("color-led")[1], (2.0, "colorLedBot.wrgb8888", 0xFF00_0000));
         assert!(commands(&lit("laser", &[0.0]), &options).is_err());
+    }
+
+    #[test]
+    fn few_changes_of_the_ring_fit_its_timing_memory() {
+        let ring = RingEffect::Solid(RingColor { color: [200, 100, 0] });
+        let options = LightOptions { ring, ..LightOptions::default() };
+        let timing = |channel: &str, levels: &[f64], step_s: f64| {
+            let mut plan = lit(channel, levels);
+            plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s);
+            timing(&plan, &commands(&plan, &options).unwrap())
+        };
+        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
+        let found = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
+        let (on, off, half) = ([200, 100, 0], [0; 3], [100, 50, 0]);
+        assert_eq!(found.entries, [(51, on), (25, off), (25, half), (1, off)]);
+        let times: Vec<f64> = found.changes.iter().map(|(time_s, _)| *time_s).collect();
+        for (found, want) in times.iter().zip([1.01, 3.03, 4.04, 5.05]) {
+            assert!((found - want).abs() <= TIMING_S / 2.0 + 1e-9, "{found} instead of {want}");
+        }
+        let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;
+        assert_eq!(long, [(255, on), (255, on), (115, on), (1, off)], "10.2 s each at most");
+        let many: Vec<f64> = (0..11).map(|row| f64::from(row % 2)).collect();
+        assert_eq!(timing("ring", &many, 1.0), None, "ten changes");
+        assert_eq!(timing("ring", &many[..10], 1.0), None, "still lit at the end");
+        assert_eq!(timing("ring", &many[..9], 1.0).unwrap().entries.len(), 8);
+        assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");
     }
 }

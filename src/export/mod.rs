@@ -23,6 +23,8 @@ mod log_config;
 mod on_board;
 mod pieces;
 pub mod poly4d;
+#[cfg(test)]
+mod recorded;
 mod skybrush;
 mod vviz;
 mod zip;
@@ -130,6 +132,21 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
         Format::Gains => gains::files(job.sim),
         Format::LogConfig => Ok(log_config::files()),
     }
+}
+
+/// Names of the formats in which a plan fits the drone: its memory as either trajectory, and the
+/// radio as the setpoints of a script.
+#[must_use]
+pub fn fitting(plan: &Plan) -> Vec<&'static str> {
+    let fits = [
+        (
+            Format::Compressed,
+            compressed::Compressed::encode(plan, Form::Compressed.tolerance_m()).is_ok(),
+        ),
+        (Format::Poly4d, poly4d::Poly4d::fit(plan, Form::Poly4d.tolerance_m()).is_ok()),
+        (Format::Cflib, cflib::fits_the_radio(plan)),
+    ];
+    fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name()).collect()
 }
 
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {

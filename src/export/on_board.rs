@@ -58,11 +58,11 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<Vec<Plan>> 
     let flown = plans.iter().map(|plan| match form {
         Form::Compressed => {
             let trajectory = Compressed::encode(plan, tolerance_m)?;
-            flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+            flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
         }
         Form::Poly4d => {
             let trajectory = Poly4d::fit(plan, tolerance_m)?;
-            flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+            flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
         }
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;

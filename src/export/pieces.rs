@@ -2,8 +2,8 @@
 //!
 //! A plan has a setpoint every few hundredths of a second, too many for a drone's memory. Both
 //! trajectory forms of the Crazyflie take longer pieces: [`super::compressed`] cubics, and
-//! [`super::poly4d`] polynomials of degree 7. [`longest`] finds the pieces greedily: each is the
-//! longest that keeps to the design, found by bisection between setpoints.
+//! [`super::poly4d`] polynomials of degree 7. [`pieces`] finds them greedily: each is the longest
+//! that keeps to the design and to its limits.
 
 use std::collections::BTreeSet;
 
@@ -19,6 +19,13 @@ const CHECKS_PER_SETPOINT: u32 = 4;
 /// that of the last one to rest, s: 0.4 m/s² at 0.2 m/s.
 const RUN_S: f64 = 0.5;
 
+/// Largest speed and acceleration of a piece where it is held against the design, relative to those
+/// of the design; a twentieth over them between these times.
+const OVER_LIMITS: f64 = 1.04;
+
+/// Shorter pieces that are tried before one that must be left over the limits.
+const RETRIES: u32 = 200;
+
 /// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
 /// rest. Take-off and landing are commands of their own.
 #[derive(Clone, Debug)]
@@ -31,7 +38,8 @@ impl Stretch {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a plan without letters.
+    /// [`Error::Input`] for a plan without letters, [`Error::Infeasible`] for one that reaches the
+    /// floor.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let writes = |setpoint: &Setpoint| setpoint.letter.is_some();
         let first = plan.setpoints.iter().position(writes);
@@ -60,7 +68,15 @@ impl Stretch {
             letter: None,
         };
         let letters = plan.setpoints[first..end].iter().copied();
-        let setpoints = [run_up].into_iter().chain(letters).chain([run_out, rest]).collect();
+        let setpoints: Vec<_> =
+            [run_up].into_iter().chain(letters).chain([run_out, rest]).collect();
+        if let Some(low) = setpoints.iter().find(|setpoint| setpoint.on_floor()) {
+            let (z_m, time_s) = (low.position_m.z, low.time_s);
+            return Err(Error::Infeasible {
+                what: format!("the letters reach down to {z_m:.2} m at {time_s:.1} s"),
+                hint: "write higher (letters.baseline_m)".into(),
+            });
+        }
         Ok(Self { setpoints })
     }
 
@@ -97,6 +113,13 @@ impl Stretch {
         setpoint.design_m(time_s.max(setpoint.time_s))
     }
 
+    /// Largest speed of the design, m/s, and its largest acceleration, m/s².
+    pub(super) fn limits(&self) -> [f64; 2] {
+        let speeds = self.setpoints.iter().map(|s| s.velocity_m_s.norm());
+        let accelerations = self.setpoints.iter().map(|s| s.acceleration_m_s2.norm());
+        [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
+    }
+
     /// Largest distance of a trajectory from the design, m.
     pub(super) fn worst_m(&self, position_m: impl Fn(f64) -> Vector3<f64>) -> f64 {
         let off_m = |t: f64| (position_m(t) - self.position_m(t)).norm();
@@ -126,11 +149,126 @@ impl Stretch {
     }
 }
 
-/// The setpoint at which the longest piece from `from` ends. `fits` says whether a piece to a
-/// setpoint keeps to the design; the piece to the next setpoint is taken in any case.
-pub(super) fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
+/// Coefficients of an axis in ascending powers of the time in s.
+pub(super) type Polynomial = [f64; 8];
+
+/// Motion along one piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Polynomials {
+    pub(super) duration_s: f64,
+    pub(super) axes: [Polynomial; 3],
+}
+
+impl Polynomials {
+    /// Position, velocity and acceleration at a time since its start, in m and s.
+    pub(super) fn at(&self, t: f64) -> [Vector3<f64>; 3] {
+        // Horner's scheme for the value, the first derivative and half the second one.
+        let axis = |c: Polynomial| {
+            c.iter().rev().fold([0.0; 3], |[p, v, a], c| [p * t + c, v * t + p, a * t + v])
+        };
+        let axes = self.axes.map(axis);
+        let all = |k: usize| Vector3::from(axes.map(|axis| axis[k]));
+        [all(0), all(1), 2.0 * all(2)]
+    }
+}
+
+/// Position, velocity and acceleration of pieces in order at a time since their start; at rest at
+/// the last one's end after it.
+pub(super) fn motion<'a>(
+    pieces: impl IntoIterator<Item = &'a Polynomials>,
+    time_s: f64,
+) -> [Vector3<f64>; 3] {
+    let (mut left_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
+    for piece in pieces {
+        if left_s < piece.duration_s {
+            return piece.at(left_s);
+        }
+        left_s -= piece.duration_s;
+        end[0] = piece.at(piece.duration_s)[0];
+    }
+    end
+}
+
+/// The pieces of a stretch, each the longest within `tolerance_m` of the design and `max_piece_s`
+/// whose speed and acceleration stay within those of the design; where that leaves no such piece for
+/// the setpoints after it, a shorter one. `piece` makes the piece between two setpoints after the
+/// pieces so far. Where the design states no acceleration the distance alone decides, and the piece
+/// to the next setpoint is taken in any case.
+pub(super) fn pieces<P>(
+    stretch: &Stretch,
+    tolerance_m: f64,
+    max_piece_s: f64,
+    piece: impl Fn(usize, usize, &[P]) -> P,
+    polynomials: impl Fn(&P) -> Polynomials,
+) -> Vec<P> {
+    let [max_m_s, max_m_s2] = stretch.limits();
+    let near = |at: usize, to: usize, found: &[P]| {
+        let (made, start_s) = (polynomials(&piece(at, to, found)), stretch.time_s(at));
+        let off_m = |t: f64| {
+            (made.at((t - start_s).min(made.duration_s))[0] - stretch.position_m(t)).norm()
+        };
+        stretch.time_s(to) - start_s < max_piece_s
+            && stretch.check_times_s(at, to).all(|t| off_m(t) <= tolerance_m)
+    };
+    let farthest =
+        |at: usize, found: &[P]| longest(at, stretch.last(), |to: usize| near(at, to, found));
+    // Largest speed or acceleration relative to the design's.
+    let effort = |at: usize, to: usize, found: &[P]| {
+        let made = polynomials(&piece(at, to, found));
+        let times_s = stretch.check_times_s(at, to).map(|t| t - stretch.time_s(at));
+        let efforts = [0.0].into_iter().chain(times_s).map(|t| {
+            let [_, v, a] = made.at(t);
+            f64::max(v.norm() / max_m_s, a.norm() / max_m_s2)
+        });
+        efforts.fold(0.0, f64::max)
+    };
+    // Ends of pieces from a setpoint that keep to the limits, the longest last.
+    let ends = |at: usize, found: &[P]| -> Vec<usize> {
+        if at == stretch.last() {
+            return Vec::new();
+        }
+        let farthest = farthest(at, found);
+        match max_m_s2 {
+            0.0 => vec![farthest],
+            _ => (at + 1..=farthest)
+                .filter(|to| effort(at, *to, found) <= OVER_LIMITS && near(at, *to, found))
+                .collect(),
+        }
+    };
+    // The pieces, and for each its first setpoint and the ends that were not tried.
+    let (mut found, mut tried): (Vec<P>, Vec<(usize, Vec<usize>)>) = (Vec::new(), Vec::new());
+    let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
+    let mut untried = ends(0, &found);
+    while at < stretch.last() {
+        let mut to = untried.pop();
+        if to.is_none() {
+            (stuck_at, retries) = if at > stuck_at { (at, 1) } else { (stuck_at, retries + 1) };
+            let other = tried.iter().rposition(|(_, untried)| !untried.is_empty());
+            if let Some(index) = other.filter(|_| retries <= RETRIES) {
+                found.truncate(index);
+                (at, untried) = tried.swap_remove(index);
+                tried.truncate(index);
+                continue;
+            }
+            let near = |to: &usize| *to == at + 1 || near(at, *to, &found);
+            let all = (at + 1..=farthest(at, &found)).filter(near);
+            let efforts = all.map(|to| (to, effort(at, to, &found)));
+            to = efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(to, _)| to);
+        }
+        let to = to.expect("the next setpoint");
+        let next = piece(at, to, &found);
+        found.push(next);
+        tried.push((at, untried));
+        at = to;
+        untried = ends(at, &found);
+    }
+    found
+}
+
+/// The setpoint at which the longest piece from `from` ends: doubles the length until a piece fails,
+/// then halves the step.
+fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
     let (mut good, mut step) = (from + 1, 1);
-    // Doubles the length until a piece fails, then halves the step.
     while good + step <= last && fits(good + step) {
         good += step;
         step *= 2;
@@ -142,4 +280,22 @@ pub(super) fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) ->
         step /= 2;
     }
     good
+}
+
+/// A plan of sine waves about (1, 1, 1) m, for tests: sizes in m, rates and phases in rad/s and rad.
+#[cfg(test)]
+pub(super) fn waves([size_m, rate, phase]: [[f64; 3]; 3], setpoints: u32, step_s: f64) -> Plan {
+    let setpoint = |k: u32| {
+        let time_s = step_s * f64::from(k);
+        let wave = |i: usize| libm::sincos(rate[i] * time_s + phase[i]);
+        let of = |value: &dyn Fn(usize) -> f64| Vector3::new(value(0), value(1), value(2));
+        Setpoint {
+            time_s,
+            position_m: of(&|i| 1.0 + size_m[i] * wave(i).0),
+            velocity_m_s: of(&|i| size_m[i] * rate[i] * wave(i).1),
+            acceleration_m_s2: of(&|i| -size_m[i] * rate[i] * rate[i] * wave(i).0),
+            letter: Some(0),
+        }
+    };
+    Plan { setpoints: (0..setpoints).map(setpoint).collect(), ..Plan::default() }
 }

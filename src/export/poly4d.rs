@@ -12,12 +12,9 @@
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::compressed::{Compressed, MEMORY_BYTES};
-use super::pieces::{Stretch, longest};
+use super::pieces::{Polynomial, Polynomials, Stretch, motion, pieces};
 use crate::error::Result;
 use crate::plan::Plan;
-
-/// Coefficients of one axis.
-type Polynomial = [f64; 8];
 
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
@@ -30,14 +27,7 @@ const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y
 /// A trajectory of polynomial pieces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poly4d {
-    pieces: Vec<Piece>,
-}
-
-/// One piece: coefficients of x, y and z in ascending powers of the time since its start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Piece {
-    duration_s: f64,
-    axes: [Polynomial; 3],
+    pieces: Vec<Polynomials>,
 }
 
 impl Poly4d {
@@ -71,13 +61,8 @@ impl Poly4d {
     /// [`crate::error::Error::Input`] for a plan without letters.
     pub fn fit_any_length(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
-        let (mut pieces, mut at) = (Vec::new(), 0);
-        while at < stretch.last() {
-            let fits = |to| error_m(&stretch, at, to) <= tolerance_m;
-            let to = longest(at, stretch.last(), fits);
-            pieces.push(Piece::fit(&stretch, at, to));
-            at = to;
-        }
+        let next = |from, to, _: &[Polynomials]| fit(&stretch, from, to);
+        let pieces = pieces(&stretch, tolerance_m, f64::INFINITY, next, |piece| *piece);
         Ok(Self { pieces })
     }
 
@@ -95,20 +80,13 @@ impl Poly4d {
     #[must_use]
     pub fn worst_m(&self, plan: &Plan) -> f64 {
         let stretch = Stretch::new(plan).expect("the plan of this trajectory");
-        stretch.worst_m(|time_s| self.position_m(time_s))
+        stretch.worst_m(|time_s| self.motion(time_s)[0])
     }
 
-    /// Position at a time since the start, m; the end stays.
+    /// Position, velocity and acceleration at a time since the start, in m and s; the end stays.
     #[must_use]
-    pub fn position_m(&self, time_s: f64) -> Vector3<f64> {
-        let (mut left_s, last) = (time_s.max(0.0), self.pieces.len() - 1);
-        for (index, piece) in self.pieces.iter().enumerate() {
-            if left_s < piece.duration_s || index == last {
-                return piece.position_m(left_s.min(piece.duration_s));
-            }
-            left_s -= piece.duration_s;
-        }
-        Vector3::zeros()
+    pub fn motion(&self, time_s: f64) -> [Vector3<f64>; 3] {
+        motion(&self.pieces, time_s)
     }
 
     /// The bytes that the drone stores.
@@ -125,7 +103,7 @@ impl Poly4d {
     /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
     #[must_use]
     pub fn to_csv(&self) -> String {
-        let row = |piece: &Piece| {
+        let row = |piece: &Polynomials| {
             let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
             let numbers = [piece.duration_s].into_iter().chain(axes);
             numbers.map(|number| format!("{number:?}")).collect::<Vec<_>>().join(",")
@@ -135,44 +113,38 @@ impl Poly4d {
     }
 }
 
-impl Piece {
-    fn fit(stretch: &Stretch, from: usize, to: usize) -> Self {
-        let duration_s = stretch.time_s(to) - stretch.time_s(from);
-        let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
-        let quintics = [0, 1, 2].map(|axis| {
-            let ends = [start, end]
-                .map(|s| [s.position_m[axis], s.velocity_m_s[axis], s.acceleration_m_s2[axis]]);
-            quintic(ends, duration_s)
-        });
-        let mut piece = Self { duration_s, axes: quintics };
-        // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
-        let bumps = |t: f64| {
-            let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
-            let bump = 64.0 * share * share * share * rest * rest * rest;
-            [bump, bump * (2.0 * share - 1.0)]
-        };
-        let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
-        for time_s in stretch.check_times_s(from, to) {
-            let t = time_s - stretch.time_s(from);
-            let row = Vector2::from(bumps(t));
-            let off_m = stretch.position_m(time_s) - piece.position_m(t);
-            normal += row * row.transpose();
-            for axis in 0..3 {
-                sides[axis] += row * off_m[axis];
-            }
+/// The piece between two setpoints.
+fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
+    let duration_s = stretch.time_s(to) - stretch.time_s(from);
+    let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
+    let quintics = [0, 1, 2].map(|axis| {
+        let ends = [start, end]
+            .map(|s| [s.position_m[axis], s.velocity_m_s[axis], s.acceleration_m_s2[axis]]);
+        quintic(ends, duration_s)
+    });
+    let mut piece = Polynomials { duration_s, axes: quintics };
+    // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
+    let bumps = |t: f64| {
+        let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
+        let bump = 64.0 * share * share * share * rest * rest * rest;
+        [bump, bump * (2.0 * share - 1.0)]
+    };
+    let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
+    for time_s in stretch.check_times_s(from, to) {
+        let t = time_s - stretch.time_s(from);
+        let row = Vector2::from(bumps(t));
+        let off_m = stretch.position_m(time_s) - piece.at(t)[0];
+        normal += row * row.transpose();
+        for axis in 0..3 {
+            sides[axis] += row * off_m[axis];
         }
-        if let Some(inverse) = normal.try_inverse() {
-            for (axis, side) in piece.axes.iter_mut().zip(sides) {
-                add_bumps(axis, inverse * side, duration_s);
-            }
+    }
+    if let Some(inverse) = normal.try_inverse() {
+        for (axis, side) in piece.axes.iter_mut().zip(sides) {
+            add_bumps(axis, inverse * side, duration_s);
         }
-        piece
     }
-
-    fn position_m(&self, t: f64) -> Vector3<f64> {
-        let value = |c: Polynomial| c.iter().rev().fold(0.0, |sum, c| sum * t + c);
-        Vector3::from(self.axes.map(value))
-    }
+    piece
 }
 
 /// The quintic with position, velocity and acceleration given at both ends.
@@ -205,17 +177,9 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
     }
 }
 
-/// Largest distance of the piece between two setpoints from the design, m.
-fn error_m(stretch: &Stretch, from: usize, to: usize) -> f64 {
-    let piece = Piece::fit(stretch, from, to);
-    let off_m = |time_s: f64| {
-        (piece.position_m(time_s - stretch.time_s(from)) - stretch.position_m(time_s)).norm()
-    };
-    stretch.check_times_s(from, to).map(off_m).fold(0.0, f64::max)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::recorded;
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
@@ -228,8 +192,44 @@ mod tests {
         let (n, worst_m) = (trajectory.pieces.len(), trajectory.worst_m(&plan));
         assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
         assert_eq!(trajectory.to_bytes().len(), n * PIECE_BYTES);
+        let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+        for ms in 0..38_000 {
+            let [_, v, a] = trajectory.motion(f64::from(ms) / 1000.0);
+            assert!(
+                v.norm() <= 1.05 * max_m_s && a.norm() <= 1.05 * max_m_s2,
+                "at {ms} ms: {v} {a}"
+            );
+        }
         let error = Poly4d::fit(&plan, 0.001).unwrap_err();
         assert!(error.to_string().contains("of 4 letters fit"), "{error}");
         assert!(error.hint().contains("compressed"), "{}", error.hint());
+    }
+
+    /// The pieces whose bytes the firmware was given, and its answers.
+    fn recorded_pieces() -> (Vec<u8>, Vec<recorded::Row>, Poly4d) {
+        let (bytes, rows) = recorded::read(include_str!("recorded/poly4d.txt"));
+        let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));
+        let piece = |chunk: &[u8]| {
+            let numbers: Vec<f64> = chunk.chunks(4).map(number).collect();
+            let axis = |at: usize| numbers[at..at + 8].try_into().unwrap();
+            Polynomials { duration_s: numbers[32], axes: [axis(0), axis(8), axis(16)] }
+        };
+        let pieces = bytes.chunks(PIECE_BYTES).map(piece).collect();
+        (bytes, rows, Poly4d { pieces })
+    }
+
+    #[test]
+    fn the_firmwares_own_evaluator_reads_these_bytes_the_same() {
+        let (bytes, rows, trajectory) = recorded_pieces();
+        recorded::assert_same(&rows, |time_s| trajectory.motion(time_s));
+        assert_eq!(trajectory.to_bytes(), bytes);
+    }
+
+    #[test]
+    fn crazyswarms_own_reader_takes_this_csv_the_same() {
+        let (_, _, trajectory) = recorded_pieces();
+        let (csv, rows) = recorded::read(include_str!("recorded/uav_trajectory.txt"));
+        recorded::assert_same(&rows, |time_s| trajectory.motion(time_s));
+        assert_eq!(trajectory.to_csv(), String::from_utf8(csv).unwrap());
     }
 }

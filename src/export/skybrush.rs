@@ -176,7 +176,7 @@ fn table(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<String> {
 /// A plan as it is flown with a compressed trajectory of any length.
 pub(super) fn sampled(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<Plan> {
     let trajectory = Compressed::of_any_length(&Stretch::new(plan)?, job.tolerance_m)?;
-    flown_alone(plan, before_s, |time_s| trajectory.position_m(time_s))
+    flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
 }
 
 /// Times and places of a plan at a rate, to its end.
@@ -201,6 +201,45 @@ mod tests {
             bytes
         };
         assert_eq!((bytes(5), bytes(127), bytes(300)), (vec![5], vec![127], vec![0xAC, 2]));
+    }
+
+    #[test]
+    fn skybrushs_own_player_shows_the_plans_colors() {
+        let setpoint = |time_s| crate::plan::Setpoint {
+            time_s,
+            position_m: Vector3::z(),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        let plan = Plan {
+            setpoints: [0.0, 3.0, 6.0, 9.0].map(setpoint).into(),
+            lights: [("color-led".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into(),
+            ..Plan::default()
+        };
+        let job = Job {
+            plans: &[],
+            word: "",
+            light: &crate::light::LightOptions::default(),
+            sim: &crate::sim::SimOptions::default(),
+            camera: &crate::camera::CameraOptions::default()
+                .camera([-1.0, 0.0, 1.0, 1.0], 1.0)
+                .unwrap(),
+            tolerance_m: 0.002,
+            mode: super::super::Mode::Position,
+            trajectory_clock: 1.0,
+        };
+        let bytes = program(&job, &plan, 0.0).unwrap();
+        // skybrush.js, packages/show-format/src/lights.ts (17b0cb7), run by Node.js 20: it reads
+        // all 15 bytes, and shows these colors.
+        let played = [6, 150, 1, 7, 150, 1, 4, 128, 128, 128, 150, 1, 6, 1, 0];
+        assert_eq!(bytes, played);
+        let colors = [(1.5, 0), (2.99, 0), (3.01, 255), (5.99, 255), (6.01, 128), (9.01, 0)];
+        let lights = commands(&plan, job.light).unwrap();
+        for (time_s, color) in colors {
+            let found = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
+            assert_eq!(found, [color; 3], "at {time_s} s");
+        }
     }
 
     #[test]

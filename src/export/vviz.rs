@@ -1,7 +1,10 @@
 //! VVIZ 1.0, the interchange format of drone shows for viewing (Verge Aero, Finale 3D).
 //!
 //! Steps of position in meters at 10 Hz from each drone's home, x to the right, y up and z forward;
-//! colors in frames of 20 Hz.
+//! a color for each frame of 20 Hz. Sources: docs.verge.aero ("VVIZ format") for the header and the
+//! axes, finale3d.com ("vviz file format") for the home and the steps; `Light` as public exporters
+//! to Finale 3D write it. `frames` of a color is left out: whether it counts from the color before
+//! or to the next one is not said, and one color a frame means the same in both readings.
 
 use serde_json::{Value, json};
 
@@ -34,7 +37,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
                 "agentTraversal": steps(&flown),
             },
             "payloadDescription": [{
-                "id": 0, "type": "LED", "payloadActions": colors(job, &flown)?,
+                "id": 0, "type": "Light", "payloadActions": colors(job, &flown)?,
             }],
         }))
     });
@@ -60,17 +63,10 @@ fn steps(flown: &Plan) -> Vec<Value> {
 }
 
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
-    let mut frames: Vec<([u8; 3], u32)> = Vec::new();
     let lights = commands(flown, job.light)?;
-    for (time_s, _) in rows(flown, COLOR_HZ) {
-        let color = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
-        match frames.last_mut() {
-            Some((last, n)) if *last == color => *n += 1,
-            _ => frames.push((color, 1)),
-        }
-    }
-    Ok(frames
-        .into_iter()
-        .map(|([r, g, b], frames)| json!({ "r": r, "g": g, "b": b, "frames": frames }))
-        .collect())
+    let color = |(time_s, _)| {
+        let [r, g, b] = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
+        json!({ "r": r, "g": g, "b": b })
+    };
+    Ok(rows(flown, COLOR_HZ).map(color).collect())
 }

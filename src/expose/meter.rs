@@ -57,15 +57,17 @@ pub struct HotSpot {
     pub stops: f64,
 }
 
-/// Settings that would give a trail the wanted exposure, each by itself.
+/// Settings that would give a trail the wanted exposure, each by itself; `None` where it has no
+/// such effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity.
-    pub iso: f64,
-    /// Level of the lamp relative to the present one.
-    pub level: f64,
+    /// Sensitivity; `None` below that of a full well, which saturates all the same.
+    pub iso: Option<f64>,
+    /// Level of the lamp relative to the present one; `None` above it: a lamp at full level gives
+    /// no more.
+    pub level: Option<f64>,
 }
 
 impl LampReading {
@@ -81,8 +83,9 @@ impl LampReading {
         let more = target_stops - self.median_stops;
         ExposureAdvice {
             f_number: camera.f_number * libm::exp2(-0.5 * more),
-            iso: camera.iso * libm::exp2(more),
-            level: libm::exp2(more),
+            iso: Some(camera.iso.max(camera.base_iso) * libm::exp2(more))
+                .filter(|iso| *iso >= camera.base_iso),
+            level: Some(libm::exp2(more)).filter(|level| *level <= 1.0),
         }
     }
 }
@@ -153,7 +156,36 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
+/// Segments of one trail from which on neighbours at one place are metered as one.
+const MANY: usize = 20_000;
+
+/// Share of the spot's σ within which segments count as at one place.
+const ONE_PLACE_SIGMA: f64 = 0.1;
+
+/// A long trail with the segments that follow each other at one place, such as the pulses of a
+/// slow lamp, put together: each is then compared with few others, however many pulses there are.
+fn gathered(segments: &[Segment]) -> Vec<Segment> {
+    let mut all: Vec<Segment> = Vec::new();
+    for segment in segments {
+        let near = all.last_mut().filter(|last| {
+            let far = segment.ends_px.map(|end| (end - last.ends_px[0]).length());
+            far[0].max(far[1]) < ONE_PLACE_SIGMA * last.sigma_px
+        });
+        match near {
+            Some(last) => {
+                last.ends_px[1] = segment.ends_px[1];
+                last.light_lx_s += segment.light_lx_s;
+                last.duration_s += segment.duration_s;
+            }
+            None => all.push(*segment),
+        }
+    }
+    all
+}
+
 fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
+    let few = (segments.len() > MANY).then(|| gathered(segments));
+    let segments = few.as_deref().unwrap_or(segments);
     let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
     let all: Vec<f64> = (0..segments.len()).map(|i| stops(exposure_lx_s(segments, i))).collect();
     let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
@@ -257,7 +289,7 @@ mod tests {
         let path =
             (0..=400).map(|i| (f64::from(i) / 100.0, [f64::from(i) * 0.002 - 0.4, 3.0, 0.0]));
         let lamp = lamp(path);
-        let camera = Camera { blur_m: 70e-6, ..camera(640, 400) };
+        let camera = Camera { blur_m: 70e-6, base_iso: 0.01, ..camera(640, 400) };
         let sigma_m =
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
         let found = meter(&LightTrace { lamps: vec![lamp] }, &camera).unwrap();
@@ -270,7 +302,10 @@ mod tests {
         assert!(found[0].hot_spots.is_empty() && found[0].evenness_stops() < 0.2, "{found:?}");
 
         let advice = found[0].advice(&camera, 0.0);
-        assert!((advice.iso / 100.0 - libm::exp2(-wanted)).abs() < 0.02, "{advice:?}");
+        assert!((advice.iso.unwrap() / 100.0 - libm::exp2(-wanted)).abs() < 0.02, "{advice:?}");
+        let full_well = Camera { base_iso: 100.0, ..camera.clone() };
+        assert_eq!(found[0].advice(&full_well, 0.0).iso, None, "it would change nothing");
+        assert_eq!(found[0].advice(&camera, wanted + 1.0).level, None, "a lamp at full level");
         let stops = -2.0 * libm::log2(advice.f_number / camera.f_number);
         assert!((stops + wanted).abs() < 0.02, "{advice:?}");
     }

@@ -258,6 +258,15 @@ impl Developer {
     }
 }
 
+/// Opens the graphics device, and runs the shader once. Returns its name and driver.
+///
+/// # Errors
+///
+/// [`Error::Gpu`] where there is none, or it fails.
+pub fn try_device() -> Result<String> {
+    Gpu::ready().map(|gpu| gpu.adapter)
+}
+
 impl Drop for Developer {
     /// Waits for the device: a driver that is still compiling when the program ends may crash it.
     fn drop(&mut self) {

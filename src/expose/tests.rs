@@ -21,6 +21,7 @@ pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
         vignetting: 0.0,
         white_balance: [1.0; 3],
         iso: 100.0,
+        base_iso: 100.0,
         shutter_open_s: 0.0,
         shutter_close_s: 100.0,
         width_px,

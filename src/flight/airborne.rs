@@ -59,6 +59,32 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     (!longest.is_empty()).then_some(longest)
 }
 
+/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
+#[must_use]
+pub(crate) fn on_floor(flight: &Flight) -> Option<String> {
+    if airborne(flight).is_some() {
+        return None;
+    }
+    let logged = |quantity| !flight.unlogged.contains(&quantity);
+    let most = |value: fn(&FlightSample) -> f64| {
+        flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
+    };
+    Some(if flight.samples.is_empty() {
+        "no sample".to_owned()
+    } else if logged(Quantity::Motors) {
+        let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
+        format!(
+            "the weakest motor's command reaches {:.0} of 65535; flight takes {FLYING_MOTOR_COMMAND}",
+            most(weakest)
+        )
+    } else if logged(Quantity::Design) {
+        format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+    } else {
+        let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
+        format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,7 +119,9 @@ mod tests {
     fn height_decides_where_nothing_else_is_logged() {
         let mut flight = flight(|_| 0.0, |i| if (10..90).contains(&i) { 0.8 } else { 0.3 });
         assert_eq!(airborne(&flight), None, "motors off");
+        assert!(on_floor(&flight).unwrap().contains("command reaches 0 of 65535"));
         flight.unlogged = [Quantity::Motors, Quantity::Design].into();
         assert_eq!(airborne(&flight), Some(10..90));
+        assert_eq!(on_floor(&flight), None);
     }
 }

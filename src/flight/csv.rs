@@ -116,21 +116,30 @@ impl Flight {
         Self::from_table(&Table::read(path)?)
     }
 
+    /// Reads a flight from the text of such a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with line and column.
+    pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
+        Self::from_table(&Table::parse(csv, file)?)
+    }
+
     fn from_table(table: &Table) -> Result<Self> {
-        let time_s = table.time_s()?;
+        let time_s = table.times_s(TIME)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
         cells[0] = Some(time_s);
         let mut unlogged = BTreeSet::new();
         for (quantity, _, names) in Quantity::TABLE {
             if names.iter().any(|name| table.has(name)) {
                 for (cell, name) in cells[quantity.places()].iter_mut().zip(names) {
-                    *cell = Some(table.column(name)?);
+                    *cell = Some(table.quantity(name)?);
                 }
             } else {
                 unlogged.insert(quantity);
             }
         }
-        cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.column(LETTER)).transpose()?;
+        cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
         let number = |row: usize| cells.map(|cell| cell.map_or(0.0, |column| column[row]));
         let samples: Vec<FlightSample> =
             (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();

@@ -15,6 +15,7 @@ pub mod table;
 pub mod tracking;
 
 pub use airborne::airborne;
+pub(crate) use airborne::on_floor;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
 /// battery.
@@ -23,6 +24,12 @@ pub const SATURATED_S: &str = "saturated_s";
 pub const BATTERY_V: &str = "battery_v";
 /// Column of a simulated flight: energy drawn from the battery so far, J.
 pub const ENERGY_J: &str = "energy_j";
+/// Column of a simulated flight with the estimator `cooperative`: standard deviation of the estimated
+/// position over all three axes, m, as the estimator has it.
+pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
+/// Column beside it: normalized squared error of the estimated position over its three axes; 1 on
+/// average where the estimator's covariance is true.
+pub const ESTIMATE_NEES: &str = "estimate_nees";
 
 /// A flight of one drone, sampled over time.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,6 +8,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files::{Limit, Lines};
 
 /// Most rows that a table may have: a 1 kHz log of more than an hour.
 const MAX_ROWS: usize = 4_000_000;
@@ -17,6 +18,22 @@ const MAX_COLUMNS: usize = 1024;
 
 /// Most numbers that a table may have: 512 MiB of memory, and as much again while it grows.
 const MAX_NUMBERS: usize = 64 << 20;
+
+/// Longest flight: an hour, twelve times a Crazyflie's battery.
+pub const MAX_DURATION_S: f64 = 3600.0;
+
+/// Largest number of a table: below it squares and sums stay finite.
+pub(crate) const MAX_NUMBER: f64 = 1e30;
+
+/// Largest position in m, speed in m/s, angle in rad, motor command: far beyond a drone's world.
+pub(crate) const MAX_QUANTITY: f64 = 1e6;
+
+/// Latest or earliest time, before and after which a microsecond is lost in rounding.
+const MAX_TIME_S: f64 = 1e9;
+
+/// Largest file: [`MAX_NUMBERS`] of eight digits.
+const LIMIT: Limit =
+    Limit { bytes: 640 << 20, what: "a table", hint: "thin the log out, or cut it into parts" };
 
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
@@ -52,8 +69,7 @@ impl Table {
     /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
     /// a cell is no finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        Self::parse(file, &path.display().to_string())
+        Self::parse(LIMIT.open(path)?, &path.display().to_string())
     }
 
     /// Reads CSV text; `file` is its name in messages.
@@ -66,7 +82,8 @@ impl Table {
     }
 
     fn parse_up_to(max_numbers: usize, text: impl Read, file: &str) -> Result<Self> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(Lines::new(text));
         let broken = |source: &csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
             let wanted = "a CSV table with a header line and rows of equal length";
@@ -92,11 +109,13 @@ impl Table {
                 return Err(too_large(what, most));
             }
             for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
-                let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+                let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
                 column.push(value.ok_or_else(|| {
                     let line = record.position().map_or(1, csv::Position::line);
                     let place = format!("{file}:{line}: column {name}");
-                    Error::input(place, format!("{cell:?}"), "a finite number", REWRITE_HINT)
+                    let found = format!("{:?}", shortened(cell));
+                    let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
+                    Error::input(place, found, wanted, REWRITE_HINT)
                 })?);
             }
         }
@@ -117,9 +136,27 @@ impl Table {
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         let index = self.header.iter().position(|title| title == name).ok_or_else(|| {
             let wanted = format!("a column {name}");
-            Error::input(format!("{}:1", self.file), self.header.join(","), wanted, REWRITE_HINT)
+            let found = shortened(&self.header.join(","));
+            Error::input(format!("{}:1", self.file), found, wanted, REWRITE_HINT)
         })?;
         Ok(&self.columns[index])
+    }
+
+    /// A column of a quantity: every number is within ±1e6.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where there is none, and with the line of a number beyond.
+    pub(crate) fn quantity(&self, name: &str) -> Result<&[f64]> {
+        let column = self.column(name)?;
+        match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
+            None => Ok(column),
+            Some(row) => {
+                let place = format!("{}:{}: column {name}", self.file, row + 2);
+                let wanted = format!("a number within ±{MAX_QUANTITY}");
+                Err(Error::input(place, column[row], wanted, REWRITE_HINT))
+            }
+        }
     }
 
     /// Whether there is a column of this name.
@@ -137,24 +174,43 @@ impl Table {
         named.filter_map(move |(title, column)| Some((title.strip_prefix(prefix)?, &column[..])))
     }
 
-    /// The column `time_s`, which must not be empty and must not fall.
+    /// A column of times, which must not be empty, must not fall, and lasts an hour at most.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the line where time falls.
-    pub fn time_s(&self) -> Result<&[f64]> {
-        let time_s = self.column("time_s")?;
+    /// [`Error::Input`] with the line where time falls or goes beyond.
+    pub fn times_s(&self, name: &str) -> Result<&[f64]> {
+        let time_s = self.column(name)?;
         if time_s.is_empty() {
             return Err(Error::input(&self.file, "no row", "at least one row", REWRITE_HINT));
         }
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
-            let place = format!("{}:{}: column time_s", self.file, row + 3);
+            let place = format!("{}:{}: column {name}", self.file, row + 3);
             let wanted = format!("at least {}, the time before it", time_s[row]);
             return Err(Error::input(place, time_s[row + 1], wanted, "sort the rows by time"));
+        }
+        let beyond = |time_s: f64, first_s: f64| {
+            time_s.abs() > MAX_TIME_S || time_s - first_s > MAX_DURATION_S
+        };
+        if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {
+            let place = format!("{}:{}: column {name}", self.file, row + 2);
+            let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
+            return Err(Error::input(place, time_s[row], wanted, MILLISECONDS_HINT));
         }
         Ok(time_s)
     }
 }
+
+/// The beginning of a cell, for a message.
+fn shortened(cell: &str) -> String {
+    let mut characters = cell.chars();
+    let some: String = characters.by_ref().take(60).collect();
+    if characters.next().is_some() { some + " ..." } else { some }
+}
+
+/// Advice on a flight of more than an hour.
+pub(crate) const MILLISECONDS_HINT: &str =
+    "are these milliseconds? Convert them to seconds, or cut the file to one flight";
 
 const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
@@ -273,7 +329,7 @@ mod tests {
             assert!(error.contains("plan.csv:3"), "{cell:?}: {error}");
         }
         let table = Table::parse("time_s\n0\n0.2\n0.1\n".as_bytes(), "plan.csv").unwrap();
-        let error = table.time_s().unwrap_err().to_string();
+        let error = table.times_s("time_s").unwrap_err().to_string();
         assert!(error.contains("plan.csv:4") && error.contains("0.1"), "{error}");
     }
 

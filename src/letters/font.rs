@@ -9,6 +9,7 @@ use super::stroke_font::StrokeFont;
 use super::typeface::Typeface;
 use super::{Cell, Glyph, Trace};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// The fonts that come with the program, by name.
 const FONTS: [(&str, &str); 3] = [
@@ -18,10 +19,12 @@ const FONTS: [(&str, &str); 3] = [
 ];
 
 /// Largest stroke font that is read from a file.
-const MAX_STROKES_BYTES: u64 = 4 << 20;
+const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMALLER };
 
 /// Largest typeface that is read.
-const MAX_TYPEFACE_BYTES: u64 = 64 << 20;
+const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALLER };
+
+const SMALLER: &str = "name a smaller font file";
 
 /// A font, ready to draw. Clones share it and the characters traced so far.
 #[derive(Clone)]
@@ -48,12 +51,8 @@ impl Font {
         let path = Path::new(name);
         let face = match check_name(name)? {
             Kind::Ours(text) => Face::Strokes(StrokeFont::parse(text, name)?),
-            Kind::Strokes => {
-                Face::Strokes(StrokeFont::parse(&read_text(path, MAX_STROKES_BYTES)?, name)?)
-            }
-            Kind::Outlines => {
-                Face::Outlines(Typeface::read(read_bytes(path, MAX_TYPEFACE_BYTES)?, trace, name)?)
-            }
+            Kind::Strokes => Face::Strokes(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
+            Kind::Outlines => Face::Outlines(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
         };
         Ok(Self { name: name.to_owned(), trace, face: Arc::new(face) })
     }
@@ -140,6 +139,11 @@ pub(super) enum Kind {
     Outlines,
 }
 
+/// Whether a font comes with the program.
+pub(super) fn is_shipped(name: &str) -> bool {
+    FONTS.iter().any(|(shipped, _)| *shipped == name)
+}
+
 /// The kind of font that a name refers to; opens no file.
 pub(super) fn check_name(name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
@@ -156,30 +160,6 @@ pub(super) fn check_name(name: &str) -> Result<Kind> {
             Err(Error::input("letters.font", format!("{name:?}"), wanted, hint))
         }
     }
-}
-
-/// Reads a text file of at most so many bytes.
-pub(super) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
-    String::from_utf8(read_bytes(path, max_bytes)?).map_err(|broken| {
-        let at = broken.utf8_error().valid_up_to();
-        let place = format!("{}: byte {}", path.display(), at + 1);
-        Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
-    })
-}
-
-/// Reads a file of at most so many bytes.
-pub(super) fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
-    use std::io::Read;
-    let unreadable = |source| Error::read(path, source);
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > max_bytes {
-        let wanted = format!("at most {max_bytes} bytes");
-        let hint = "name a smaller file";
-        return Err(Error::input(path.display().to_string(), "a larger file", wanted, hint));
-    }
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -126,7 +126,7 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
                 Error::input(
                     format!("word, position {}", index + 1),
                     format!("{typed:?}"),
-                    format!("one of {}", some_of(&font.characters())),
+                    format!("one of {}", some_of(&font.characters(), known)),
                     format!("write the word with letters that the font {} has", font.name()),
                 )
             })
@@ -134,10 +134,10 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
         .collect()
 }
 
-/// Characters for a message.
-fn some_of(characters: &str) -> String {
-    let some: String = characters.chars().take(120).collect();
-    if some.len() < characters.len() { some + " ..." } else { some }
+/// Characters for a message: the first of those that can be drawn.
+fn some_of(characters: &str, known: impl Fn(char) -> bool) -> String {
+    let some: String = characters.chars().take(120).filter(|c| known(*c)).collect();
+    if characters.chars().nth(120).is_some() { some + " ..." } else { some }
 }
 
 fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {

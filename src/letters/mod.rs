@@ -6,6 +6,7 @@
 //! Letters know no speed and no drone.
 
 mod center_line;
+mod composites;
 mod curves;
 mod drawing;
 mod font;
@@ -18,9 +19,11 @@ mod stroke_font;
 mod typeface;
 mod vector;
 
+use crate::digest::Digest;
 use crate::geometry::bounds;
 
 pub use curves::glyph_outline;
+pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, draw};
 pub use font::Font;
 pub use layout::write;
@@ -91,6 +94,19 @@ pub struct Move {
 }
 
 impl Strokes {
+    /// SHA-256 of all moves, in hexadecimal.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        let mut digest = Digest::default();
+        digest.add(&self.word);
+        for step in self.glyphs.iter().flat_map(|glyph| &glyph.moves) {
+            let Move { from_m, to_m, lit } = step;
+            let lit = f64::from(u8::from(*lit));
+            digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit]);
+        }
+        digest.hex()
+    }
+
     /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the
     /// word.
     #[must_use]

@@ -17,6 +17,9 @@ settings! {
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, `*.json` or `*.inkml`; empty: none.
         drawing: String = String::new();
+        /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
+        /// The scene that a command writes has it.
+        drawing_sha256: String = String::new();
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
@@ -74,6 +77,14 @@ impl LetterOptions {
     pub fn check(&self) -> Result<()> {
         font::check_name(&self.font)?;
         Described::check(self, "letters", None)
+    }
+
+    /// The keys that name a file, with its path: a font that does not come with the program, and
+    /// the drawing.
+    pub fn files(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let font = (!font::is_shipped(&self.font)).then_some(("letters.font", &*self.font));
+        let drawing = (!self.drawing.is_empty()).then_some(("letters.drawing", &*self.drawing));
+        [font, drawing].into_iter().flatten()
     }
 
     /// The same in another size, on the same baseline.

@@ -42,6 +42,10 @@ impl Shape {
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
     }
 
+    pub(super) fn n_points(&self) -> usize {
+        self.runs.iter().map(|run| run.points.len()).sum()
+    }
+
     /// Left edge and width of a proportional character's cell, in cap heights.
     pub(super) fn cell(&self) -> (f64, f64) {
         let [left, _, right, _] = self.ink();

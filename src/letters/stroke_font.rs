@@ -18,6 +18,12 @@ use crate::error::{Error, Result};
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
+/// Most points of a letter; composed ones double from line to line.
+const MAX_POINTS: usize = 20_000;
+
+/// Most points of a font.
+const MAX_FONT_POINTS: usize = 1_000_000;
+
 /// Height of a small letter by that of a capital: marks are drawn for it.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
@@ -26,6 +32,7 @@ const SMALL_LETTER: f64 = 14.0 / 21.0;
 pub(super) struct StrokeFont {
     pub(super) fit: Fit,
     letters: BTreeMap<char, Arc<Shape>>,
+    n_points: usize,
 }
 
 impl StrokeFont {
@@ -33,7 +40,7 @@ impl StrokeFont {
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim_end()));
         let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-        let mut font = Self { fit: Fit::Box, letters: BTreeMap::new() };
+        let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
         for (number, line) in lines {
             let read = match line.strip_prefix("cap ") {
@@ -46,7 +53,10 @@ impl StrokeFont {
                 _ => font.parse_letter(line, units),
             };
             read.ok_or_else(|| {
-                let wanted = "a letter and its runs, such as `L + 0,1 0,0 1,0`";
+                let wanted = format!(
+                    "a letter and its runs, such as `L + 0,1 0,0 1,0`, of at most {MAX_POINTS} \
+                     points, {MAX_FONT_POINTS} in all"
+                );
                 let hint = "compare with fonts/ae483.strokes and fonts/simplex.strokes";
                 let found: String = line.chars().take(60).collect();
                 Error::input(format!("{file}:{number}"), format!("`{found}`"), wanted, hint)
@@ -73,7 +83,8 @@ impl StrokeFont {
             let base = self.letters.get(&parse_name(words.next()?)?)?;
             let mark = self.letters.get(&parse_name(words.next()?)?)?;
             let moved = words.next().map_or(Some([0.0; 2]), |word| parse_point(word, units))?;
-            words.next().is_none().then(|| compose(base, mark, moved))?
+            let small = base.n_points() + mark.n_points() <= MAX_POINTS;
+            (small && words.next().is_none()).then(|| compose(base, mark, moved))?
         } else {
             let advance = match self.fit {
                 Fit::Box => 1.0,
@@ -89,6 +100,10 @@ impl StrokeFont {
             let whole = runs.iter().all(|run| run.points.len() >= 2);
             whole.then_some(Shape { advance, runs, lost: 0.0 })?
         };
+        self.n_points += shape.n_points();
+        if shape.n_points() > MAX_POINTS || self.n_points > MAX_FONT_POINTS {
+            return None;
+        }
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 }
@@ -157,6 +172,17 @@ mod tests {
             StrokeFont::parse("# note\n\nA + 0,0 1,1\n", "").is_ok(),
             "a good line is accepted"
         );
+    }
+
+    #[test]
+    fn letters_composed_of_letters_do_not_grow_without_end() {
+        let mut text = "cap 21\nA 8 + 4,21 4,0\n".to_owned();
+        for code in 0x4e00..0x4e40 {
+            let before = if code == 0x4e00 { "A".into() } else { format!("U+{:X}", code - 1) };
+            text += &format!("U+{code:X} = {before} {before}\n");
+        }
+        let error = StrokeFont::parse(&text, "my.strokes").unwrap_err().to_string();
+        assert!(error.contains("my.strokes:16") && error.contains("20000 points"), "{error}");
     }
 
     #[test]

@@ -14,6 +14,7 @@ use kurbo::{Affine, BezPath};
 
 use super::Trace;
 use super::center_line::{FLATNESS, center_lines};
+use super::composites::points;
 use super::curves::{glyph_outline, polylines};
 use super::outline::{Contour, Ink, rim};
 use super::shape::{Run, Shape};
@@ -33,6 +34,8 @@ const CURVES: f64 = 2e-4;
 /// A face, and the characters traced so far.
 pub(super) struct Typeface {
     face: FontVec,
+    /// Points of each glyph where these are TrueType's, composites followed.
+    points: Option<Vec<u32>>,
     trace: Trace,
     /// Font units of a capital's height.
     cap: f64,
@@ -49,12 +52,13 @@ impl Typeface {
             let hint = "name another font file";
             Error::input(file, found, wanted, hint)
         };
+        let points = points(&bytes);
         let face = FontVec::try_from_vec_and_index(bytes, 0)
             .map_err(|invalid| refuse(invalid.to_string()))?;
         let traced = Mutex::default();
-        let mut typeface = Self { face, trace, cap: 1.0, half_width: 0.0, traced };
+        let mut typeface = Self { face, points, trace, cap: 1.0, half_width: 0.0, traced };
         let known = ['H', 'I', 'E', 'x', 'o'].into_iter();
-        let known = known.filter_map(|c| outline(&typeface.face, c)).next();
+        let known = known.filter_map(|c| typeface.outline(c)).next();
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
@@ -120,6 +124,17 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
+    /// A character's curves in font units.
+    fn outline(&self, character: char) -> Option<BezPath> {
+        let id = self.face.glyph_id(character);
+        let points = self.points.as_ref().and_then(|points| points.get(usize::from(id.0)));
+        if id.0 == 0 || points.is_some_and(|n| *n as usize > MAX_POINTS) {
+            return None;
+        }
+        let path = glyph_outline(&self.face, id)?;
+        (path.elements().len() <= MAX_POINTS && path.is_finite()).then_some(path)
+    }
+
     /// Font units in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
@@ -127,7 +142,7 @@ impl Typeface {
 
     /// A character's outline in cap heights; `None` where it has none.
     fn contours(&self, character: char) -> Option<Vec<Contour>> {
-        let mut path = outline(&self.face, character)?;
+        let mut path = self.outline(character)?;
         path.apply_affine(Affine::scale(1.0 / self.cap));
         if size(&path) > MAX_COORDINATE {
             return None;
@@ -141,13 +156,6 @@ impl Typeface {
         contours.retain(|contour| contour.len() > 2);
         (!contours.is_empty()).then_some(contours)
     }
-}
-
-/// A character's curves in font units.
-fn outline(face: &FontVec, character: char) -> Option<BezPath> {
-    let id = face.glyph_id(character);
-    let path = glyph_outline(face, id).filter(|_| id.0 != 0)?;
-    (path.elements().len() <= MAX_POINTS && path.is_finite()).then_some(path)
 }
 
 /// Largest coordinate of a path.

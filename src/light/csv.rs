@@ -19,12 +19,10 @@ const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
 const DIGIT_CD: f64 = 1e-5;
 
-/// Whether a file's first line is the header of a light trace.
+/// Whether a text's first line is the header of a light trace.
 #[must_use]
-pub fn is_light_trace(path: &Path) -> bool {
-    let mut line = [0; 256];
-    let length = std::fs::File::open(path).and_then(|mut file| file.read(&mut line)).unwrap_or(0);
-    let line = String::from_utf8_lossy(&line[..length]);
+pub fn is_light_trace(text: &[u8]) -> bool {
+    let line = String::from_utf8_lossy(&text[..text.len().min(256)]);
     let header: Vec<&str> = line.lines().next().unwrap_or("").split(',').map(str::trim).collect();
     COLUMNS.iter().all(|column| header.contains(column))
 }
@@ -37,8 +35,7 @@ impl LightTrace {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where a
     /// cell is not a number, time falls, or an intensity is negative.
     pub fn read_csv(path: &Path) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|source| Error::read(path, source))?;
-        Self::parse_csv(file, &path.display().to_string())
+        Self::from_table(&Table::read(path)?, &path.display().to_string())
     }
 
     /// Reads the text of a light trace; `file` is its name in messages.
@@ -47,19 +44,19 @@ impl LightTrace {
     ///
     /// [`Error::Input`], as [`Self::read_csv`].
     pub fn parse_csv(text: impl Read, file: &str) -> Result<Self> {
-        let table = Table::parse(text, file)?;
+        Self::from_table(&Table::parse(text, file)?, file)
+    }
+
+    fn from_table(table: &Table, file: &str) -> Result<Self> {
         let mut columns: [&[f64]; 7] = [&[]; 7];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            *column = table.column(name)?;
+            *column = if name == "t" { table.times_s(name)? } else { table.quantity(name)? };
         }
         let [t, x, y, z, r, g, b] = columns;
         let refused = |row: usize, column: &str, found: f64, wanted: &str| {
             let place = format!("{file}:{}: column {column}", row + 2);
             Err(Error::input(place, found, wanted, "correct the file, or write it again"))
         };
-        if let Some(row) = t.windows(2).position(|pair| pair[1] < pair[0]) {
-            return refused(row + 1, "t", t[row + 1], "a time not before the last");
-        }
         for (name, column) in [("r", r), ("g", g), ("b", b)] {
             if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
                 return refused(row, name, column[row], "a number from 0 to 1e6");

@@ -8,7 +8,8 @@
 //!    and wait for the timer of the firmware, 50 ms.
 //! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
 //! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep them
-//!    within 10 µm of their path.
+//!    within 10 µm of their path. Lamps shine across the short gaps of a real log and are dark in
+//!    long ones, where nothing says where they were.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
@@ -30,6 +31,7 @@ mod chance;
 mod color;
 pub mod csv;
 mod fixture;
+pub(crate) mod gaps;
 mod options;
 mod programs;
 mod radio;
@@ -163,7 +165,8 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let fixtures = options.fixtures();
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
-    let [fine, coarse] = [way::FINE_M, way::COARSE_M].map(|m| way::stretches(flight, m));
+    let samples = gaps::stretches(flight);
+    let [fine, coarse] = [way::FINE_M, way::COARSE_M].map(|m| way::stretches(&samples, m));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture)?);

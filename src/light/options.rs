@@ -53,10 +53,11 @@ settings! {
         ///
         /// `colorLedBot.brightCorr`.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
-        /// Deck below the body, whose lamps are the fixtures if these are left out.
+        /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists them.
         deck: Deck = Deck::LedRing;
-        /// The lamps. Intensity off axis: `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
-        fixtures: Option<Vec<Fixture>> = Some(Deck::LedRing.fixtures());
+        /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
+        /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
+        fixtures: Option<Vec<Fixture>> = None;
         /// Effect of the LED ring (ring.effect of the firmware).
         ring: RingEffect = RingEffect::default();
     }

@@ -26,23 +26,28 @@ fn flight(channels: &[&str]) -> Flight {
 }
 
 #[test]
-fn no_light_crosses_a_gap_of_the_log() {
-    let mut flight = flight(&["headlights"]);
+fn light_crosses_a_short_gap_of_the_log_and_no_long_one() {
     let lit_s = |flight: &Flight| -> f64 {
         let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
         let samples = &trace.lamps.iter().find(|l| l.emitter.name.contains("headlight")).unwrap();
         let mean = |p: &[LightSample]| 0.5 * (p[0].level + p[1].level);
         samples.samples.windows(2).map(|p| mean(p) * (p[1].time_s - p[0].time_s)).sum()
     };
-    let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < 1.3 - 1e-9;
-    let whole_s = lit_s(&flight);
-    let levels = flight.lights.get_mut("headlights").unwrap();
-    let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
-    *levels = kept.map(|(_, level)| *level).collect();
-    flight.samples.retain(|s| !hole(s));
-    assert!((lit_s(&flight) - whole_s).abs() < 1e-9, "interpolated without a gap");
-    flight.gaps = vec![[1.1, 1.3]];
-    assert!((lit_s(&flight) - (whole_s - 0.2)).abs() < 1e-6, "{} of {whole_s}", lit_s(&flight));
+    let gapped = |to_s: f64, named: bool| {
+        let mut flight = flight(&["headlights"]);
+        let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < to_s - 1e-9;
+        let levels = flight.lights.get_mut("headlights").unwrap();
+        let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
+        *levels = kept.map(|(_, level)| *level).collect();
+        flight.samples.retain(|s| !hole(s));
+        flight.gaps = if named { vec![[1.1, to_s]] } else { Vec::new() };
+        lit_s(&flight)
+    };
+    let whole_s = lit_s(&flight(&["headlights"]));
+    assert!((gapped(1.3, false) - whole_s).abs() < 1e-9, "interpolated without a gap");
+    assert!((gapped(1.5, true) - whole_s).abs() < 1e-6, "bridged");
+    let long_s = gapped(2.0, true);
+    assert!((long_s - (whole_s - 0.9)).abs() < 1e-6, "{long_s} of {whole_s}");
 }
 
 fn solid(color: [u8; 3]) -> LightOptions {
@@ -186,6 +191,36 @@ fn a_slow_lamp_rises_and_decays_as_ramps_of_its_own_time() {
     let lamp = named(&trace, "headlight left");
     for (time_s, wanted) in [(0.6, 0.5), (0.66, 1.0), (2.549, 1.0), (2.7, 0.5), (2.86, 0.0)] {
         assert!((level(lamp, time_s) - wanted).abs() < 1e-6, "at {time_s} s");
+    }
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig {
+        cases: 200, failure_persistence: None, ..Default::default()
+    })]
+    #[test]
+    fn a_slow_lamp_has_levels_from_0_to_1_and_ends_dark(
+        rise_s in 0.0..0.5_f64,
+        decay_s in 0.0..0.5_f64,
+        tick_s in proptest::prop_oneof![
+            proptest::prelude::Just(0.0), proptest::prelude::Just(0.05), 0.001..0.2_f64
+        ],
+        switch in 1..40_usize,
+        seed in 0..1000_u64,
+    ) {
+        let mut flight = flight(&["headlights"]);
+        let levels = flight.lights.get_mut("headlights").unwrap();
+        for (i, level) in levels.iter_mut().enumerate() {
+            *level = if i < 300 && (i / switch) % 3 == 1 { 0.7 } else { 0.0 };
+        }
+        let options = LightOptions { rise_s, decay_s, tick_s, ..LightOptions::default() };
+        let trace = light(&flight, &options, seed, 0).unwrap();
+        for sample in trace.lamps.iter().flat_map(|lamp| &lamp.samples) {
+            proptest::prop_assert!((0.0..=1.0).contains(&sample.level), "{:?}", sample);
+        }
+        for lamp in trace.lamps.iter().filter(|l| l.emitter.name.starts_with("headlight")) {
+            proptest::prop_assert_eq!(lamp.samples.last().unwrap().level, 0.0);
+        }
     }
 }
 

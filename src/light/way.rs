@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::radio::Change;
 use super::{Fixture, LightOptions, LightSample};
-use crate::flight::{Flight, FlightSample};
+use crate::flight::FlightSample;
 use crate::geometry::Chords;
 
 /// Pose of the body at a sample of the flight.
@@ -27,17 +27,9 @@ pub(super) const COARSE_M: f64 = 60e-6;
 const ARM_M: f64 = 0.07;
 
 /// Poses of a flight between which the motion is straight and even within the tolerance, for all of
-/// its lamps. A gap in a real log separates one stretch of poses from the next.
-pub(super) fn stretches(flight: &Flight, tolerance_m: f64) -> Vec<Vec<Pose>> {
-    let mut rest = &flight.samples[..];
-    let mut stretches = Vec::new();
-    for gap in &flight.gaps {
-        let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap[1]));
-        stretches.push(poses(before, tolerance_m));
-        rest = after;
-    }
-    stretches.push(poses(rest, tolerance_m));
-    stretches
+/// its lamps. An open gap in a real log separates one stretch of poses from the next.
+pub(super) fn stretches(samples: &[Vec<FlightSample>], tolerance_m: f64) -> Vec<Vec<Pose>> {
+    samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
 
 fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
@@ -184,14 +176,15 @@ fn knots(changes: &[Change], options: &LightOptions) -> Vec<Knot> {
         let full_s = if gap > 0.0 { options.rise_s } else { options.decay_s };
         let ramp_s = full_s * gap.abs();
         let until_s = changes.get(index + 1).map_or(f64::INFINITY, |next| next.time_s);
-        let end_s = (change.time_s + ramp_s).min(until_s);
+        let end_s = change.time_s + ramp_s;
         knots.push(Knot { time_s: change.time_s, level });
-        level = if ramp_s > 0.0 {
-            level + gap * (end_s - change.time_s) / ramp_s
-        } else {
+        // A whole ramp ends on the level itself: sums of rounded times would miss it, below 0.
+        level = if end_s <= until_s {
             change.level
+        } else {
+            level + gap * ((until_s - change.time_s) / ramp_s)
         };
-        knots.push(Knot { time_s: end_s, level });
+        knots.push(Knot { time_s: end_s.min(until_s), level });
     }
     knots
 }

@@ -6,11 +6,16 @@
 //!
 //! All are read by one rule: an object with `time` and `data` is a variable, one with `time` and
 //! other lists is a block of variables, other objects are folders whose name goes before the names
-//! in them (`drone` excepted). Other numbers, texts and lists are skipped. Python writes `NaN` and
+//! in them (`drone` excepted). A list of objects with a time is a block by rows, as scripts of
+//! cflib and pandas' `to_json(orient="records")` write it, under the usual names of plain CSV too.
+//! Other numbers, texts and lists are skipped. Python writes `NaN` and
 //! `Infinity`, which are not JSON; they are read as missing values.
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Map, Value};
 
+use super::plain_csv;
 use super::recording::{Block, Clock, Column, Recording};
 use crate::error::{Error, Result};
 use crate::statistics::median;
@@ -21,6 +26,9 @@ const WRAP_S: f64 = 16_777.216;
 /// Largest JSON text, in bytes: the reference flight takes 2 MB a minute.
 const MAX_BYTES: usize = 128 << 20;
 
+/// Most values: an hour of the reference log. Each takes 32 bytes of memory while it is read.
+const MAX_VALUES: usize = 12 << 20;
+
 /// Most variables; the firmware logs 128 at a time.
 const MAX_VARIABLES: usize = 1024;
 
@@ -30,6 +38,11 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
         let wanted = format!("at most {most} MiB");
         return Err(Error::input(file, format!("{found} MiB of JSON"), wanted, HINT));
+    }
+    let values = bytes.iter().filter(|byte| **byte == b',').count();
+    if values > MAX_VALUES {
+        let wanted = format!("at most {MAX_VALUES}");
+        return Err(Error::input(file, format!("{values} values"), wanted, HINT));
     }
     let mut text = bytes.to_vec();
     replace_nan(&mut text);
@@ -44,13 +57,19 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
         }
         Err(source) => return Err(broken(file, &source)),
     };
-    let Value::Object(top) = value else {
-        let wanted = "an object of variables, each with time and data";
-        return Err(Error::input(file, "JSON of another shape", wanted, HINT));
-    };
-    let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
     let mut reader = Reader { file, blocks: Vec::new(), warnings };
-    reader.folder(&top, "")?;
+    let in_seconds = match &value {
+        Value::Object(top) => {
+            reader.folder(top, "")?;
+            top.contains_key("drone") || top.contains_key("mocap")
+        }
+        Value::Array(rows) if reader.rows("", rows)? => false,
+        _ => {
+            let wanted = "an object of variables, each with time and data, or a list of rows, each \
+                          an object with a time";
+            return Err(Error::input(file, "JSON of another shape", wanted, HINT));
+        }
+    };
     let Reader { mut blocks, warnings, .. } = reader;
     for block in &mut blocks {
         if stamps_are_ms(&block.time_s, in_seconds) {
@@ -130,6 +149,25 @@ fn close(text: &mut Vec<u8>) {
     text.extend(closing.iter().rev());
 }
 
+/// The numbers of an object and of those in it, by their names with dots; the names in an object
+/// `data` stand alone.
+fn flatten(members: &Map<String, Value>, prefix: &str, cells: &mut BTreeMap<String, f64>) {
+    for (key, value) in members {
+        let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        match value {
+            Value::Object(inner) if key == "data" => flatten(inner, prefix, cells),
+            Value::Object(inner) => flatten(inner, &name, cells),
+            Value::Number(number) => {
+                cells.insert(name, number.as_f64().unwrap_or(f64::NAN));
+            }
+            Value::Bool(on) => {
+                cells.insert(name, f64::from(u8::from(*on)));
+            }
+            _ => {}
+        }
+    }
+}
+
 struct Reader<'a> {
     file: &'a str,
     blocks: Vec<Block>,
@@ -146,6 +184,9 @@ impl Reader<'_> {
                 return Err(Error::input(self.file, "too many variables", wanted, HINT));
             }
             let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+            if let Value::Array(rows) = value {
+                self.rows(&name, rows)?;
+            }
             let Value::Object(inner) = value else { continue };
             match (inner.get("time"), inner.get("data")) {
                 (Some(time), Some(data)) => self.variable(&name, time, data)?,
@@ -197,6 +238,43 @@ impl Reader<'_> {
         Ok(())
     }
 
+    /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
+    /// without a time are left out, and cells that a row lacks are missing values.
+    fn rows(&mut self, name: &str, rows: &[Value]) -> Result<bool> {
+        let is_time = |key: &str| plain_csv::meaning(key).0 == "t";
+        let cells = |row: &Value| {
+            let mut cells = BTreeMap::new();
+            row.as_object().into_iter().for_each(|row| flatten(row, "", &mut cells));
+            cells
+        };
+        let rows: Vec<BTreeMap<String, f64>> = rows.iter().map(cells).collect();
+        let names: BTreeSet<&String> = rows.iter().flat_map(BTreeMap::keys).collect();
+        let Some(time) = names.iter().find(|name| is_time(name)).copied() else {
+            return Ok(false);
+        };
+        if names.len() > MAX_VARIABLES {
+            let wanted = format!("at most {MAX_VARIABLES}");
+            return Err(Error::input(self.file, "too many variables", wanted, HINT));
+        }
+        let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
+        let rows: Vec<_> = rows.iter().filter(|row| row.contains_key(time)).collect();
+        let column = |key: &&String| {
+            let (ours, unit) = match name {
+                "" => plain_csv::meaning(key),
+                folder => (format!("{folder}.{key}"), None),
+            };
+            let cell = |row: &&BTreeMap<String, f64>| row.get(*key).copied().unwrap_or(f64::NAN);
+            let values = rows.iter().map(|row| cell(row) * unit.unwrap_or(1.0)).collect();
+            Column { name: ours, values }
+        };
+        let columns = names.iter().filter(|key| **key != time).map(column).collect();
+        let mocap = name == "mocap" || name.starts_with("mocap.");
+        let clock = if mocap { Clock::Mocap } else { Clock::Drone };
+        let time_s = rows.iter().map(|row| row[time] * unit_s).collect();
+        self.blocks.push(Block { name: name.to_owned(), clock, time_s, columns });
+        Ok(true)
+    }
+
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
@@ -243,6 +321,24 @@ mod tests {
             assert_eq!(log.names().collect::<Vec<_>>(), ["a.b"], "{dialect}");
             assert_eq!(log.blocks[0].time_s, [0.01, 0.02], "{dialect}");
         }
+    }
+
+    #[test]
+    fn a_list_of_rows_is_a_block() {
+        let rows = r#"[{"timestamp": 10, "stateEstimate.x": 1, "note": "a"},
+            {"timestamp": 20, "data": {"stateEstimate.x": 2, "stateEstimate.y": 5}}]"#;
+        let log = read(rows.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.blocks[0].time_s, [0.01, 0.02], "milliseconds");
+        assert_eq!(log.channel("stateEstimate.x").unwrap().values, [1.0, 2.0]);
+        assert_eq!(log.channel("stateEstimate.y").unwrap().values, [5.0]);
+        let log = read(br#"[{"t": 0.1, "x_mm": 100, "y": 2}, {"t": 0.2}]"#, "log.json").unwrap();
+        assert_eq!(log.channel("x_m").unwrap().values, [0.1]);
+        let mocap = r#"{"drone": {}, "mocap": [{"time": 1.0, "x": 3}, {"time": 1.01, "x": 4}]}"#;
+        let log = read(mocap.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.channel("mocap.x").unwrap().values, [3.0, 4.0]);
+        assert_eq!(log.blocks[0].clock, Clock::Mocap);
+        assert!(read(b"[{\"x\": 1}]", "log.json").unwrap_err().to_string().contains("a time"));
+        assert!(read(b"[1, 2]", "log.json").is_err());
     }
 
     #[test]

@@ -7,10 +7,10 @@ use super::sources::{Quantities, VelocityFrame, quantities};
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
 use crate::flight::csv::is_standard_column;
-use crate::flight::table::on_grid;
+use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity};
 
-/// Most samples of a flight: 11 hours at 100 Hz.
+/// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
 
 /// Most numbers in all further columns together: half a gigabyte.
@@ -47,6 +47,7 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
     warnings.extend(warn_of_held_values(&found, options, &axis));
     warnings.extend(warn_of_size(&samples));
     let mut extra = extra(&recording, &found.used, &axis)?;
+    check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
     let warnings = [recording.warnings, warnings].concat();
     Ok(Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings })
@@ -100,6 +101,8 @@ fn axis(
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
         let zero_s = stamps_s.first().copied().unwrap_or(0.0);
+        let span_s = stamps_s.last().copied().unwrap_or(0.0) - zero_s;
+        check_span(recording, span_s)?;
         return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
     }
     // The motion capture may begin before the drone's log and outlast it.
@@ -109,6 +112,7 @@ fn axis(
     let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
     let start_s = pose.iter().map(|channel| channel.start_s()).fold(first_s, f64::max);
     let end_s = pose.iter().map(|channel| channel.end_s()).fold(last_s, f64::min);
+    check_span(recording, end_s - start_s)?;
     let steps = ((end_s - start_s) * options.sample_rate_hz + 1e-6).floor();
     if steps.is_nan() || !(0.0..MAX_SAMPLES).contains(&steps) {
         let span = if steps < 0.0 {
@@ -135,6 +139,48 @@ fn axis(
     axis.gaps = gaps.map(|pair| [0, 1].map(|end| axis.time_s(stamp_s(pair[end])))).collect();
     warnings.extend(warn_of_gaps(&axis));
     Ok(axis)
+}
+
+/// Refuses a log that is longer than a flight can be.
+fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
+    if span_s <= MAX_DURATION_S {
+        return Ok(());
+    }
+    let found = format!("{span_s:.0} s of log");
+    let wanted = format!("a flight of up to {MAX_DURATION_S} s");
+    Err(Error::input(&recording.file, found, wanted, MILLISECONDS_HINT))
+}
+
+/// Refuses numbers beyond a drone's world, of the quantities and of the further columns.
+fn check_numbers(
+    file: &str,
+    samples: &[FlightSample],
+    extra: &BTreeMap<String, Vec<f64>>,
+) -> Result<()> {
+    let wild = |time_s: f64, name: &str, value: f64, most: f64| {
+        let place = format!("{file}: {name} at {time_s:.3} s of the flight");
+        let wanted = format!("a number within ±{most:e}");
+        let hint = "cut the broken part out of the log, or correct the column's unit";
+        Err(Error::input(place, format!("{value:e}"), wanted, hint))
+    };
+    for sample in samples {
+        let numbers = sample.numbers();
+        for (quantity, _, names) in Quantity::TABLE {
+            for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
+                // Not a number is beyond as well.
+                if !(value.abs() <= MAX_QUANTITY) {
+                    return wild(sample.time_s, name, *value, MAX_QUANTITY);
+                }
+            }
+        }
+    }
+    for (name, column) in extra {
+        let beyond = |value: &f64| value.is_nan() || value.abs() > MAX_NUMBER;
+        if let Some(row) = column.iter().position(beyond) {
+            return wild(samples[row].time_s, name, column[row], MAX_NUMBER);
+        }
+    }
+    Ok(())
 }
 
 /// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.

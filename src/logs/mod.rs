@@ -12,7 +12,7 @@
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is constantly zero is skipped. `estimate_m` is the custom observer, else the firmware's.
+//!   that is frozen while others change is skipped. `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
 //!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
@@ -30,6 +30,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::flight::{Flight, Quantity};
 use crate::settings::{Described, settings};
 
@@ -48,8 +49,8 @@ mod usd;
 
 use recording::Recording;
 
-/// Largest log that is read, in bytes: a day of 1 kHz logging stays below.
-const MAX_BYTES: u64 = 512 << 20;
+/// Largest log that is read: an hour of 100 columns at 100 Hz.
+const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a log", hint: "cut the log to one flight" };
 
 /// First columns of our own flight files.
 const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
@@ -76,7 +77,7 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following that is logged and not constantly zero.
+        /// The first of the following that is logged and changes while others do.
         "best" => Best,
         /// Motion capture.
         ///
@@ -119,15 +120,25 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     if path.is_dir() {
         return flight(cfclient_csv::read(&folder(path)?, &name)?, options);
     }
-    let bytes = contents(path)?;
-    if sheet::header(&bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
-        let mut flight = Flight::read_csv(path)?;
+    import_bytes(&read(path)?, &name, options)
+}
+
+/// Reads a log's file.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    LIMIT.read(path)
+}
+
+/// Imports a log from its bytes; `file` is its name in messages.
+pub(crate) fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
+    options.check("import", None)?;
+    if sheet::header(bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
+        let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
         return Ok(flight);
     }
-    parse(&bytes, &name, options)
+    parse(bytes, file, options)
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -180,7 +191,7 @@ impl Format {
         let text = bytes.trim_ascii_start();
         match text.first() {
             None => return Err(unknown(file, "an empty file")),
-            Some(b'{') => return Ok(Self::Json),
+            Some(b'{' | b'[') => return Ok(Self::Json),
             Some(_) => {}
         }
         let separated = |line: &[u8]| line.iter().any(|byte| matches!(byte, b',' | b';' | b'\t'));
@@ -216,7 +227,7 @@ fn folder(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     paths.sort();
     let mut files = Vec::new();
     for path in paths {
-        let bytes = contents(&path)?;
+        let bytes = read(&path)?;
         if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
             files.push((path.display().to_string(), bytes));
         }
@@ -226,15 +237,4 @@ fn folder(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
         return Err(unknown(&path.display().to_string(), found));
     }
     Ok(files)
-}
-
-fn contents(path: &Path) -> Result<Vec<u8>> {
-    let size = std::fs::metadata(path).map_err(|source| Error::read(path, source))?.len();
-    if size > MAX_BYTES {
-        let place = path.display().to_string();
-        let wanted = format!("at most {} MiB", MAX_BYTES >> 20);
-        let found = format!("{} MiB", size >> 20);
-        return Err(Error::input(place, found, wanted, "cut the log to one flight"));
-    }
-    std::fs::read(path).map_err(|source| Error::read(path, source))
 }

@@ -94,7 +94,7 @@ pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
 
 /// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
 /// is.
-fn meaning(title: &str) -> (String, Option<f64>) {
+pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     let lower = title.to_lowercase().replace(['[', '(', ' '], "_").replace([']', ')'], "");
     let mut lower = lower.replace('/', "_");
     while lower.contains("__") {

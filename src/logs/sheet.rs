@@ -4,9 +4,13 @@
 //! that is cut off.
 
 use crate::error::{Error, Result};
+use crate::files::Lines;
 
 /// Most rows of a sheet: a 1 kHz log of more than an hour.
 const MAX_ROWS: usize = 4_000_000;
+
+/// Most numbers of a sheet: 512 MiB of memory.
+const MAX_NUMBERS: usize = 64 << 20;
 
 /// Most columns of a sheet.
 const MAX_COLUMNS: usize = 1024;
@@ -21,14 +25,14 @@ pub(super) struct Sheet {
 
 /// A CSV reader with the separator, of comma, semicolon and tab, that is most frequent in the first
 /// line.
-fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
+fn reader(text: &[u8]) -> csv::Reader<Lines<&[u8]>> {
     let mut lines = text.split(|byte| *byte == b'\n');
     let line = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
     let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
     let separator = [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b',');
     let mut builder = csv::ReaderBuilder::new();
     builder.has_headers(false).flexible(true).delimiter(separator).trim(csv::Trim::All);
-    builder.from_reader(text)
+    builder.from_reader(Lines::new(text))
 }
 
 /// The cells of the first line, without `#`.
@@ -60,6 +64,8 @@ impl Sheet {
             let found = format!("{} columns", header.len());
             return Err(Error::input(file, found, format!("at most {MAX_COLUMNS}"), HINT));
         }
+        let n_columns = header.len();
+        let max_rows = MAX_ROWS.min(MAX_NUMBERS / n_columns.max(1));
         let mut sheet =
             Self { columns: vec![Vec::new(); header.len()], header, warnings: Vec::new() };
         let (mut reader, mut record) = (reader(text), csv::StringRecord::new());
@@ -87,9 +93,10 @@ impl Sheet {
                     let text = format!("line {line} has no end: it may be cut off and is left out");
                     sheet.warnings.push(text);
                 }
-                Ok(_) if sheet.columns.first().is_some_and(|column| column.len() == MAX_ROWS) => {
-                    let found = format!("more than {MAX_ROWS} rows");
-                    return Err(Error::input(file, found, format!("at most {MAX_ROWS}"), HINT));
+                Ok(_) if sheet.columns.first().is_some_and(|column| column.len() == max_rows) => {
+                    let found = format!("more than {max_rows} rows of {n_columns} columns");
+                    let wanted = format!("at most {MAX_ROWS} rows and {MAX_NUMBERS} numbers");
+                    return Err(Error::input(file, found, wanted, HINT));
                 }
                 Ok(row) => {
                     sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));

@@ -1,8 +1,7 @@
 //! From logged variables to quantities in SI units, our frames and our signs.
 //!
 //! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
-//! table is in order of preference: the first source that is logged and not constantly zero is taken
-//! (an observer that was compiled in but never ran logs zeros).
+//! table is in order of preference: the first source that is logged and alive is taken.
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
@@ -21,6 +20,9 @@ use crate::geometry::Attitude;
 struct Source(PositionSource, &'static str, &'static [f64]);
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
+
+/// Least time for which a living source changes, as a share of the time for which the liveliest does.
+const ALIVE_SHARE: f64 = 0.1;
 
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
@@ -124,7 +126,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     let mut used = BTreeSet::new();
     let mut take = |table: &[Source], kinds: &[PositionSource]| {
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
-        first(recording, sources, &mut used)
+        Some(first(recording, sources, &mut used)?.1)
     };
     let truth: &[PositionSource] = match wanted {
         Best => &[Best, Mocap, Custom, Firmware, Lighthouse],
@@ -135,52 +137,70 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
         Estimate => &[Custom, Firmware],
     };
     let any = &[Best, Mocap, Custom, Firmware, Lighthouse];
-    let (velocity_frame, velocity) = take(VELOCITY_BODY, &[Best, Custom])
-        .map(|channels| (VelocityFrame::Body, channels))
-        .or_else(|| Some((VelocityFrame::World, take(VELOCITY_WORLD, any)?)))
-        .or_else(|| Some((VelocityFrame::Body, take(VELOCITY_BODY, &[Firmware])?)))
-        .map_or((VelocityFrame::Body, None), |(frame, channels)| (frame, Some(channels)));
     let found = [
         (Quantity::Position, take(POSITION, truth)),
-        (Quantity::Velocity, velocity),
         (Quantity::Rate, take(RATE, any)),
         (Quantity::Estimate, take(POSITION, &[Custom, Firmware])),
         (Quantity::Design, take(DESIGN, any)),
         (Quantity::Motors, take(MOTORS, any)),
     ];
+    let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
+    let velocities = own.into_iter().chain(VELOCITY_WORLD).chain(firmware);
+    let velocity = first(recording, velocities, &mut used);
+    let is_world = |source| VELOCITY_WORLD.iter().any(|world| std::ptr::eq(world, source));
+    let velocity_frame = match &velocity {
+        Some((source, _)) if is_world(*source) => VelocityFrame::World,
+        _ => VelocityFrame::Body,
+    };
+    let velocity = velocity.map(|(_, channels)| channels);
     // The source of the position is preferred for the attitude as well.
     let (preferred, others): (Vec<_>, Vec<_>) =
         ATTITUDE.iter().partition(|source| truth.contains(&source.0));
     let attitude = first(recording, preferred.into_iter().chain(others), &mut used)
+        .map(|(_, channels)| channels)
         .or_else(|| angles_from_quaternions(recording, &mut used))
         .map(|mut angles| {
             without_jumps(&mut angles[0]);
             without_jumps(&mut angles[2]);
             angles
         });
-    let found = found.into_iter().chain([(Quantity::Attitude, attitude)]);
+    let found =
+        found.into_iter().chain([(Quantity::Velocity, velocity), (Quantity::Attitude, attitude)]);
     let channels = found.filter_map(|(quantity, channels)| Some((quantity, channels?))).collect();
     Quantities { channels, velocity_frame, used }
 }
 
-/// The first of these sources that is not constantly zero; else the first one that is logged.
+/// The first of these sources that is alive: one that changes while others do. An observer that was
+/// compiled in and did not run logs a constant. Where no source changes, the first that is not zero;
+/// else the first that is logged.
 fn first<'a>(
     recording: &Recording,
     sources: impl Iterator<Item = &'a Source>,
     used: &mut BTreeSet<String>,
-) -> Option<Vec<Channel>> {
+) -> Option<(&'a Source, Vec<Channel>)> {
     let logged = sources.filter_map(|source| Some((source, recording.channels(source.1)?)));
-    let alive = |(_, channels): &(&Source, Vec<Channel>)| {
-        channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0))
+    let mut logged: Vec<_> = logged.collect();
+    let active_s = |channels: &[Channel]| channels.iter().map(active_s).fold(0.0, f64::max);
+    let most_s = logged.iter().map(|(_, channels)| active_s(channels)).fold(0.0, f64::max);
+    let is_alive = |(_, channels): &(&Source, Vec<Channel>)| match most_s > 0.0 {
+        true => active_s(channels) >= ALIVE_SHARE * most_s,
+        false => channels.iter().any(|channel| channel.values.iter().any(|value| *value != 0.0)),
     };
-    let mut logged = logged.peekable();
-    let zeros = logged.next_if(|found| !alive(found));
-    let (source, mut channels) = logged.find(alive).or(zeros)?;
+    let chosen = logged.iter().position(is_alive).unwrap_or(0);
+    let (source, mut channels) = (chosen < logged.len()).then(|| logged.swap_remove(chosen))?;
     used.extend(names(source.1));
     for (channel, factor) in channels.iter_mut().zip(source.2) {
         channel.values.iter_mut().for_each(|value| *value *= factor);
     }
-    Some(channels)
+    Some((source, channels))
+}
+
+/// Time from the first change of a channel to its last.
+fn active_s(channel: &Channel) -> f64 {
+    let changes = |pair: &[f64]| pair[0] != pair[1];
+    let first = channel.values.windows(2).position(changes);
+    let last = channel.values.windows(2).rposition(changes);
+    first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
 /// Yaw, pitch and roll of the logged quaternions.
@@ -189,7 +209,7 @@ fn angles_from_quaternions(
     used: &mut BTreeSet<String>,
 ) -> Option<Vec<Channel>> {
     let quaternions: Vec<(f64, [f64; 4])> =
-        if let Some(parts) = first(recording, QUATERNIONS.iter(), used) {
+        if let Some((_, parts)) = first(recording, QUATERNIONS.iter(), used) {
             let at = |time_s: f64| [0, 1, 2, 3].map(|part: usize| parts[part].held(time_s));
             parts[0].time_s.iter().map(|&time_s| (time_s, at(time_s))).collect()
         } else {
@@ -273,6 +293,43 @@ mod tests {
         assert_eq!(values(&log, Quantity::Position), [0.5, 0.001, -0.25], "millimeters");
         let used = quantities(&log, Best).used;
         assert!(!used.contains("ae483log.o_x"), "the zeros are kept as columns");
+    }
+
+    /// A log of 10 s in which each column is a constant plus a share of the time.
+    fn moving(columns: &[(&str, f64, f64)]) -> Recording {
+        let time_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.1).collect();
+        let values = |at: f64, speed: f64| time_s.iter().map(|t| at + speed * t).collect();
+        let column = |&(name, at, speed): &(&str, f64, f64)| Column {
+            name: name.into(),
+            values: values(at, speed),
+        };
+        let columns = columns.iter().map(column).collect();
+        let block = Block { time_s: time_s.clone(), columns, ..Block::default() };
+        Recording { blocks: vec![block], ..Recording::default() }
+    }
+
+    #[test]
+    fn an_observer_frozen_at_a_value_is_passed_over_in_every_quantity() {
+        let log = moving(&[
+            ("ae483log.o_x", 0.3, 0.0),
+            ("ae483log.o_y", -0.2, 0.0),
+            ("ae483log.o_z", 0.1, 0.0),
+            ("stateEstimate.x", 0.5, 0.1),
+            ("stateEstimate.y", 0.0, 0.0),
+            ("stateEstimate.z", 1.0, 0.0),
+            ("ae483log.v_x", 0.7, 0.0),
+            ("ae483log.v_y", 0.0, 0.0),
+            ("ae483log.v_z", 0.0, 0.0),
+            ("stateEstimate.vx", 0.0, 0.01),
+            ("stateEstimate.vy", 0.0, 0.0),
+            ("stateEstimate.vz", 0.0, 0.0),
+        ]);
+        assert_eq!(values(&log, Quantity::Position), [0.5, 0.0, 1.0]);
+        assert_eq!(values(&log, Quantity::Estimate), [0.5, 0.0, 1.0]);
+        assert_eq!(values(&log, Quantity::Velocity), [0.0; 3]);
+        assert_eq!(quantities(&log, Best).velocity_frame, VelocityFrame::World);
+        let log = moving(&[("ae483log.o_x", 0.3, 0.1), ("ae483log.o_y", 0.0, 0.0)]);
+        assert!(!quantities(&log, Best).channels.contains_key(&Quantity::Position), "no z");
     }
 
     #[test]

@@ -81,7 +81,11 @@ enum Reason {
     /// Exactly four bytes remain, which begin no record: probably a CRC.
     Crc,
     Unknown(u16),
+    TooMany,
 }
+
+/// Most numbers of a log: 512 MiB of memory.
+const MAX_NUMBERS: usize = 64 << 20;
 
 impl Stop {
     /// The damage of a log whose records end here; `None` of a whole one.
@@ -93,6 +97,7 @@ impl Stop {
             Reason::Crc => {
                 "the CRC does not match: bytes were changed after they were written".into()
             }
+            Reason::TooMany => format!("more than {MAX_NUMBERS} numbers: cut it into parts"),
             Reason::Unknown(id) => format!("event {id}, which is not in the header"),
         })
     }
@@ -101,10 +106,13 @@ impl Stop {
 /// Reads records as long as there are any.
 fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop {
     let n_head = if version == 1 { 6 } else { 10 };
-    let mut at = 0;
+    let (mut at, mut n_numbers) = (0, 0);
     loop {
         let rest = &body[at..];
         let stop = |reason| Stop { at, reason };
+        if n_numbers > MAX_NUMBERS {
+            return stop(Reason::TooMany);
+        }
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
             return stop(if rest.is_empty() { Reason::End } else { Reason::Short });
         };
@@ -123,6 +131,7 @@ fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop
             values = after;
         }
         at += n_head + event.n_bytes;
+        n_numbers += 1 + event.decoders.len();
     }
 }
 

@@ -15,6 +15,8 @@ pub(super) struct Backdrop {
     /// Square of the focal length in pixels.
     focal_sq_px2: f32,
     center_px: [f32; 2],
+    /// Share of light lost by vignetting per square of the distance from the middle.
+    vignetting_px2: f32,
     picture: Option<Picture>,
 }
 
@@ -40,10 +42,13 @@ impl Backdrop {
             "" => None,
             path => Some(Picture::read(Path::new(path), camera, options.background_stops)?),
         };
+        let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
+        let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
         Ok(Self {
             room: options.ambient_rgb.map(|share| narrow(room * share)),
             focal_sq_px2: focal_px * focal_px,
-            center_px: [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0),
+            center_px,
+            vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,
             picture,
         })
     }
@@ -53,14 +58,14 @@ impl Backdrop {
         if self.room != [0.0; 3] {
             let [red, green, blue] = rows;
             let dy = y as f32 + 0.5 - self.center_px[1];
-            let nearest = self.focal_sq_px2 + dy * dy;
             let mut dx = 0.5 - self.center_px[0];
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
-                let cos_sq = self.focal_sq_px2 / (nearest + dx * dx);
-                let cos4 = cos_sq * cos_sq;
-                *r += self.room[0] * cos4;
-                *g += self.room[1] * cos4;
-                *b += self.room[2] * cos4;
+                let radius_sq = dy * dy + dx * dx;
+                let cos_sq = self.focal_sq_px2 / (self.focal_sq_px2 + radius_sq);
+                let share = cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
+                *r += self.room[0] * share;
+                *g += self.room[1] * share;
+                *b += self.room[2] * share;
                 dx += 1.0;
             }
         }

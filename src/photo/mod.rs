@@ -69,7 +69,7 @@ pub struct Readout {
     /// Height.
     pub height_px: u32,
     /// Red, green, blue by pixel, row by row from the top left: linear sRGB, 1 at saturation. Noise
-    /// and color matrix lead below 0 and a little above 1.
+    /// and color matrix lead a little below 0.
     pub rgb: Vec<f32>,
     /// Luminous exposure at 1.
     pub white_lx_s: f64,

@@ -3,14 +3,15 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, metadata::Orientation};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Photo;
-use super::png::{checked_size, read_bounded};
+use super::png::{LIMIT, Notes, checked_size};
 use crate::error::{Error, Result};
 
 impl Photo {
-    /// Reads a photo from a PNG or JPEG file. One that Noctograph wrote has its scene.
+    /// Reads a photo from a PNG or JPEG file.
     ///
     /// The header is checked before anything is decoded.
     ///
@@ -19,29 +20,38 @@ impl Photo {
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is not a PNG or JPEG
     /// image, or too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = read_bounded(path)?;
+        Ok(Self::open(path, false)?.0)
+    }
+
+    /// The same with the scene and the notes of a photo that Noctograph wrote.
+    ///
+    /// # Errors
+    ///
+    /// As [`Photo::read`]; [`Error::Input`] where a text is broken or too large.
+    pub fn read_with_notes(path: &Path) -> Result<(Self, Notes)> {
+        Self::open(path, true)
+    }
+
+    fn open(path: &Path, texts: bool) -> Result<(Self, Notes)> {
+        let bytes = LIMIT.read(path)?;
         let broken = |source: &dyn std::fmt::Display| {
             let wanted = "a PNG image or a JPEG photo";
             Error::input(path.display().to_string(), source, wanted, "choose another file")
         };
-        let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
-        let reader = reader.map_err(|e| broken(&e))?;
-        let format = reader.format();
-        if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-            return Err(broken(&"no PNG or JPEG header"));
+        match image::guess_format(&bytes) {
+            Ok(ImageFormat::Png) => return Self::from_png(&bytes, path, texts),
+            Ok(ImageFormat::Jpeg) => {}
+            _ => return Err(broken(&"no PNG or JPEG header")),
         }
+        let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
         let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
         let (width_px, height_px) = decoder.dimensions();
         checked_size(path, width_px, height_px)?;
-        let orientation = decoder.orientation().map_err(|e| broken(&e))?;
-        if format == Some(ImageFormat::Png) && orientation == Orientation::NoTransforms {
-            return Self::from_png(&bytes, path);
-        }
-        let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?;
-        picture.apply_orientation(orientation);
-        let picture = picture.into_rgb8();
-        let (width_px, height_px) = picture.dimensions();
-        Ok(Self { width_px, height_px, rgb8: picture.into_raw(), scene_toml: None })
+        // A broken EXIF block is none.
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let rgb8 = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgb8();
+        let photo = Self { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
+        Ok((photo.turned(orientation), Notes::default()))
     }
 }
 

@@ -32,8 +32,6 @@ settings! {
         ///
         /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan centers.
         crosstalk_frac: f64 = 0.1, in 0.0..=0.3;
-        /// Sensitivity at which a full well is white; above it, the converter clips earlier.
-        base_iso: f64 = 100.0, in 1.0..=1e5;
         /// Noise of the sensor.
         noise: Noise = Noise::default();
     }
@@ -64,6 +62,8 @@ settings! {
         hot_pixel_frac: f64 = 3e-5, in 0.0..=0.01;
         /// Mean dark current of a hot photosite; it is distributed exponentially.
         hot_pixel_e_s: f64 = 100.0, in 0.0..=1e6;
+        /// Which photosites are hot: a number for each camera, the same in all of its pictures.
+        hot_pixel_seed: u64 = 0, in 0.0..=9e15;
     }
 }
 

@@ -1,20 +1,35 @@
 //! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
 
-use std::io::{BufReader, Cursor, Read, Write};
+use std::io::{Cursor, Write};
 use std::path::Path;
+
+use image::DynamicImage;
+use image::metadata::Orientation;
 
 use super::{Metadata, Photo, Readout, Tone};
 use crate::camera::{Camera, MAX_PIXELS, check_size};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
+
+/// Keywords of the digests of flights and strokes.
+pub(crate) const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
+pub(crate) const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
+
+/// Largest text that is unpacked: that of the largest scene file.
+const MAX_TEXT_BYTES: usize = 1 << 20;
+
+/// Most memory for everything but the picture.
+const MAX_METADATA_BYTES: usize = 16 << 20;
 
 /// Keyword of the text chunk of XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
 /// Largest image file: a photo of [`MAX_PIXELS`] without compression.
-const MAX_FILE_BYTES: u64 = 4 * MAX_PIXELS;
+pub(super) const LIMIT: Limit =
+    Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
 impl Photo {
     /// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
@@ -38,22 +53,110 @@ impl Photo {
         write(out, size_px, levels, metadata.as_ref(), notes, scene)
     }
 
-    /// Reads the bytes of a PNG file.
-    pub(super) fn from_png(bytes: &[u8], path: &Path) -> Result<Self> {
+    /// Reads the bytes of a PNG file, and its texts where they are wanted.
+    ///
+    /// Neither color profile nor texts are unpacked with the picture: a few kilobytes of either may
+    /// stand for gigabytes.
+    pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Self, Notes)> {
         let broken = |source: &dyn std::fmt::Display| {
             Error::input(path.display().to_string(), source, "a PNG image", "choose another file")
         };
-        let mut decoder = png::Decoder::new(BufReader::new(Cursor::new(bytes)));
+        let limits = png::Limits { bytes: MAX_METADATA_BYTES };
+        let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+        decoder.set_ignore_iccp_chunk(true);
+        decoder.set_ignore_text_chunk(!texts);
+        decoder.set_transformations(png::Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(|e| broken(&e))?;
         let (width_px, height_px) = (header.width, header.height);
         checked_size(path, width_px, height_px)?;
-        let picture = image::load_from_memory_with_format(bytes, image::ImageFormat::Png);
-        let rgb8 = picture.map_err(|e| broken(&e))?.into_rgb8().into_raw();
-        let reader = decoder.read_info().map_err(|e| broken(&e))?;
-        let texts = &reader.info().utf8_text;
-        let scene = texts.iter().find(|text| text.keyword == SCENE_KEYWORD);
-        let scene_toml = scene.and_then(|text| text.get_text().ok());
-        Ok(Self { width_px, height_px, rgb8, scene_toml })
+        let mut reader = decoder.read_info().map_err(|e| broken(&e))?;
+        let size = reader.output_buffer_size().ok_or_else(|| broken(&"a picture without end"))?;
+        let mut samples = vec![0; size];
+        let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
+        to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
+        let photo = Self { width_px, height_px, rgb8: samples, scene_toml: None };
+        let info = reader.info();
+        let orientation = info.exif_metadata.as_deref().and_then(Orientation::from_exif_chunk);
+        let photo = photo.turned(orientation.unwrap_or(Orientation::NoTransforms));
+        let text = |keyword| text(&info.utf8_text, keyword, path);
+        Ok((
+            Self { scene_toml: text(SCENE_KEYWORD)?, ..photo },
+            Notes { flight_sha256: text(FLIGHT_KEYWORD)?, strokes_sha256: text(STROKES_KEYWORD)? },
+        ))
+    }
+
+    /// The photo turned upright.
+    pub(super) fn turned(self, orientation: Orientation) -> Self {
+        if orientation == Orientation::NoTransforms {
+            return self;
+        }
+        let Self { width_px, height_px, rgb8, scene_toml } = self;
+        let picture = image::RgbImage::from_raw(width_px, height_px, rgb8);
+        let mut picture = DynamicImage::from(picture.expect("three bytes a pixel"));
+        picture.apply_orientation(orientation);
+        let (width_px, height_px) = (picture.width(), picture.height());
+        Self { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }
+    }
+}
+
+/// Texts of a photo that Noctograph wrote.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notes {
+    /// SHA-256 of its flights, separated by spaces.
+    pub flight_sha256: Option<String>,
+    /// SHA-256 of its strokes, where they are from a font or drawing of the user's.
+    pub strokes_sha256: Option<String>,
+}
+
+/// The text of a keyword, unpacked up to a limit.
+fn text(
+    texts: &[png::text_metadata::ITXtChunk],
+    keyword: &str,
+    path: &Path,
+) -> Result<Option<String>> {
+    let Some(text) = texts.iter().find(|text| text.keyword == keyword) else { return Ok(None) };
+    let mut text = text.clone();
+    let unpacked = text.decompress_text_with_limit(MAX_TEXT_BYTES);
+    let plain = unpacked.and_then(|()| text.get_text());
+    plain.map(Some).map_err(|error| {
+        let place = format!("{}: {keyword}", path.display());
+        let wanted = format!("a text of at most {} MiB", MAX_TEXT_BYTES >> 20);
+        Error::input(place, error, wanted, "name a scene, which goes before the photo's own")
+    })
+}
+
+/// Turns samples, of 8 or 16 bits and with or without color and transparency, into RGB of 8 bits,
+/// in place.
+fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
+    let wide = depth == png::BitDepth::Sixteen;
+    let bytes = color.samples() * if wide { 2 } else { 1 };
+    let has_color = color.samples() > 2;
+    let n = samples.len() / bytes;
+    let level = |pixel: &[u8], channel: usize| {
+        let channel = if has_color { channel } else { 0 };
+        match wide {
+            false => pixel[channel],
+            // The nearest of 256 levels: 65535 is 255 of 257.
+            true => {
+                let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
+                u8::try_from((u32::from(level) + 128) / 257).unwrap_or(u8::MAX)
+            }
+        }
+    };
+    let rgb = |pixel: &[u8]| [0, 1, 2].map(|channel| level(pixel, channel));
+    // Forward where pixels shrink, backward where they grow, so that none is overwritten unread.
+    if bytes >= 3 {
+        for pixel in 0..n {
+            let levels = rgb(&samples[pixel * bytes..][..bytes]);
+            samples[3 * pixel..][..3].copy_from_slice(&levels);
+        }
+        samples.truncate(3 * n);
+    } else {
+        samples.resize(3 * n, 0);
+        for pixel in (0..n).rev() {
+            let levels = rgb(&samples[pixel * bytes..][..bytes]);
+            samples[3 * pixel..][..3].copy_from_slice(&levels);
+        }
     }
 }
 
@@ -119,19 +222,6 @@ fn write(
     Ok(writer.finish()?)
 }
 
-pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>> {
-    let unreadable = |source| Error::read(path, source);
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        let found = format!("more than {MAX_FILE_BYTES} bytes");
-        let wanted = "a PNG image of at most that";
-        return Err(Error::input(path.display().to_string(), found, wanted, "scale it down"));
-    }
-    Ok(bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,7 +240,9 @@ mod tests {
         let mut file = Vec::new();
         photo().write_png(&mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
         std::fs::write(&path, &file).unwrap();
-        assert_eq!(Photo::read(&path).unwrap(), photo());
+        let (read, notes) = Photo::read_with_notes(&path).unwrap();
+        assert_eq!((read, notes), (photo(), Notes::default()));
+        assert_eq!(Photo::read(&path).unwrap().scene_toml, None, "read where it is wanted");
         assert!(!file.windows(4).any(|chunk| chunk == b"tIME"), "no time stamp");
     }
 
@@ -180,6 +272,61 @@ mod tests {
                 assert_eq!(levels, readout.rgb16(Tone::Linear));
                 assert_eq!((levels[0], levels[59]), (0, 65535));
             }
+        }
+    }
+
+    /// A text chunk of 60 kB that stands for 60 MB, in a photo that is otherwise whole.
+    #[test]
+    fn a_text_that_unpacks_without_end_is_refused_only_where_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        let mut file = Vec::new();
+        let mut info = png::Info::with_size(1, 1);
+        (info.color_type, info.bit_depth) = (png::ColorType::Rgb, png::BitDepth::Eight);
+        let text = "# more\n".repeat(60 << 17);
+        let mut chunk = png::text_metadata::ITXtChunk::new(SCENE_KEYWORD, text);
+        chunk.compressed = true;
+        chunk.compress_text().unwrap();
+        info.utf8_text.push(chunk);
+        let encoder = png::Encoder::with_info(&mut file, info).unwrap();
+        encoder.write_header().unwrap().write_image_data(&[1, 2, 3]).unwrap();
+        assert!(file.len() < 1 << 20, "{}", file.len());
+        std::fs::write(&path, &file).unwrap();
+        let error = Photo::read_with_notes(&path).unwrap_err().to_string();
+        assert!(error.contains("noctograph.scene") && error.contains("at most 1 MiB"), "{error}");
+        assert_eq!(Photo::read(&path).unwrap().rgb8, [1, 2, 3]);
+    }
+
+    /// Every kind of PNG against the decoder of `image`, which is a second implementation above
+    /// the same inflation.
+    #[test]
+    fn every_color_type_and_depth_becomes_rgb_of_8_bits() {
+        use png::{BitDepth, ColorType};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.png");
+        for (color, depth) in [
+            (ColorType::Grayscale, BitDepth::Two),
+            (ColorType::Grayscale, BitDepth::Eight),
+            (ColorType::Grayscale, BitDepth::Sixteen),
+            (ColorType::GrayscaleAlpha, BitDepth::Eight),
+            (ColorType::GrayscaleAlpha, BitDepth::Sixteen),
+            (ColorType::Indexed, BitDepth::Four),
+            (ColorType::Rgb, BitDepth::Sixteen),
+            (ColorType::Rgba, BitDepth::Eight),
+            (ColorType::Rgba, BitDepth::Sixteen),
+        ] {
+            let mut file = Vec::new();
+            let mut info = png::Info::with_size(7, 5);
+            (info.color_type, info.bit_depth) = (color, depth);
+            let palette: Vec<u8> = (0..48).map(|i| i * 5).collect();
+            info.palette = (color == ColorType::Indexed).then(|| palette.into());
+            let n = info.raw_bytes() - 5;
+            let samples: Vec<u8> = (0..n).map(|i| (i * 89 % 256) as u8).collect();
+            let encoder = png::Encoder::with_info(&mut file, info).unwrap();
+            encoder.write_header().unwrap().write_image_data(&samples).unwrap();
+            std::fs::write(&path, &file).unwrap();
+            let wanted = image::load_from_memory(&file).unwrap().into_rgb8().into_raw();
+            assert_eq!(Photo::read(&path).unwrap().rgb8, wanted, "{color:?} {depth:?}");
         }
     }
 

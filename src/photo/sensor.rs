@@ -3,14 +3,15 @@
 //! 1. Light leaks between the color channels and becomes electrons: Poisson numbers with a mean of
 //!    the light times the response of the channel. Dark current and hot photosites add theirs.
 //! 2. The well or the converter clips each channel, and reading adds noise.
-//! 3. The camera subtracts the mean dark current, balances white, clips all channels at the same
-//!    light, and inverts the leak by its matrix: unclipped light has its own color again, clipped
-//!    light a color nearer to its neighbor's and to white.
+//! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
+//!    the leak by its matrix: unclipped light has its own color again, clipped light a color nearer
+//!    to its neighbor's and to white. Then it balances white and clips again: gains before the
+//!    matrix would tint every gray.
 //!
 //! A color filter leaks most into the neighboring channel: red and blue into green, green into both,
 //! and a tenth of that from red to blue. Hence the cyan center of an overexposed blue lamp.
 //!
-//! White is `78 / ISO` lx s (ISO 12232) from the base sensitivity on, and the full well below it.
+//! White is [`Camera::saturation_lx_s`].
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
 //! modelled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
 
@@ -36,6 +37,7 @@ pub(super) struct Sensor {
 #[derive(Debug)]
 struct Noisy {
     seed: u64,
+    hot_pixel_seed: u64,
     normal: &'static Normal,
     poisson: &'static Poisson,
     /// Electrons of each channel at white.
@@ -60,13 +62,12 @@ pub(super) struct Scratch {
 
 impl Sensor {
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, seed: u64) -> Self {
-        let gain = (camera.iso / options.base_iso).max(1.0);
         let noise = match &options.noise {
-            Noise::Emva1288(noise) => Some(Noisy::new(camera, noise, gain, seed)),
+            Noise::Emva1288(noise) => Some(Noisy::new(camera, noise, seed)),
             Noise::Off => None,
         };
         Self {
-            white_lx_s: 78.0 / (options.base_iso * gain),
+            white_lx_s: camera.saturation_lx_s(),
             leak: (options.crosstalk_frac > 0.0).then(|| leak(options.crosstalk_frac)),
             white_balance: camera.white_balance.map(narrow),
             noise,
@@ -74,7 +75,7 @@ impl Sensor {
     }
 
     /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
-    /// little outside of 0 to 1 after the matrix). It runs in the widest registers of this
+    /// little below 0 where noise or the matrix leads there). It runs in the widest registers of this
     /// processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         pulp::Arch::new().dispatch(Reading { sensor: self, y, rows, scratch });
@@ -102,13 +103,11 @@ impl pulp::NullaryFnOnce for Reading<'_> {
             Some(noise) => noise.read(y, rows, scratch),
             None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
         }
-        for (row, &gain) in rows.iter_mut().zip(&sensor.white_balance) {
-            if gain != 1.0 {
-                row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
-            }
-        }
         if let Some([_, undo]) = &sensor.leak {
             mix(undo, rows);
+        }
+        for (row, &gain) in rows.iter_mut().zip(&sensor.white_balance) {
+            row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
         }
     }
 }
@@ -144,13 +143,15 @@ fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
 }
 
 impl Noisy {
-    fn new(camera: &Camera, noise: &SensorNoise, gain: f64, seed: u64) -> Self {
+    fn new(camera: &Camera, noise: &SensorNoise, seed: u64) -> Self {
+        let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
         let clip = noise.full_well_e / gain;
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
             seed,
+            hot_pixel_seed: noise.hot_pixel_seed,
             normal: &NORMAL,
             poisson: &POISSON,
             at_white: noise.response.map(|r| narrow((clip - dark) * r / largest)),
@@ -214,7 +215,7 @@ impl Noisy {
     /// The hot photosites of a row: channel, column, electrons.
     fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
         out.clear();
-        let stream = Stream::new(self.seed, y, 0, Source::Hot);
+        let stream = Stream::new(self.hot_pixel_seed, y, 0, Source::Hot);
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {

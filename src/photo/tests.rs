@@ -332,6 +332,74 @@ fn room_light_follows_luminance_time_and_aperture() {
 }
 
 #[test]
+fn vignetting_dims_the_room_as_it_dims_a_lamp() {
+    let options =
+        PhotoOptions { ambient_cd_m2: 0.05, ambient_rgb: [1.0; 3], ..PhotoOptions::plain() };
+    let dark = film([64, 48], |_, _, _| 0);
+    let light = |change: fn(&mut CameraOptions)| {
+        read_out(&dark, &camera([64, 48], change), &options, 0).unwrap().rgb
+    };
+    let [clear, dim] = [light(|_| {}), light(|c| c.vignetting = 0.6)];
+    let lens = camera([64, 48], |c| c.vignetting = 0.6);
+    for [x, y] in [[0, 0], [63, 47], [5, 30], [32, 24]] {
+        let index = 3 * (y * 64 + x);
+        let left = f64::from(dim[index] / clear[index]);
+        let wanted = lens.unvignetted(x as f64 + 0.5, y as f64 + 0.5);
+        assert!((left - wanted).abs() < 1e-5, "{left} at {x}, {y}, wanted {wanted}");
+    }
+}
+
+#[test]
+fn a_gray_room_in_lamp_light_is_gray_with_crosstalk_too() {
+    for kelvin in [2000.0, 3200.0, 5000.0, 9000.0] {
+        let gains = crate::camera::WhiteBalance::Kelvin(kelvin).gains();
+        let options = PhotoOptions {
+            ambient_cd_m2: 0.05,
+            ambient_rgb: gains.map(|gain| 1.0 / gain),
+            crosstalk_frac: 0.1,
+            ..PhotoOptions::plain()
+        };
+        let camera = Camera { white_balance: gains, ..camera([3, 3], |_| {}) };
+        let rgb = read_out(&film([3, 3], |_, _, _| 0), &camera, &options, 0).unwrap().rgb;
+        let [r, g, b] = [rgb[12], rgb[13], rgb[14]];
+        assert!((r / g - 1.0).abs() < 0.002 && (b / g - 1.0).abs() < 0.002, "{:?}", [r, g, b]);
+        let bright = film([3, 3], |_, _, _| count(100.0));
+        let rgb = read_out(&bright, &camera, &options, 0).unwrap().rgb;
+        assert!(rgb.iter().all(|v| (v - 1.0).abs() < 1e-6), "white at {kelvin} K: {rgb:?}");
+    }
+}
+
+#[test]
+fn below_its_base_sensitivity_a_sensor_saturates_at_its_full_well() {
+    let white = |iso, base_iso| {
+        let camera = Camera { iso, base_iso, ..camera([1, 1], |_| {}) };
+        let readout = read_out(&film([1, 1], |_, _, _| 0), &camera, &PhotoOptions::plain(), 0);
+        assert_eq!(readout.unwrap().white_lx_s, camera.saturation_lx_s(), "one white everywhere");
+        camera.saturation_lx_s()
+    };
+    assert_eq!(white(100.0, 100.0), 0.78);
+    assert_eq!(white(25.0, 100.0), 0.78, "the well is full");
+    assert_eq!(white(25.0, 50.0), 1.56);
+    assert_eq!(white(400.0, 100.0), 0.195, "the converter clips");
+}
+
+#[test]
+fn hot_photosites_belong_to_the_camera() {
+    let hot = |seed, hot_pixel_seed| -> Vec<usize> {
+        let options = noisy(|noise| {
+            (noise.hot_pixel_frac, noise.hot_pixel_e_s) = (1e-3, 1e5);
+            noise.hot_pixel_seed = hot_pixel_seed;
+        });
+        let dark = film([200, 100], |_, _, _| 0);
+        let rgb = read_out(&dark, &camera([200, 100], |_| {}), &options, seed).unwrap().rgb;
+        (0..rgb.len()).filter(|index| rgb[*index] > 0.05).collect()
+    };
+    assert!(hot(1, 0).len() > 30, "{:?}", hot(1, 0));
+    assert_eq!(hot(1, 0), hot(2, 0), "the same in every flight");
+    assert_ne!(hot(1, 0), hot(1, 1), "others in another camera");
+}
+
+#[test]
 fn a_background_joins_in_linear_light() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
@@ -377,6 +445,6 @@ fn the_same_seed_makes_the_same_bytes_on_every_machine() {
         let photo = develop(&drawing(size_px), &camera(size_px, |_| {}), &options, seed).unwrap();
         crate::digest::sha256(&photo.rgb8)
     };
-    assert_eq!(hash(1), "4e541055807703c1af144afdc7a65dcb6936f07513a854ad141468a07e8afce5");
+    assert_eq!(hash(1), "d77f72f9ef66367a93b1bec63842dec3bb521cf40d565e4fa85c9354a92a5202");
     assert_ne!(hash(1), hash(2));
 }

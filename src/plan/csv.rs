@@ -67,8 +67,11 @@ impl Plan {
     }
 
     fn from_table(table: &Table) -> Result<Self> {
-        table.time_s()?;
-        let columns = COLUMNS.map(|name| table.column(name));
+        table.times_s(COLUMNS[0])?;
+        let columns = COLUMNS.map(|name| match name {
+            "time_s" => table.column(name),
+            name => table.quantity(name),
+        });
         let columns = columns.into_iter().collect::<Result<Vec<_>>>()?;
         let vector = |row: usize, first: usize| {
             Vector3::new(columns[first][row], columns[first + 1][row], columns[first + 2][row])
@@ -83,12 +86,12 @@ impl Plan {
         let setpoints = setpoints.collect();
         let mut sent_m = Vec::new();
         if table.has(SENT_COLUMNS[0]) {
-            let [x, y, z] = SENT_COLUMNS.map(|name| table.column(name));
+            let [x, y, z] = SENT_COLUMNS.map(|name| table.quantity(name));
             let (x, y, z) = (x?, y?, z?);
             sent_m = (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect();
         }
         let lit =
-            if table.has(LIT_COLUMN) { table.column(LIT_COLUMN)?.to_vec() } else { Vec::new() };
+            if table.has(LIT_COLUMN) { table.quantity(LIT_COLUMN)?.to_vec() } else { Vec::new() };
         Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m })
     }
 }

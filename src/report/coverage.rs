@@ -205,7 +205,7 @@ fn ticks(places_m: &[f64]) -> Vec<f64> {
 }
 
 /// A color from dark (0) to light (1).
-fn viridis(fraction: f64) -> String {
+pub(super) fn viridis(fraction: f64) -> String {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
     let i = (place as usize).min(3);

@@ -13,6 +13,7 @@
 //!
 //! Studies come as sheets of photos ([`study_sheet`]) and as plots of their figures.
 
+mod bound;
 mod coverage;
 mod figure;
 mod flights;
@@ -26,6 +27,7 @@ pub mod specimen;
 mod studies;
 mod text;
 
+pub use bound::bound_map;
 pub use coverage::coverage_map;
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use hold::hold_figure;

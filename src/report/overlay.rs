@@ -118,7 +118,7 @@ fn labels(marks: &Marks, verdict: &Verdict) -> Vec<(String, [f64; 2], f64)> {
         let ([left, top], [right, _]) = (*corners.first()?, *corners.get(1)?);
         let size_px = LABEL_SHARE * (right - left);
         let row = |above: f64| [left, top - above * size_px];
-        let own = (format!("{} {:.2}", letter.expected, letter.p), row(2.0), size_px);
+        let own = (format!("{} {:.2}", letter.expected, letter.p?), row(2.0), size_px);
         let rival = letter.rivals.first();
         let rival = rival
             .map(|rival| (format!("{}? {:.2}", rival.letter, rival.p), row(0.4), 0.85 * size_px));

@@ -9,8 +9,10 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use crate::camera::{CameraOptions, Metering};
+use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
+use crate::files::Limit;
 use crate::letters::{self, LetterOptions, Strokes};
 use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
@@ -22,10 +24,13 @@ use crate::sim::{
     SimOptions, VehicleOptions,
 };
 
+mod idle;
 mod named;
 mod preset;
 mod text;
 
+#[cfg(test)]
+pub(crate) use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 
@@ -70,7 +75,7 @@ settings! {
 }
 
 /// Largest scene file that is read.
-const MAX_FILE_BYTES: u64 = 1 << 20;
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
 
 impl Scene {
     /// Reads a scene file.
@@ -89,15 +94,7 @@ impl Scene {
     ///
     /// As [`Self::read`].
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        let unreadable = |source| Error::read(path, source);
-        let length = std::fs::metadata(path).map_err(unreadable)?.len();
-        if length > MAX_FILE_BYTES {
-            let found = format!("{length} bytes");
-            let wanted = format!("a scene file of at most {MAX_FILE_BYTES} bytes");
-            return Err(Error::input(path.display().to_string(), found, wanted, text::HINT));
-        }
-        let toml = std::fs::read_to_string(path).map_err(unreadable)?;
-        Self::parse_with(&toml, &path.display().to_string(), settings)
+        Self::parse_with(&LIMIT.read_text(path)?, &path.display().to_string(), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.
@@ -143,21 +140,10 @@ impl Scene {
         if (camera("f_number") || camera("iso")) && !camera("metering") {
             scene.camera.metering = Metering::Off;
         }
-        // A deck brings its own lamps, unless these are listed.
-        let light = |key: &str| {
-            layers
-                .iter()
-                .any(|layer| layer.get("light").is_some_and(|light| light.get(key).is_some()))
-        };
-        let lamps_of_deck = light("deck") && !light("fixtures");
         let mut values = Table::try_from(scene).expect("a preset is a table");
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
         let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
-        let mut scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
-        if lamps_of_deck {
-            scene.light.fixtures = None;
-        }
-        scene.light.fixtures = Some(scene.light.fixtures());
+        let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
         scene.check().map_err(with_line)?;
         Ok(scene)
     }
@@ -200,6 +186,42 @@ impl Scene {
     pub fn set_word(&mut self, word: &str) {
         word.clone_into(&mut self.word);
         self.letters.drawing.clear();
+        self.letters.drawing_sha256.clear();
+    }
+
+    /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
+    /// means the same from every folder. A drawing that is not there is left to [`Self::strokes`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
+    pub fn settle_files(&mut self) -> Result<()> {
+        let is_file = self.letters.font.contains('.').then_some(&mut self.letters.font);
+        for path in
+            is_file.into_iter().chain([&mut self.letters.drawing, &mut self.photo.background])
+        {
+            if let Ok(absolute) = std::path::absolute(&*path)
+                && absolute.exists()
+            {
+                *path = absolute.display().to_string();
+            }
+        }
+        let drawing = Path::new(&self.letters.drawing);
+        // A pipe can be read once, when it is drawn.
+        if drawing.is_file() {
+            let bytes = letters::DRAWING_LIMIT.read(drawing)?;
+            let found = sha256(&bytes);
+            let wanted = &mut self.letters.drawing_sha256;
+            if !wanted.is_empty() && *wanted != found {
+                let hint =
+                    "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
+                let place = "letters.drawing_sha256";
+                let found = format!("{} with digest {found}", self.letters.drawing);
+                return Err(Error::input(place, found, format!("digest {wanted}"), hint));
+            }
+            *wanted = found;
+        }
+        Ok(())
     }
 
     /// The strokes of the drawing, or else of the word.
@@ -271,7 +293,9 @@ mod tests {
         let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
         scene.camera.shutter_close_s = Some(0.1 + 0.2);
         scene.vehicle.mass_kg = 0.1 / 3.0;
-        scene.light.fixtures.as_mut().unwrap().pop();
+        let mut fixtures = scene.light.fixtures();
+        fixtures.pop();
+        scene.light.fixtures = Some(fixtures);
         assert_eq!(Scene::parse(&scene.to_toml(), "scene.toml").unwrap(), scene);
     }
 
@@ -301,6 +325,28 @@ mod tests {
         assert_eq!(typed.plan, want);
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
         assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
+    fn a_drawing_is_the_same_from_every_folder_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("star.svg");
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg'/>").unwrap();
+        let mut scene = Scene::default();
+        scene.letters.drawing = path.display().to_string();
+        scene.settle_files().unwrap();
+        assert_eq!(scene.letters.drawing_sha256.len(), 64);
+        assert!(Path::new(&scene.letters.drawing).is_absolute());
+        let mut again = Scene::parse(&scene.to_toml(), "scene.toml").unwrap();
+        again.settle_files().unwrap();
+        assert_eq!(again, scene);
+        std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg' width='2'/>").unwrap();
+        let error = again.settle_files().unwrap_err().to_string();
+        assert!(error.starts_with("letters.drawing_sha256"), "{error}");
+        let relative = std::path::absolute("Cargo.toml").unwrap();
+        scene.letters = LetterOptions { drawing: "Cargo.toml".into(), ..LetterOptions::default() };
+        scene.settle_files().unwrap();
+        assert_eq!(Path::new(&scene.letters.drawing), relative);
     }
 
     #[test]
@@ -338,6 +384,10 @@ mod tests {
         assert!(names("").contains(&"ring 0".to_owned()));
         assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
         assert_eq!(names("[light]\ndeck = \"none\"").len(), 4, "those of the board");
+        let printed = Scene::default().to_toml();
+        let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
+        assert_ne!(printed, edited);
+        assert_eq!(names(&edited)[0], "color LED", "in a printed scene too");
     }
 
     #[test]

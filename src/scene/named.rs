@@ -11,11 +11,16 @@ use crate::plan::Plan;
 use crate::settings::similar;
 
 /// Scenes that ship with the program, as TOML.
-const SHIPPED: [(&str, &str); 4] = [
+const SHIPPED: [(&str, &str); 6] = [
     ("team", include_str!("shipped/team.toml")),
     ("pid", include_str!("shipped/pid.toml")),
     ("geometric", include_str!("shipped/geometric.toml")),
     ("tuned", include_str!("shipped/tuned.toml")),
+    ("two-drones-three-anchors", include_str!("shipped/two-drones-three-anchors.toml")),
+    (
+        "two-drones-three-anchors-and-floor",
+        include_str!("shipped/two-drones-three-anchors-and-floor.toml"),
+    ),
 ];
 
 /// A scene with a name, and learned plans.
@@ -51,14 +56,15 @@ impl NamedScene {
     #[must_use]
     pub fn plan_file(word: &str, drone: usize, n_drones: usize) -> String {
         let number = if n_drones > 1 { (drone + 1).to_string() } else { String::new() };
-        format!("plan{number}-{word}.csv")
+        format!("plan{number}-{}.csv", file_name(word))
     }
 }
 
 impl Scene {
     /// Finds a scene and lays single settings over it, see [`Scene::parse_with`]: a shipped scene
-    /// (team, pid, geometric, tuned), a preset, a scene file, or a folder with `scene.toml` and
-    /// learned plans, `plan-WORD.csv` for one drone, `plan1-WORD.csv` and so on for several.
+    /// (team, pid, geometric, tuned, two-drones-three-anchors and the same with -and-floor), a
+    /// preset, a scene file, or a folder with `scene.toml` and learned plans, `plan-WORD.csv` for
+    /// one drone, `plan1-WORD.csv` and so on for several.
     ///
     /// Names go before files: a folder called as a shipped scene is `./tuned`.
     ///
@@ -97,6 +103,28 @@ impl Scene {
     }
 }
 
+/// Characters of a word that a file's name cannot hold, as `%` and their code: a word is never a
+/// path.
+fn file_name(word: &str) -> String {
+    let held = |c: char| !matches!(c, '/' | '\\' | ':' | '%') && !c.is_control();
+    let name = |c: char| if held(c) { c.to_string() } else { format!("%{:02X}", u32::from(c)) };
+    word.chars().map(name).collect()
+}
+
+/// The word of a file's name.
+fn word_of(name: &str) -> String {
+    let mut parts = name.split('%');
+    let mut word = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let code = part.get(..2).and_then(|code| u32::from_str_radix(code, 16).ok());
+        match code.and_then(char::from_u32) {
+            Some(character) => word = word + &character.to_string() + &part[2..],
+            None => word = word + "%" + part,
+        }
+    }
+    word
+}
+
 /// Learned plans of a folder by their word, one for each drone.
 fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
     let unreadable = |source| Error::read(folder, source);
@@ -107,7 +135,7 @@ fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
         let rest = name.strip_prefix("plan").and_then(|rest| rest.strip_suffix(".csv"));
         let Some((number, word)) = rest.and_then(|rest| rest.split_once('-')) else { continue };
         if number.is_empty() || number.parse::<u32>().is_ok() {
-            paths.insert((word.to_owned(), number.parse::<u32>().ok()), path);
+            paths.insert((word_of(word), number.parse::<u32>().ok()), path);
         }
     }
     let mut plans: BTreeMap<String, Vec<Plan>> = BTreeMap::new();
@@ -146,6 +174,16 @@ impl TryFrom<Texts> for NamedScene {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_word_is_never_a_path() {
+        for word in ["../../A/B", "A\nB", "50 %", "C:\\X", "ÄÖ"] {
+            let name = NamedScene::plan_file(word, 0, 1);
+            assert!(!name.contains(['/', '\\', '\n']), "{name}");
+            assert_eq!(word_of(&name["plan-".len()..name.len() - 4]), word);
+        }
+        assert_eq!(NamedScene::plan_file("NOOR", 1, 2), "plan2-NOOR.csv");
+    }
     use crate::sim::ControllerKind;
 
     #[test]

@@ -44,6 +44,7 @@ const RENAMED: &[(&str, &str)] = &[
     ("sensors.barometer_noise_m", "sensors.barometer.noise_m"),
     ("sensors.barometer_drift_m_sqrt_s", "sensors.barometer.drift_m_sqrt_s"),
     ("sensors.gnss_noise_m", "sensors.gnss.noise_m"),
+    ("photo.base_iso", "camera.base_iso"),
     ("light.ring_effect", "light.ring"),
     ("light.ring_color", "light.ring.color"),
     ("light.ring_fade_s", "light.ring.fade_s"),
@@ -56,6 +57,9 @@ pub(super) fn document(scene: &Scene) -> String {
                     # angles in radians. Keys that are left out keep the value of the preset.\n"
         .to_owned();
     group(&mut text, "", Scene::SHAPE.settings(), &values);
+    if scene.light.fixtures.is_none() {
+        text += &lamps_of_deck(scene);
+    }
     text
 }
 
@@ -104,6 +108,16 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
             }
         }
     }
+}
+
+/// The lamps of a scene that lists none, for those who want to change one.
+fn lamps_of_deck(scene: &Scene) -> String {
+    let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
+    let mut text = String::new();
+    rows_of(&mut text, "light.fixtures", &rows);
+    let lines = text.lines().map(|line| format!("# {line}").trim_end().to_owned() + "\n");
+    "\n# The lamps of deck and board, as light.fixtures lists them.\n".to_owned()
+        + &lines.collect::<String>()
 }
 
 /// A list of tables.

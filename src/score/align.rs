@@ -1,21 +1,14 @@
-//! Where the word hangs: the shift, scale and rotation at which the intended word resembles the
-//! photo most.
+//! Alignment: the shift, scale and rotation at which the intended word correlates most with the
+//! photo.
 //!
-//! A reader does not care where a word hangs, so its place costs nothing within the limits and is
-//! reported for the flight's sake. Not sought: shear and perspective (the camera is known).
+//! The place of a word does not matter to a viewer, so within limits it costs nothing; it is reported
+//! as a measure of the flight. Not modelled: shear and perspective (the camera is known).
 
-use super::grid::{Grid, Placed};
 use super::ink::Page;
+use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
 use super::raster::{Raster, dots};
-use super::{PEN_PX, PX_PER_H};
+use super::{PEN_H, PX_PER_H};
 use crate::letters::Strokes;
-
-/// Farthest that the word is sought from its place, in cap heights: a little beyond what counts as
-/// in range, so that a word out of range is seen to be there.
-pub(super) const SEARCH_H: f64 = 0.75;
-
-/// Largest scale that is tried; the smallest is its inverse.
-pub(super) const SEARCH_SCALE: f64 = 1.25;
 
 /// Scales tried first, from the smallest to the largest.
 const N_SCALES: i32 = 7;
@@ -26,10 +19,13 @@ const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
 /// Blur of both pictures, first and once the place is nearly found: 0.1 H, so that a coarse grid of
 /// shifts catches the peak, then 0.05 H as the reader's. More would let a wrong letter pull the word
-/// off its place towards the strokes of the next letter.
+/// off its place toward the strokes of the next letter.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
-/// Looks for one word.
+/// Width of the pen, in pixels.
+const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
+
+/// Search for one word.
 pub(super) struct Finder {
     grid: Grid,
     strokes: Strokes,
@@ -38,8 +34,8 @@ pub(super) struct Finder {
     coarse: Vec<(f64, Raster)>,
 }
 
-/// The picture that the word is sought in.
-struct Target {
+/// The picture that is searched for the word.
+pub(super) struct Target {
     /// Less its mean.
     raster: Raster,
     norm: f32,
@@ -123,7 +119,7 @@ fn scale_step() -> f64 {
 }
 
 impl Target {
-    fn new(mut raster: Raster) -> Self {
+    pub(super) fn new(mut raster: Raster) -> Self {
         let mean = raster.values.iter().sum::<f32>() / raster.values.len() as f32;
         raster.values.iter_mut().for_each(|value| *value -= mean);
         let norm = dots([&raster.values], &raster.values)[0].sqrt();
@@ -131,7 +127,12 @@ impl Target {
     }
 
     /// The best correlation and its shift, within a square around a shift.
-    fn seek(&self, word: &Raster, around: [isize; 2], reach: isize) -> (f32, [isize; 2]) {
+    pub(super) fn seek(
+        &self,
+        word: &Raster,
+        around: [isize; 2],
+        reach: isize,
+    ) -> (f32, [isize; 2]) {
         let per_norms = self.per_norms(word);
         let mut best = (f32::NEG_INFINITY, around);
         for down in around[1] - reach..=around[1] + reach {

@@ -1,14 +1,14 @@
-//! Where a letter's strokes were drawn in truth: each is moved sideways onto its light, so that a
-//! drone that swerves is not said to have left a stroke out.
+//! Strokes as drawn: each intended stroke is moved sideways onto its light, so that the stroke of a
+//! drone off its path does not count as missing.
 //!
 //! Strokes move across their own direction only: along it, light may be missing.
 
 use super::PX_PER_H;
-use super::partial::turn;
 use super::raster::whole;
-use super::trace::{Bent, CORNER_RAD, Segment, Trace, walk};
+use super::segment::{CORNER_RAD, Segment, normal, turn, walk};
+use super::trace::Trace;
 
-/// How far beside a stroke its light is looked for: 0.25 H, as far as a letter may be shifted.
+/// Farthest that a stroke is moved: 0.25 H, as far as a letter may be shifted.
 const REACH_PX: i32 = 8;
 
 /// Light that is wider than this across a stroke is another stroke's, or a blot: 0.2 H.
@@ -16,6 +16,27 @@ const WIDEST_PX: i32 = 6;
 
 /// Offsets are medians over so many points to either side: 0.2 H.
 const AROUND: usize = 6;
+
+/// Strokes of a letter where their light is.
+#[derive(Clone, Debug)]
+pub(super) struct Bent {
+    /// Points of each run of the pen as intended, a pixel apart.
+    pub(super) intended: Vec<Vec<[f64; 2]>>,
+    /// The same where the light is.
+    pub(super) found: Vec<Vec<[f64; 2]>>,
+    /// Mean distance of the light from the intended strokes, where there is light.
+    pub(super) off_px: f64,
+    /// Where each run turns a corner: indices of its points.
+    pub(super) corners: Vec<Vec<usize>>,
+}
+
+impl Bent {
+    /// The found strokes as segments.
+    pub(super) fn segments(&self) -> Vec<Segment> {
+        let pairs = self.found.iter().flat_map(|points| points.windows(2));
+        pairs.map(|pair| [pair[0], pair[1]]).collect()
+    }
+}
 
 impl Trace {
     /// Moves runs of the pen onto their light.
@@ -47,7 +68,7 @@ impl Trace {
         bent
     }
 
-    /// Where the nearest light lies across a stroke, `None` where there is none.
+    /// Offset of the nearest light across a stroke; `None` where there is none.
     fn off(&self, [x, y]: [f64; 2], across: [f64; 2]) -> Option<f64> {
         let at = |step: i32| {
             let off = f64::from(step);
@@ -80,7 +101,7 @@ impl Trace {
     }
 }
 
-/// The median of what was found around a point; farther away where nothing was found there.
+/// The median of the offsets around a point, over a wider range where none was found.
 fn smooth(offs: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {
@@ -97,13 +118,6 @@ fn smooth(offs: &[Option<f64>], index: usize) -> f64 {
     }
 }
 
-/// Across a segment, to its left on the page.
-fn normal([from, to]: Segment) -> [f64; 2] {
-    let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-    let length = libm::hypot(dx, dy);
-    [-dy / length, dx / length]
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::raster::Raster;
@@ -115,7 +129,7 @@ mod tests {
         for y in 12..15 {
             page.values[y * 64 + 10..y * 64 + 40].fill(1.0);
         }
-        let trace = Trace::of(&page);
+        let trace = Trace::new(&page);
         let bent = trace.bend(&[vec![[[10.0, 9.5], [60.0, 9.5]]]]);
         assert!(bent.found[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
         assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);

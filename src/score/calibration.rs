@@ -1,63 +1,86 @@
-//! What turns similarities into probabilities: the few fitted numbers of the reader, each with its
-//! origin.
+//! From shares of letters to the probability that a viewer reads the word at first sight: the fitted
+//! numbers.
 
 use serde::Serialize;
 
-use super::matching::Match;
+use super::choice::Choice;
 
-/// Sharpness of the choice between letters (study; from 20 to 50 it makes no
-/// difference to the ranking). Too much calls every near miss misread, too little forgives all.
-const SHARPNESS: f64 = 30.0;
+/// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the choosing
+/// half of `examples/readings/readings.tsv`; docs/calibration.md has the result.
+const CONSTANT: f64 = -2.908;
+const MEAN_LOG_ODDS: f64 = 0.212;
+const RIVAL: f64 = 0.332;
+const LETTERS: f64 = 0.249;
 
-/// Offset and slope that turn the worst letter's loss into a probability. The strict reader of
-/// The study (340 synthetic photos, an OCR program) had 2.46 and 2.00. Held against 449 photos
-/// of ours (docs/calibration.md), two programs out of three have a slope of 2.19. The pair here lies
-/// where both ends are known: every clean preview of 60 words and 36 characters in two fonts, all of
-/// which eyes read, has 0.9 and more (a simplex I the least), and every letter that lacks a fifth of
-/// its ink less than 0.3 (an R without its leg the most).
-const PLATT: [f64; 2] = [2.86, 2.24];
+/// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
+const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
 
-/// ln p of a faultless drawing below which its own confusability is no excuse: a letter that is read
-/// every other time at best is not made legible by drawing it well.
-const LEAST_EXCUSED: f64 = -core::f64::consts::LN_2;
+/// Least share of all that is not the expected letter, in a letter's log-odds.
+const LEAST_REST: f64 = 5e-4;
 
-/// Similarity below which a picture shows no letter, whichever it resembles most. Of words that
-/// wandered by 0.02 to 0.2 H those with P of 0.5 and more had letters of 0.7 and more, scribbles and
-/// filled boxes have 0.2 to 0.8 (measured here): this refuses only what is no writing at all.
-pub(super) const MIN_SIMILARITY: f32 = 0.5;
+/// Largest log-odds against the rival word, either way.
+const MOST_RIVAL: f64 = 9.0;
 
-/// How the probability of a verdict was made.
+/// Letters that count. Viewers are surer of a longer word, up to about this length.
+const MOST_LETTERS: f64 = 8.0;
+
+/// Method of a verdict's readability:
+/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + letters · n)))` of the mean log-odds `m` of
+/// the letters, the log-odds `r` of the word against its rival, and the number `n` of letters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
-    /// Whose reading it predicts.
+    /// Readers whose reading it predicts.
     pub reader: &'static str,
-    /// `probability = 1 / (1 + exp(−(offset − slope · loss)))`.
-    pub offset: f64,
-    /// What one unit of loss, ln p of the worst letter below its faultless drawing's, costs.
-    pub slope: f64,
+    /// Constant of the regression.
+    pub constant: f64,
+    /// Weight of the letters' mean log-odds, each within −9 and 8.
+    pub mean_log_odds: f64,
+    /// Weight of the log-odds of the word against the likeliest other one, within ±9.
+    pub rival: f64,
+    /// Weight of the number of letters, up to 8.
+    pub letters: f64,
 }
 
 /// The calibration that verdicts are made with.
-pub const CALIBRATION: Calibration =
-    Calibration { reader: "strict", offset: PLATT[0], slope: PLATT[1] };
+pub const CALIBRATION: Calibration = Calibration {
+    reader: "two at first sight",
+    constant: CONSTANT,
+    mean_log_odds: MEAN_LOG_ODDS,
+    rival: RIVAL,
+    letters: LETTERS,
+};
 
-/// Probability that a strict reader reads the word, from the largest loss of its letters.
-pub(super) fn probability(worst_loss: f64) -> f64 {
-    1.0 / (1.0 + libm::exp(-(PLATT[0] - PLATT[1] * worst_loss)))
+/// Probability that a viewer reads a word at first sight, from what is seen in the place of each
+/// judged letter, and ln of the odds of the word against the likeliest other word.
+pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64) -> f64 {
+    let log_odds = |choice: &Choice| {
+        libm::log(choice.p / (1.0 - choice.p).max(LEAST_REST)).clamp(LOG_ODDS[0], LOG_ODDS[1])
+    };
+    let log_odds: Vec<f64> = choices.iter().map(log_odds).collect();
+    let n_letters = log_odds.len().max(1) as f64;
+    let mean = log_odds.iter().sum::<f64>() / n_letters;
+    let sum = CONSTANT
+        + MEAN_LOG_ODDS * mean
+        + RIVAL * ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL)
+        + LETTERS * n_letters.min(MOST_LETTERS);
+    1.0 / (1.0 + libm::exp(-sum))
 }
 
-/// By how much ln p of a letter lies below that of its faultless drawing.
-pub(super) fn loss(matches: &[Match], class: usize, ln_faultless: f64) -> f64 {
-    if matches[class].similarity < MIN_SIMILARITY {
-        return f64::INFINITY;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readability_rises_with_each_letter_and_falls_with_the_rival() {
+        let of = |p: &[f64], rival: f64| {
+            let choice = |p: &f64| Choice { p: *p, none: 1.0 - p, others: Vec::new() };
+            let choices: Vec<Choice> = p.iter().map(choice).collect();
+            readability(&choices, rival)
+        };
+        let (sure, bad) = (of(&[1.0; 4], 9.0), of(&[1.0, 1.0, 1.0, 0.1], -2.0));
+        assert!(sure > 0.9 && bad < 0.5, "{sure}, {bad}");
+        assert!(of(&[0.9; 4], 2.0) > of(&[0.8, 0.9, 0.9, 0.9], 2.0), "a worse letter");
+        assert!(of(&[0.9; 4], 2.0) > of(&[0.9; 4], 1.0), "a likelier rival");
+        assert!(of(&[0.0; 2], f64::NEG_INFINITY).is_finite(), "bounded");
     }
-    ln_faultless.max(LEAST_EXCUSED) - ln_share(matches, class)
-}
-
-/// Logarithm of a class's share in the choice (Luce's rule, as in Loomis 1990).
-pub(super) fn ln_share(matches: &[Match], class: usize) -> f64 {
-    let score = |found: &Match| SHARPNESS * f64::from(found.similarity);
-    let best = matches.iter().map(score).fold(f64::NEG_INFINITY, f64::max);
-    let sum: f64 = matches.iter().map(|found| libm::exp(score(found) - best)).sum();
-    score(&matches[class]) - best - libm::log(sum)
 }

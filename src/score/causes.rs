@@ -1,24 +1,26 @@
-//! Why a letter is at risk, and what its mending would gain.
+//! Causes of errors, and advice: the kinds of faults and the sentences about them.
 
 use serde::Serialize;
 
-/// A fault that the photo shows, and what the letter would gain without it.
+/// A fault in the photo, and the letter's gain without it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cause {
-    /// What it is.
+    /// Its kind.
     pub kind: CauseKind,
-    /// Index of the letter, from 0; `None` where it is the whole word's.
+    /// Index of the letter, from 0; `None` where it concerns the whole word.
     pub letter: Option<usize>,
-    /// How long, or how far, in the plane of the word.
+    /// Length, distance or width in the plane of the word.
     pub length_mm: Option<f64>,
-    /// Where: its middle, to the right of the word's plane's zero and up.
+    /// Its middle in the plane of the word, to the right and up.
     pub at_m: Option<[f64; 2]>,
-    /// The run of the pen, from 0, and from where to where along it, where a part is missing.
+    /// The part of a stroke that is missing.
     pub missing: Option<MissingRun>,
-    /// How late the lamp went off, where light leads from stroke to stroke and the speed is known.
+    /// Delay of the lamp, where light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
-    /// What the letter's share in the choice would gain without it, −1 to 1: the photo was read
-    /// again with the fault taken out. `None` where it cannot be taken out.
+    /// The letter that it looks like, of a fault of design.
+    pub reads_as: Option<char>,
+    /// Gain in the letter's share without the fault, −1 to 1: the photo was read again with the
+    /// fault taken out. `None` where it cannot be taken out.
     pub gain: Option<f64>,
 }
 
@@ -27,13 +29,13 @@ pub struct Cause {
 pub struct MissingRun {
     /// The run of the pen within the letter, from 0.
     pub stroke: usize,
-    /// From there.
+    /// Start along the run.
     pub from_mm: f64,
-    /// To there.
+    /// End along the run.
     pub to_mm: f64,
 }
 
-/// What is wrong.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CauseKind {
@@ -43,21 +45,21 @@ pub enum CauseKind {
     LitTransit,
     /// Light comes from the floor or goes there.
     Streak,
-    /// A spot of light beside the strokes: the drone stood there.
+    /// A spot of light beside the strokes, where the drone waited.
     DwellBlob,
-    /// A neighbour's stroke reaches into the letter.
+    /// A neighbor's stroke reaches into the letter.
     Overlap,
     /// Other light beside the strokes.
     OtherStray,
-    /// The letter stands beside its place.
+    /// The letter is beside its place.
     Shifted,
-    /// Lines are much wider than a pen: without their glow the letter would read otherwise.
+    /// Lines are much wider than a pen.
     Glow,
     /// Too few pixels to a letter.
     FewPixels,
     /// The light is hardly brighter than the noise.
     Dim,
-    /// The letter, drawn without fault, looks like another one: its font's fault.
+    /// Even drawn without fault, the letter looks like another one: a flaw of its font.
     Design,
     /// Light runs beside the intended strokes: the drone flew beside its path.
     OffPath,
@@ -66,82 +68,99 @@ pub enum CauseKind {
 /// A sentence of advice.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Advice {
-    /// What it mends.
+    /// The kind of fault that it removes.
     pub kind: CauseKind,
-    /// What to do, for people.
+    /// A sentence for people.
     pub text: String,
-    /// What the word's probability would gain, 0 to 1: the photo was read again with all faults of
-    /// the kind taken out. `None` where they cannot be taken out.
+    /// Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out.
+    /// `None` where they cannot be taken out.
     pub gain: Option<f64>,
 }
 
-/// What is known of the flight, where it is known: plain numbers.
+/// Facts of the flight, where they are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed along the strokes.
     pub speed_m_s: Option<f64>,
     /// Mean distance off the path.
     pub contour_m: Option<f64>,
-    /// Time by which the drone trails.
+    /// Lag of the drone behind its setpoints.
     pub lag_s: Option<f64>,
 }
 
+/// Shorter lags of a drone behind its setpoints are not named.
+const LEAST_LAG_S: f64 = 0.02;
+
 /// The sentence for all faults of a kind.
-pub(super) fn sentence(kind: CauseKind, causes: &[&Cause], word: &str, known: &Known) -> String {
-    let letters: Vec<char> = word.chars().collect();
-    let mut named: Vec<String> = Vec::new();
+pub(super) fn sentence(
+    kind: CauseKind,
+    causes: &[&Cause],
+    letters: &[char],
+    known: &Known,
+) -> String {
+    let mut names: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
         let name = format!("{} ({})", letters[index], index + 1);
-        if !named.contains(&name) {
-            named.push(name);
+        if !names.contains(&name) {
+            names.push(name);
         }
     }
-    let who = named.join(", ");
+    let named = names.join(", ");
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
     let delays = causes.iter().filter_map(|cause| cause.lamp_delay_s).fold(0.0, f64::max);
+    let lag_s = known.lag_s.filter(|lag_s| *lag_s >= LEAST_LAG_S);
     match kind {
         CauseKind::MissingRun => format!(
-            "Keep the light on to the end of the stroke in {who}: {length_mm:.0} mm are missing{}.",
-            known.lag_s.map_or(String::new(), |lag_s| format!(
-                "; the drone trails by {lag_s:.2} s, so switch that much later"
+            "Keep the light on to the end of the stroke in {named}: {length_mm:.0} mm are missing{}.",
+            lag_s.map_or(String::new(), |lag_s| format!(
+                "; the drone lags by {lag_s:.2} s, so switch that much later"
             ))
         ),
-        CauseKind::LitTransit if delays > 0.0 => format!(
-            "Switch the light off earlier between strokes of {who}: {length_mm:.0} mm of transit are \
+        // Behind a loop that lags, light on the way says nothing about the lamp.
+        CauseKind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
+            "Switch the light off earlier between strokes of {named}: {length_mm:.0} mm of transit are \
              lit, as by a lamp {:.0} ms late.",
             1000.0 * delays
         ),
         CauseKind::LitTransit => format!(
-            "Switch the light off between strokes of {who}: {length_mm:.0} mm of transit are lit."
+            "Switch the light off between strokes of {named}: {length_mm:.0} mm of transit are lit."
         ),
         CauseKind::Streak => format!(
-            "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {who}."
+            "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {named}."
         ),
         CauseKind::DwellBlob => {
-            format!("Do not wait with the light on: a spot beside {who}.")
+            format!("Do not wait with the light on: a spot beside {named}.")
         }
-        CauseKind::Overlap => format!("Leave more room beside {who}: a neighbour reaches in."),
+        CauseKind::Overlap => format!("Leave more room beside {named}: a neighbor reaches in."),
         CauseKind::OtherStray => format!(
-            "Take out stray light at {who}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
+            "Take out stray light at {named}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
              in the room)."
         ),
         CauseKind::Shifted => {
-            format!("Bring {who} to its place: it stands up to {most_mm:.0} mm beside it.")
+            format!("Bring {named} to its place: it is up to {most_mm:.0} mm away.")
         }
         CauseKind::Glow => format!(
-            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {who}."
+            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named}."
         ),
         CauseKind::FewPixels => {
             "Come nearer or take a longer lens: letters have few pixels.".into()
         }
         CauseKind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
-        CauseKind::Design => format!(
-            "Draw {who} otherwise: as the font has it, it looks like another letter to those who do \
-             not know the font."
-        ),
+        CauseKind::Design => {
+            let alike = causes.iter().filter_map(|cause| {
+                let letter = letters[cause.letter?];
+                Some(format!("{letter} is read as {}", cause.reads_as?))
+            });
+            let mut alike: Vec<String> = alike.collect();
+            alike.dedup();
+            format!(
+                "Choose another font, or draw {named} otherwise: this font's {}.",
+                alike.join(", ")
+            )
+        }
         CauseKind::OffPath => format!(
-            "Fly nearer the path in {who}: light runs up to {most_mm:.0} mm beside the strokes{}.",
+            "Fly nearer the path in {named}: light runs up to {most_mm:.0} mm beside the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(
                 "; the log says {:.0} mm on average",
                 1000.0 * contour_m

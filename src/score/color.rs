@@ -44,12 +44,6 @@ fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     }
 }
 
-/// How much light of a color each pixel holds.
-pub(super) fn held(light: &[Rgb], color: Rgb) -> Vec<f32> {
-    let holds = holds(color);
-    light.iter().map(|light| holds(*light)).collect()
-}
-
 /// The light of a color in a pixel less what shines there in another color: a status light that is
 /// overexposed nearly to white is no stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
@@ -70,12 +64,6 @@ mod tests {
         let page = [white, white, blue, red, [0.0; 3]];
         let color = of_brightest(&page, 2);
         assert!(color.iter().all(|c| (c - 0.8).abs() < 1e-6), "{color:?}");
-        let held_white = held(&page, color);
-        assert!((held_white[0] - 0.8).abs() < 1e-6, "ink keeps its luminance: {held_white:?}");
-        assert!((held_white[2] - 0.1).abs() < 1e-6 && held_white[3] < 1e-6, "{held_white:?}");
-        let held_blue = held(&page, blue);
-        assert!(held_blue[2] > 0.1 && held_blue[3] < 1e-6 && held_blue[0] > held_blue[3]);
-        assert_eq!(held(&page, [0.0; 3]), [0.0; 5], "no ink, no light");
         let pure: Vec<f32> = page.iter().map(|light| pure(color)(*light)).collect();
         assert!((pure[0] - 0.8).abs() < 1e-6 && pure[2..] == [0.0; 3], "{pure:?}");
         let cyan_heart = super::pure(color)([0.7, 0.99, 0.99]);

@@ -1,8 +1,7 @@
-//! Ink: strokes and outlines are drawn with the trail's pen.
+//! Ink: strokes drawn with a round pen.
 //!
-//! The page is a raster whose pixel `x, y` has its centre at +0.5 and y down; outlines and moves
-//! come in the plane of the word (metres, y up) or in an outline's own units, with the transform
-//! that brings them onto the page.
+//! The page is a raster whose pixel `x, y` has its center at +0.5 and y down; moves are given in the
+//! plane of the word (meters, y up), with the transform that brings them onto the page.
 
 use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Stroke, Transform};
 
@@ -22,15 +21,6 @@ impl Page {
     pub(super) fn stroke(&mut self, moves: &[Move], pen_px: f32, page_from_plane: Transform) {
         if let Some(path) = path_of(moves).and_then(|path| path.transform(page_from_plane)) {
             self.line(&path, pen_px, LineJoin::Round);
-        }
-    }
-
-    /// Fills an outline and draws its rim with a round pen.
-    pub(super) fn fill(&mut self, outline: &Path, rim_px: f32, page_from_outline: Transform) {
-        if let Some(path) = outline.clone().transform(page_from_outline) {
-            self.0.fill_path(&path, FillRule::Winding, true, Transform::identity());
-            // The rim is about a pixel wide: rounding its corners would be lost.
-            self.line(&path, rim_px, LineJoin::Bevel);
         }
     }
 

@@ -4,11 +4,11 @@ use super::light::code_step;
 use super::raster::Raster;
 use crate::statistics::median;
 
-/// How far above the sky light must be, in standard deviations of the sky (study).
+/// How far above the sky light must be, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
 
 /// Share of the intended ink's area that is brighter than the level that counts as fully lit. The
-/// 99.5th percentile of a word's frame (study) is about this, but shifts with the frame.
+/// 99.5th percentile of a word's frame is about this, but shifts with the frame.
 /// Too small a share lets one glaring spot darken the word.
 const GLARE_SHARE: f64 = 0.1;
 

@@ -1,8 +1,6 @@
 //! Light of a photo: sRGB is decoded, and the sky is taken off.
 
-use super::grid::{Grid, Placed};
 use super::raster::{narrow, overlaps, whole};
-use super::view::View;
 use crate::photo::Photo;
 use crate::photo::srgb::linear_from_level;
 use crate::statistics::median;
@@ -22,7 +20,7 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 const BLOCKS_AROUND: usize = 4;
 
 /// Luminance of red, green and blue (linear sRGB, IEC 61966-2-1): how bright they look to a reader.
-/// An even mean of the channels (study) makes the blue power LEDs, which shine on every
+/// An even mean of the channels makes the blue power LEDs, which shine on every
 /// transit, as much a part of a letter as its strokes.
 pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
@@ -67,14 +65,12 @@ pub(super) struct Frame {
 }
 
 impl Light {
-    /// Decodes the part of the photo that shows a grid in its place; `None` where the photo does
-    /// not show it.
-    pub(super) fn decode(photo: &Photo, view: &View, grid: &Grid, placed: &Placed) -> Option<Self> {
-        let pixel_px = grid.pixel_px(view, placed)?;
+    /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it without a
+    /// frame. `None` where the photo does not show the part.
+    pub(super) fn decode(photo: &Photo, frame: Option<Frame>, pixel_px: f64) -> Option<Self> {
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
         let whole_photo = Frame::of(photo);
-        // Where a corner lies behind the camera, the frame cannot be told from the corners.
-        let frame = grid.frame(view, placed).unwrap_or(whole_photo).within(&whole_photo)?;
+        let frame = frame.unwrap_or(whole_photo).within(&whole_photo)?;
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
         Some(Self::of_frame(photo, &frame, step, block, MAX_SKY))
     }

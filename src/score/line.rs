@@ -1,26 +1,26 @@
-//! A line of writing in a photo, found from its ink alone: which pixels are ink, how high the
-//! letters are, and where one may end.
+//! Lines of writing in a photo, found from their ink alone: which pixels are ink, and how high the
+//! letters are.
 //!
-//! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. The
-//! line is where rows of pixels cross the most strokes. Letters may end where a column of pixels
-//! holds less ink than those beside it.
+//! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. A line is
+//! where rows of pixels cross the most strokes.
 
 use super::color;
 use super::light::{Light, luminance};
-use super::raster::{Raster, whole};
+use super::raster::{Raster, narrow, whole};
+use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use crate::photo::Photo;
 use crate::statistics::median;
 
-/// Longest side that a photo is searched at. Letters of half its height have hundreds of pixels.
+/// Longest side at which a photo is searched. Letters of half its height have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
 
-/// Height of letters, of the photo's height, that its sky is judged by.
+/// Height of letters, of the photo's height, by which its sky is judged.
 const LETTER_SHARE: f64 = 0.3;
 
 /// How far above the sky ink must be, in standard deviations of the sky.
 const LIT_SIGMAS: f32 = 5.0;
 
-/// Ink is what has this share of the light that most of the lit pixels do not reach.
+/// Ink has this share of the light that most of the lit pixels do not reach.
 const INK_LEVEL: f32 = 0.3;
 
 /// Rows that cross the letters have at least this share of the most crossings that a row has. A
@@ -30,21 +30,11 @@ const MIN_CROSSINGS: f64 = 0.4;
 /// How far above and below the line a letter's ink may reach, in its height.
 const SLACK_H: f64 = 0.25;
 
-/// A letter may end where a column holds less ink than those beside it, and at most this share of
-/// the letters' height.
-const MAX_CUT_H: f64 = 0.5;
+/// Most lines of a photo.
+const MAX_LINES: usize = 4;
 
-/// Two ends are at least this far apart, in letters' heights.
-const MIN_LETTER_H: f64 = 0.08;
-
-/// Where ink goes on for longer than this, of the letters' height, a letter may end anyway.
-const MAX_RUN_H: f64 = 0.16;
-
-/// Two pictures of ink are the same where this little of the light differs.
-const SAME_INK: f64 = 0.1;
-
-/// Most places where a letter may end.
-const MAX_CUTS: usize = 400;
+/// Largest ratio of the letters' heights of two lines.
+const MAX_RATIO: f64 = 1.8;
 
 /// What counts as ink.
 #[derive(Clone, Copy, Debug)]
@@ -65,84 +55,132 @@ pub(super) enum InkColor {
 /// A line of writing. Lengths are pixels of the searched picture.
 pub(super) struct Line {
     /// Photo pixels to one.
-    pub(super) step: f64,
-    /// Light of the ink, 1 is fully lit.
-    pub(super) ink: Raster,
-    /// Height of most letters, along the middles of their strokes.
+    step: f64,
+    /// Light in any color and in the color of the ink, 1 is fully lit.
+    light: [Raster; 2],
+    /// Light of the ink.
+    ink: Raster,
+    /// Height of most letters, between the middles of their strokes.
     pub(super) letter_px: f64,
     /// Width of a stroke.
-    pub(super) stroke_px: f64,
+    stroke_px: f64,
     /// Upper and lower end of most letters, along the middles of their strokes.
-    pub(super) extent: [f64; 2],
+    extent: [f64; 2],
     /// Rows that the letters' ink may take.
-    pub(super) rows: [usize; 2],
-    /// Columns between which letters lie, from left to right.
-    pub(super) cuts: Vec<usize>,
+    rows: [usize; 2],
+    /// First and last column of the ink.
+    columns: [usize; 2],
 }
 
 impl Line {
-    /// Finds the line in a photo; `None` where nothing shines.
-    pub(super) fn find(photo: &Photo, rule: InkRule) -> Option<Self> {
+    /// Finds the lines of a photo, from the top; none where nothing shines.
+    pub(super) fn find_all(photo: &Photo, rule: InkRule) -> Vec<Self> {
         let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
         let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
         let [width, height] = light.size();
         let bright: Vec<f32> = light.values().iter().map(|light| luminance(*light)).collect();
-        let deviations = bright.iter().map(|value| value.abs());
-        let noise: f32 = 1.4826 * median(deviations).expect("a photo has pixels");
-        let lit = LIT_SIGMAS * noise.max(1e-4);
+        let noise: f32 = median(bright.iter().map(|value| value.abs())).unwrap_or(0.0);
+        let lit = LIT_SIGMAS * (1.4826 * noise).max(1e-4);
         let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
         if levels.len() < 16 {
-            return None;
+            return Vec::new();
         }
         let rank = whole(rule.full_rank * levels.len() as f64);
         let n_brightest = levels.len() - rank;
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
-        let values = match rule.color {
-            InkColor::Any => bright,
-            InkColor::Own => {
-                color::held(light.values(), color::of_brightest(light.values(), n_brightest))
-            }
+        let pure = color::pure(color::of_brightest(light.values(), n_brightest));
+        let pure: Vec<f32> = light.values().iter().map(|light| pure(*light)).collect();
+        let exposed = |values: Vec<f32>| Raster { width, height, values }.exposed(full);
+        let [bright, pure] = [bright, pure].map(exposed);
+        let ink = match rule.color {
+            InkColor::Any => &bright,
+            InkColor::Own => &pure,
         };
-        let ink = Raster { width, height, values }.exposed(full);
-        let mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
-        Self::of_mask(step, ink, &mask)
+        let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
+        let mut lines: Vec<Self> = Vec::new();
+        while lines.len() < MAX_LINES {
+            let Some(line) = Self::from_mask(step, [&bright, &pure], ink, &mask) else { break };
+            mask[line.rows[0] * width..line.rows[1] * width].fill(false);
+            let alike = lines.first().is_none_or(|first| {
+                (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(line.letter_px / first.letter_px))
+            });
+            if !alike {
+                break;
+            }
+            lines.push(line);
+        }
+        lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
+        lines
     }
 
-    fn of_mask(step: usize, ink: Raster, mask: &[bool]) -> Option<Self> {
+    fn from_mask(step: usize, light: [&Raster; 2], ink: &Raster, mask: &[bool]) -> Option<Self> {
         let (width, height) = (ink.width, ink.height);
         let [top, bottom] = band(mask, width)?;
-        let high = bottom - top;
         let stroke_px = stroke_width(mask, width);
-        let column = |x: usize| (top..bottom).filter(|y| mask[y * width + x]).count();
-        let columns: Vec<usize> = (0..width).map(column).collect();
-        let left = columns.iter().position(|n_ink| *n_ink > 0)?;
-        let right = columns.iter().rposition(|n_ink| *n_ink > 0)? + 1;
-        let gap = whole((MIN_LETTER_H * high as f64).max(2.0));
-        let mut cuts = vec![left];
-        for at in left + 1..right {
-            let around = &columns[at.saturating_sub(gap)..(at + gap + 1).min(width)];
-            let least = around.iter().min().copied().unwrap_or(0);
-            let since = &columns[cuts[cuts.len() - 1]..at];
-            let thin = columns[at] as f64 <= MAX_CUT_H * high as f64;
-            if since.len() >= gap && columns[at] <= least && thin && since.iter().any(|n| *n > 0) {
-                cuts.push(at);
-            }
-        }
-        cuts.push(right);
-        let cuts = filled(&cuts, whole((MAX_RUN_H * high as f64).max(4.0)));
-        let slack = whole(SLACK_H * high as f64);
+        let has_ink = |x: &usize| (top..bottom).any(|y| mask[y * width + x]);
+        let columns = [(0..width).find(has_ink)?, (0..width).rev().find(has_ink)? + 1];
+        let slack = whole(SLACK_H * (bottom - top) as f64);
         let rows = [top.saturating_sub(slack), (bottom + slack).min(height)];
         let half = 0.5 * stroke_px;
         let extent = [top as f64 + half, (bottom as f64 - half).max(top as f64 + half + 1.0)];
-        let letter_px = extent[1] - extent[0];
-        let step = step as f64;
-        let found = Self { step, ink, letter_px, stroke_px, extent, rows, cuts };
-        (found.cuts.len() <= MAX_CUTS).then_some(found)
+        Some(Self {
+            step: step as f64,
+            light: light.map(Clone::clone),
+            ink: ink.clone(),
+            letter_px: extent[1] - extent[0],
+            stroke_px,
+            extent,
+            rows,
+            columns,
+        })
+    }
+
+    /// The line as a strip, for a cap height; and where in the photo its left end is and how wide its
+    /// columns are, in pixels.
+    pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
+        let pitch = cap_px / CAP_PX as f64;
+        let [first, last] = self.columns.map(|column| column as f64);
+        let left = first - MARGIN_PX as f64 * pitch;
+        let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
+        let width = (whole((last - first) / pitch) + 2 * MARGIN_PX).next_multiple_of(2);
+        let per_area = narrow(1.0 / (pitch * pitch));
+        let channel = |light: &Raster| -> Vec<f32> {
+            let at = |at: usize| {
+                let (x, y) =
+                    (left + pitch * (at % width) as f64, top + pitch * (at / width) as f64);
+                (light.sum([x, x + pitch], [y, y + pitch]) * per_area).clamp(0.0, 1.0)
+            };
+            (0..width * HEIGHT).map(at).collect()
+        };
+        let [bright, pure] = [&self.light[0], &self.light[1]].map(channel);
+        (Strip { width, bright, pure }, left * self.step, pitch * self.step)
+    }
+
+    /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where
+    /// there is the least ink between their middles.
+    pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
+        let column =
+            |px: f64| whole((px / self.step).max(0.0)).clamp(self.columns[0], self.columns[1] - 1);
+        let ink = |x: usize| -> f32 {
+            (self.rows[0]..self.rows[1]).map(|y| self.ink.values[y * self.ink.width + x]).sum()
+        };
+        let between = middles_px.windows(2).map(|pair| {
+            let (from, to) = (column(pair[0]), column(pair[1]).max(column(pair[0]) + 1));
+            (from..to).min_by(|a, b| ink(*a).total_cmp(&ink(*b))).unwrap_or(to)
+        });
+        let mut ends: Vec<usize> =
+            [self.columns[0]].into_iter().chain(between).chain([self.columns[1]]).collect();
+        ends.sort_unstable();
+        let whole_line =
+            [self.columns[0] as f64, self.extent[0], self.columns[1] as f64, self.extent[1]];
+        let boxes =
+            ends.windows(2).map(|ends| self.ink_box(ends[0], ends[1]).unwrap_or(whole_line));
+        boxes.map(|sides| sides.map(|side| side * self.step)).collect()
     }
 
     /// The box of the ink between two columns, along the middles of its strokes: left, top, right
     /// and bottom; `None` where there is none.
-    pub(super) fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
+    fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = self.ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
         for y in self.rows[0]..self.rows[1] {
@@ -163,51 +201,6 @@ impl Line {
             let ([left, right], [top, bottom]) = (shrunk(left, right), shrunk(top, bottom));
             [left, top, right, bottom]
         })
-    }
-
-    /// Whether ink goes through a column.
-    pub(super) fn touches(&self, column: usize) -> bool {
-        let beside = column.saturating_sub(1)..(column + 1).min(self.ink.width);
-        (self.rows[0]..self.rows[1]).any(|y| {
-            self.ink.values[y * self.ink.width..][beside.clone()].iter().all(|v| *v > INK_LEVEL)
-        }) && column > self.cuts[0]
-    }
-
-    /// Mean light of the ink, 1 is fully lit.
-    pub(super) fn ink_level(&self) -> f64 {
-        let (left, right) = (self.cuts[0], self.cuts[self.cuts.len() - 1]);
-        let rows = (self.rows[0]..self.rows[1])
-            .flat_map(|y| &self.ink.values[y * self.ink.width..][left..right]);
-        let (n, sum) = rows.fold((0.0, 0.0), |(n, sum), value| {
-            (n + f64::from(u8::from(*value > INK_LEVEL)), sum + f64::from(*value))
-        });
-        sum / f64::max(n, 1.0)
-    }
-
-    /// Whether a column without ink lies between the inks of two columns.
-    pub(super) fn has_gap(&self, from: usize, to: usize) -> bool {
-        let lit = |x: &usize| {
-            (self.rows[0]..self.rows[1])
-                .any(|y| self.ink.values[y * self.ink.width + x] > INK_LEVEL)
-        };
-        let first = (from..to).find(lit).unwrap_or(to);
-        let last = (from..to).rev().find(lit).unwrap_or(from);
-        (first..last).any(|x| !lit(&x))
-    }
-
-    /// Whether another line of the same photo has the same ink, but for little of it.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        let pairs = self.ink.values.iter().zip(&other.ink.values);
-        let change: f64 = pairs.map(|(a, b)| f64::from((a - b).abs())).sum();
-        let total: f64 = self.ink.values.iter().map(|value| f64::from(*value)).sum();
-        change < SAME_INK * total
-    }
-
-    /// Ink between two columns.
-    pub(super) fn mass(&self, from: usize, to: usize) -> f64 {
-        let rows = self.rows[0]..self.rows[1];
-        let row = |y: usize| &self.ink.values[y * self.ink.width..][from..to];
-        rows.map(|y| row(y).iter().map(|value| f64::from(*value)).sum::<f64>()).sum()
     }
 }
 
@@ -230,16 +223,6 @@ fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
     let top = (0..=middle).rev().take_while(enough).last()?;
     let bottom = (middle..rows.len()).take_while(enough).last()? + 1;
     (bottom - top >= 8).then_some([top, bottom])
-}
-
-/// The cuts, and more between them where they are farther apart than `most`.
-fn filled(cuts: &[usize], most: usize) -> Vec<usize> {
-    let mut all = vec![cuts[0]];
-    for pair in cuts.windows(2) {
-        let n_parts = (pair[1] - pair[0]).div_ceil(most).max(1);
-        all.extend((1..=n_parts).map(|part| pair[0] + (pair[1] - pair[0]) * part / n_parts));
-    }
-    all
 }
 
 /// Width of strokes: twice the area by the length of the edge.

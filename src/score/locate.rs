@@ -1,10 +1,10 @@
-//! Where a word hangs in a photo whose camera nobody knows: found from the ink.
+//! Location of a word in a photo without a known camera, from its light.
 //!
-//! The letters that [`read`] finds are laid against the word's cells, one by one where there are as
-//! many, else from the first to the last. The plane is taken as seen square on, with its own scale
-//! across and down and a slope of the line.
+//! The letters that [`read`](super::read) finds are matched with the word's cells, one by one where
+//! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
+//! with separate scales across and down and a slope of the line.
 
-use super::spell::{ReadLetter, Reading};
+use super::reading::{ReadLetter, Reading};
 use super::view::{Homography, View};
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};
@@ -17,7 +17,7 @@ const MAX_STRETCH: f64 = 2.5;
 /// Steepest line: rise by run.
 const MAX_SLOPE: f64 = 0.3;
 
-/// The view that puts a word where a photo shows its ink; `None` where too little is written.
+/// The view that places a word on the writing in a photo; `None` where there is too little.
 ///
 /// # Errors
 ///

@@ -1,93 +1,96 @@
-//! Score: a photo is read letter by letter.
+//! Score: whether the word in a photo is read at first sight.
 //!
 //! Product in: a [`Photo`], the [`Strokes`] of the word that it should show, and the [`Camera`]
 //! that took it. Product out: a [`Verdict`].
 //!
-//! The photo's linear light is resampled into the plane of the word and the word is looked for
-//! around its place. Then each letter's cell, blurred as the eye does, is compared with every
-//! letter and digit standing in that place between the intended neighbours, in the flown font and
-//! in a typeface, over small shifts and scales; and with what is no letter, the true one less a
-//! stroke and a blot. How much better the true letter fits than its rivals, against the same for a
-//! faultless drawing, gives the probability that the word is read; its worst letter decides.
+//! 1. The photo's linear light is resampled into the plane of the word, the word is located around
+//!    its place, and each line of it is cut out as a strip of fixed height.
+//! 2. A small convolutional net with integer weights gives the shares of all characters along the
+//!    strip. It was trained on drawn and simulated words of random letters (`examples/readings`).
+//! 3. From these shares follow the share of each letter in its place, the likeliest other word, and
+//!    the readability, calibrated with readers at first sight (docs/calibration.md).
+//! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
 //!
-//! Sources: Loomis 1990 (low-pass, template match, choice); constants marked *study* were chosen on
-//! 460 synthetic photos that an OCR program read. Not modelled: context (no dictionary). Score
-//! knows no plan, no flight and no light.
+//! [`read`] uses the same net without knowledge of the word. Not modelled: a dictionary, and
+//! characters other than Latin letters and digits. Score knows no plan, no flight and no lamp.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, within};
-use crate::letters::{Glyph, Strokes};
+use crate::letters::Strokes;
 use crate::photo::Photo;
 use crate::settings::{Described, settings};
+
+use alphabet::classes_of;
 
 pub use calibration::{CALIBRATION, Calibration};
 pub use causes::{Advice, Cause, CauseKind, Known, MissingRun};
 pub use locate::locate;
 pub use overlay::Marks;
 pub use reader::Reader;
-pub use spell::{ReadLetter, Reading, read};
-pub use verdict::{LetterVerdict, Placement, Reason, Rival, Verdict};
+pub use reading::{ReadLetter, Reading, read};
+pub use verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
 pub use view::{Homography, View};
 
 mod align;
-mod bank;
+mod alphabet;
 mod bend;
 mod calibration;
 mod causes;
+mod choice;
 mod color;
+mod columns;
 mod explain;
-mod grid;
+mod faults;
+mod gaps;
 mod ink;
+mod judge;
+mod lattice;
 mod level;
 mod light;
 mod line;
 mod locate;
-mod matching;
+mod mending;
+mod net;
 mod overlay;
-mod partial;
+mod page;
 mod plane;
 mod raster;
 mod reader;
-mod spell;
+mod reading;
+mod search;
+mod segment;
+mod sketch;
+mod strip;
 mod trace;
-mod typeface;
 mod verdict;
 mod view;
-mod window;
 
 #[cfg(test)]
 #[expect(clippy::cast_possible_truncation, reason = "pixels and codes of test photos")]
 mod tests;
 
-/// Resolution at which letters are read: pixels to a cap height (study).
+/// Resolution at which strokes and light are compared: pixels to a cap height.
 const PX_PER_H: u8 = 32;
 
-/// Width of the pen that references are drawn with: 0.07 H (study).
-const PEN_PX: f32 = 0.07 * 32.0;
+/// Width of the pen with which strokes are drawn for comparison, in cap heights.
+const PEN_H: f64 = 0.07;
 
-/// Blur of photo and references: 0.05 H (study). Less makes a reader of wanderings of
-/// the stroke, more makes O of Q.
-const BLUR_PX: f32 = 0.05 * 32.0;
+/// Blur of photo and drawing where they are compared, in cap heights.
+const BLUR_H: f32 = 0.05;
 
-/// Largest shift of the word that still counts as its place, in cap heights (study).
+/// Largest shift of the word that still counts as its place, in cap heights.
 const MAX_SHIFT_H: f64 = 0.6;
 
-/// Smallest and largest scale of the word that count as its own (study): a small O must
-/// not become something else.
+/// Smallest and largest scale of the word that count as its own.
 const SCALES: [f64; 2] = [0.85, 1.17];
 
-/// Largest rotation of the word, either way: 8 degrees (study).
+/// Largest rotation of the word, either way: 8 degrees.
 const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 
-/// Cap height in the photo, in pixels, below which few pixels are what makes a word illegible
-/// (study; programs read words of 12, see docs/calibration.md).
+/// Cap height in the photo, in pixels, below which few pixels are named as the reason.
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
-/// Blurred light in a cell, of full light, below which the letter counts as missing. The middle of a
-/// faultless stroke has 0.5; a tenth of it is what noise and a neighbour's glow leave.
-const FAINT: f32 = 0.05;
-
-/// Cells that can be read: width by cap height. The team's are 0.6 wide.
+/// Widths of cells that can be read, by cap height. The team's are 0.6 wide.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
 /// Longest word, in cap heights: 256 of the team's letters with as much space again are 400. The
@@ -95,24 +98,10 @@ const ASPECTS: [f64; 2] = [0.05, 5.0];
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {
-    /// Reading of a photo.
+    /// When a word counts as read.
     pub struct ScoreOptions {
-        /// Letterforms that a photo's letters are compared with.
-        references: References = References::Both;
-        /// Probability of being read from which a word counts as legible.
-        ///
-        /// At 0.7, 85 of 100 synthetic photos were read by a strict reader.
+        /// Readability from which a word counts as legible.
         legible_probability: f64 = 0.7, in 0.0..=1.0;
-    }
-
-    /// Letterforms that a photo's letters are compared with.
-    pub enum References {
-        /// Both, whichever fits better.
-        "both" => Both,
-        /// The font that the word is flown with: a reader who knows its shapes.
-        "flown" => Flown,
-        /// Roboto Thin: a reader who does not know the font.
-        "typeface" => Typeface,
     }
 }
 
@@ -145,32 +134,44 @@ impl ScoreOptions {
     }
 }
 
+/// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader
+/// knows all of these.
+#[must_use]
+pub fn is_judged(strokes: &Strokes) -> bool {
+    let unknown = |character: char| classes_of(character).is_none();
+    let characters = || strokes.glyphs.iter().map(|glyph| glyph.character);
+    strokes.font.is_some()
+        && !characters().all(unknown)
+        && !characters().any(|character| character.is_alphanumeric() && unknown(character))
+}
+
+/// Refuses what is no word of letters that the reader knows and that leave light.
 fn check(strokes: &Strokes) -> Result<()> {
-    let hint = "write the word with letters and digits that the font has";
+    let hint = "write the word with Latin letters and digits, or look at the photo yourself";
     if strokes.glyphs.is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
-    let Some(font) = &strokes.font else {
+    if strokes.font.is_none() {
         let hint = "look at the photo: only words are read";
         return Err(Error::input("word", "a drawing", "a word", hint));
+    }
+    let refuse = |index: usize, wanted: &str| {
+        let character = strokes.glyphs[index].character;
+        let place = format!("word, letter {}", index + 1);
+        Err(Error::input(place, format!("{character:?}"), wanted, hint))
     };
-    let typeface = typeface::Typeface::load();
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
-        let character = glyph.character;
-        if lettering(glyph)
-            && (font.glyph(character, glyph.cell).is_some()
-                || typeface.outline(character, 1.0).is_some())
-        {
-            let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
-            within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
-            continue;
+        if glyph.character.is_alphanumeric() && classes_of(glyph.character).is_none() {
+            return refuse(index, "a letter or digit that the reader knows: A-Z, a-z, 0-9");
         }
-        return Err(Error::input(
-            format!("word, position {}", index + 1),
-            format!("{character:?}"),
-            "a character that leaves light and that the reader knows",
-            hint,
-        ));
+        if !glyph.moves.iter().any(|step| step.lit) {
+            return refuse(index, "a character that leaves light");
+        }
+        let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
+        within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
+    }
+    if strokes.glyphs.iter().all(|glyph| classes_of(glyph.character).is_none()) {
+        return refuse(0, "at least one letter or digit: punctuation is not judged");
     }
     let [left, _, right, _] = strokes.bounds_m();
     let length = (right - left) / cap_height_m(strokes);
@@ -194,9 +195,4 @@ fn check_size(photo: &Photo, view: &View) -> Result<()> {
 
 fn cap_height_m(strokes: &Strokes) -> f64 {
     strokes.glyphs[0].cell.cap_height_m
-}
-
-/// Whether a glyph leaves light.
-fn lettering(glyph: &Glyph) -> bool {
-    glyph.moves.iter().any(|step| step.lit)
 }

@@ -1,9 +1,9 @@
-//! What a verdict found, as lines on the photo.
+//! Marks: the findings of a verdict as lines on the photo.
 
 /// Lines on a photo, in its pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
-    /// Intended strokes, where the reader found their letters.
+    /// Intended strokes, moved to where their letters were found.
     pub intended: Vec<Vec<[f64; 2]>>,
     /// Parts of them that have no light.
     pub missing: Vec<Vec<[f64; 2]>>,

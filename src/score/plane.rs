@@ -1,20 +1,74 @@
 //! The plane of the word: grids of square pixels on it, and what the photo shows there.
 
-use super::grid::{Grid, Placed};
+use tiny_skia::Transform;
+
 use super::light::{Frame, Light, Rgb};
 use super::view::View;
-use super::{PX_PER_H, align, cap_height_m};
+use super::{PX_PER_H, cap_height_m};
 use crate::letters::Strokes;
 
+/// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
+/// that a word out of range is still found.
+pub(super) const SEARCH_H: f64 = 0.75;
+
+/// Largest scale that is tried; the smallest is its inverse.
+pub(super) const SEARCH_SCALE: f64 = 1.25;
+
+/// A grid of square pixels in the plane of the word.
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    /// Upper left corner: x and height, meters.
+    pub(super) left_m: f64,
+    pub(super) top_m: f64,
+    /// Edge of a pixel.
+    pub(super) pitch_m: f64,
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+/// Placement of a word: a point of the intended word is found at
+/// `center + shift + scale · R(rotation) (point − center)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Placed {
+    pub(super) center_m: [f64; 2],
+    pub(super) shift_m: [f64; 2],
+    pub(super) scale: f64,
+    /// Counterclockwise.
+    pub(super) rotation_rad: f64,
+}
+
+impl Placed {
+    /// The word in its intended place.
+    pub(super) fn home(strokes: &Strokes) -> Self {
+        let [left, bottom, right, top] = strokes.bounds_m();
+        let center_m = [0.5 * (left + right), 0.5 * (bottom + top)];
+        Self { center_m, shift_m: [0.0, 0.0], scale: 1.0, rotation_rad: 0.0 }
+    }
+
+    /// First column of `scale · R(rotation)`; the second is `[−y, x]`.
+    fn column(&self) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.rotation_rad);
+        [self.scale * cos, self.scale * sin]
+    }
+
+    /// Where a point of the intended word is found.
+    pub(super) fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
+        let [a, b] = self.column();
+        let [x, y] = [0, 1].map(|axis| point_m[axis] - self.center_m[axis]);
+        let turned = [a * x - b * y, b * x + a * y];
+        [0, 1].map(|axis| self.center_m[axis] + self.shift_m[axis] + turned[axis])
+    }
+}
+
 impl Grid {
-    /// A grid with room for every place where the word is looked for, and for the windows there.
+    /// A grid with room for every place that is searched for the word.
     pub(super) fn around(strokes: &Strokes, home: &Placed) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
         let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
         // Shift, and half a cap height for the window and the blur.
-        let margin_m = (align::SEARCH_H + 0.5) * cap_height_m(strokes);
+        let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
         let side = |length_m: f64| {
-            let pixels = (length_m * align::SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
+            let pixels = (length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
             #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
             #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
             let pixels = pixels.ceil() as usize;
@@ -29,12 +83,24 @@ impl Grid {
         Self { left_m, top_m, pitch_m, width, height }
     }
 
+    /// Brings the plane of the word (meters, y up) onto the grid's page (pixels, y down), with the word
+    /// as placed.
+    pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
+        let [a, b] = placed.column().map(|part| part / self.pitch_m);
+        let [x, y] = placed.apply([0.0, 0.0]);
+        #[expect(clippy::cast_possible_truncation, reason = "a raster needs no more")]
+        let [a, b, x, y] =
+            [a, b, (x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m]
+                .map(|value| value as f32);
+        Transform::from_row(a, -b, -b, -a, x, y)
+    }
+
     /// What the photo shows at each pixel of the grid, the grid moved along with the word.
     pub(super) fn resample(&self, light: &Light, view: &View, placed: &Placed) -> Vec<Rgb> {
         self.resample_of(light, view, placed, |light| light)
     }
 
-    /// The same of something that each of the photo's pixels has.
+    /// The same of a function of each photo pixel's light.
     pub(super) fn resample_of(
         &self,
         light: &Light,
@@ -51,7 +117,7 @@ impl Grid {
             let lower = row(y + 1);
             for (x, value) in values.iter_mut().enumerate() {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
-                // Behind the camera there is nothing to see.
+                // There is no light from behind the camera.
                 if let (Some(a), Some(b), Some(c), Some(d)) = corners {
                     *value = light.mean_of(&Frame::around([a, b, c, d]), &of);
                 }

@@ -13,27 +13,10 @@ impl Raster {
         Self { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Pixel by pixel, the other one added.
-    pub(super) fn plus(mut self, other: &Self) -> Self {
-        assert_eq!((self.width, self.height), (other.width, other.height), "rasters of one size");
-        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
-        self
-    }
-
     /// Light by the level that counts as fully lit, clipped: from 0 to 1.
     pub(super) fn exposed(&self, full_light: f32) -> Self {
         let values = self.values.iter().map(|value| (value / full_light).clamp(0.0, 1.0));
         Self { values: values.collect(), ..*self }
-    }
-
-    /// Fills a rectangle given by its columns and rows.
-    pub(super) fn fill(&mut self, columns: [f64; 2], rows: [f64; 2]) {
-        let width = self.width;
-        for (y, high) in overlaps(rows[0], rows[1], self.height) {
-            for (x, wide) in overlaps(columns[0], columns[1], width) {
-                self.values[y * width + x] = high * wide;
-            }
-        }
     }
 
     /// Light in a rectangle given by its columns and rows; outside is dark.
@@ -80,13 +63,6 @@ impl Raster {
             }
         }
         blurred
-    }
-
-    /// The raster at full, half and quarter resolution. Both sides must be multiples of 4.
-    pub(super) fn pyramid(self) -> [Self; 3] {
-        let half = self.half();
-        let quarter = half.half();
-        [self, half, quarter]
     }
 
     /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
@@ -151,27 +127,6 @@ pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] 
         let rest: f32 = rows[n].1.iter().zip(with_rest).map(|(a, b)| a * b).sum();
         lanes[n].iter().sum::<f32>() + rest
     })
-}
-
-/// Products of a row with a picture and with its neighbours, and its sum and sum of squares under
-/// a mask, in lanes whose order is fixed. The picture may be empty: its product is 0 then.
-pub(super) fn moments(row: &[f32], picture: &[f32], neighbours: &[f32], mask: &[f32]) -> [f32; 4] {
-    let [product, overlap, sum] = match picture {
-        [] => {
-            let [overlap, sum] = dots([neighbours, mask], row);
-            [0.0, overlap, sum]
-        }
-        picture => dots([picture, neighbours, mask], row),
-    };
-    let mut lanes = [0.0_f32; 8];
-    let ((row, row_rest), (mask, mask_rest)) = (row.as_chunks::<8>(), mask.as_chunks::<8>());
-    for (row, mask) in row.iter().zip(mask) {
-        for lane in 0..8 {
-            lanes[lane] += row[lane] * row[lane] * mask[lane];
-        }
-    }
-    let rest: f32 = row_rest.iter().zip(mask_rest).map(|(value, mask)| value * value * mask).sum();
-    [product, overlap, sum, lanes.iter().sum::<f32>() + rest]
 }
 
 #[cfg(test)]

@@ -1,27 +1,33 @@
-//! The verdict: what was read, how surely, and where the word hangs. `verdict.json` is this, with the
-//! flight's digest.
+//! The verdict on a photo: the content of `verdict.json`.
 
 use serde::Serialize;
 
+use super::alphabet::{classes_of, same_shapes, seen_as};
 use super::calibration::{CALIBRATION, Calibration};
 use super::causes::{Advice, Cause};
+use super::reading::Reading;
+use crate::letters::Strokes;
 
-/// Whether a photo's word is legible, and why not.
+/// Whether the word in a photo is legible, and why not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// The word that should be there.
     pub word: String,
-    /// What is there, letter by letter: the best match, `?` where there is no light or no
-    /// letter, such as one that lacks a stroke.
+    /// The likeliest letter in the place of each, `?` where there is none; punctuation as it should be.
     pub read: String,
-    /// Whether it reads: every letter is the best match of its cell, and the probability reaches
-    /// [`super::ScoreOptions::legible_probability`].
+    /// Whether the word is read: the readability reaches
+    /// [`super::ScoreOptions::legible_probability`], and no other word is likelier.
     pub legible: bool,
-    /// Probability that the reader of `calibration` reads the word, 0 to 1.
-    pub probability: f64,
-    /// How the probability was made.
+    /// Probability that a viewer reads the word at first sight, 0 to 1.
+    pub readability: f64,
+    /// The likeliest other word; `None` where nothing can be seen.
+    pub rival: Option<RivalWord>,
+    /// Agreement of light and intended strokes: harmonic mean of the share of the strokes that has
+    /// light and the share of the light that has strokes, 0 to 1; `None` where it was not computed.
+    pub faithfulness: Option<f64>,
+    /// The regression that gave the readability.
     pub calibration: Calibration,
-    /// Where the word hangs; `None` where there is no light.
+    /// Placement of the word; `None` where there is no light.
     pub placement: Option<Placement>,
     /// Height of a capital in the photo, pixels; `None` where the photo does not show the place.
     pub cap_height_px: Option<f64>,
@@ -29,51 +35,53 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible; `None` where it is.
     pub reason: Option<Reason>,
-    /// What is read where nobody says what should be there; `None` where it was not asked for.
+    /// Blind recognition: the text that is read without knowledge of the word; `None` where the photo
+    /// was not read so.
     pub second_opinion: Option<String>,
-    /// What is wrong, the most costly first; empty where it was not asked for.
+    /// Faults, the most costly first; empty where they were not looked for.
     pub causes: Vec<Cause>,
-    /// What to do, the most gainful first; empty where it was not asked for.
+    /// Changes to make, at most three, the most gainful first; empty where faults were not looked for.
     pub advice: Vec<Advice>,
 }
 
-/// Where the word hangs, against where it was intended.
+/// A word that a photo may be taken for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RivalWord {
+    /// The word.
+    pub word: String,
+    /// Its share in the choice between it and the expected word, 0 to 1.
+    pub p: f64,
+}
+
+/// Placement of the word against the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
     /// To the right and up, in the plane of the word.
     pub shift_m: [f64; 2],
     /// Size by intended size, about the middle of the word.
     pub scale: f64,
-    /// Anticlockwise, about the middle of the word.
+    /// Counterclockwise, about the middle of the word.
     pub rotation_rad: f64,
 }
 
-/// What is seen in the place of one letter.
+/// The verdict on one letter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LetterVerdict {
     /// The letter that should be there.
     pub expected: char,
-    /// The letter that fits best; `None` where there is no light, or where the expected letter less
-    /// a stroke, or a blot, fits better than any.
+    /// The likeliest letter; `None` where it is likeliest that there is none.
     pub best: Option<char>,
-    /// The letter that fits second best.
-    pub runner_up: Option<char>,
-    /// Similarity of the best less that of the runner-up, 0 to 2.
-    pub margin: f64,
-    /// Similarity of the expected letter: correlation less what shift and stretch cost, up to 1.
-    pub similarity: f64,
-    /// Share of the expected letter in the choice among all, 0 to 1.
-    pub p: f64,
-    /// Share of what is no letter: the expected one less a stroke, or a blot, 0 to 1.
-    pub no_letter: f64,
-    /// The three likeliest other letters, the likeliest first: it looks like them.
+    /// Share of the expected letter in the choice among all, the other letters being right, 0 to 1;
+    /// `None` for punctuation, which is not judged.
+    pub p: Option<f64>,
+    /// Share of no letter at all, 0 to 1; `None` for punctuation.
+    pub no_letter: Option<f64>,
+    /// The three likeliest other letters, the likeliest first.
     pub rivals: Vec<Rival>,
-    /// Where the letter stands against its place in the word, to the right and up.
-    pub shift_m: [f64; 2],
-    /// Width and height by the intended ones: the nearest of the scales that are tried.
-    pub scale: [f64; 2],
-    /// Share of the intended strokes that has light within 0.1 cap heights, the letter put where
-    /// it was found; this and the next four are left out where they were not asked for.
+    /// Offset of the letter from its place in the word, to the right and up; this and the next four are
+    /// `None` where faults were not looked for.
+    pub shift_m: Option<[f64; 2]>,
+    /// Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it.
     pub recall: Option<f64>,
     /// Share of the light's lines that is within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
@@ -102,24 +110,53 @@ pub enum Reason {
     NotInPhoto,
     /// Nothing in the place of the word is brighter than the sky.
     NoLight,
-    /// A letter is misread, and capitals are less than 20 pixels high in the photo.
+    /// Capitals are less than 20 pixels high in the photo.
     TooSmall,
-    /// The word hangs farther than 0.6 cap heights from its place, or is larger or smaller than
+    /// The word is farther than 0.6 cap heights from its place, or is larger or smaller than
     /// intended by more than a sixth, or turned by more than 8 degrees.
     OutOfRange,
-    /// A letter looks like another one, like nothing, or too much like both.
+    /// The photo shows a word of another length.
+    OtherLength,
+    /// Another word is likelier, or a letter looks like another one or like none.
     Misread,
+    /// Every letter is the likeliest in its place, but the readability is too low.
+    Unsure,
 }
 
 impl Verdict {
+    /// Adds what blind recognition reads in the same photo. Where the word is not legible and a clear
+    /// reading has another number of letters, that is the reason.
+    pub fn compare_with(&mut self, reading: &Reading) {
+        let n_judged = self.letters.iter().filter(|letter| letter.p.is_some()).count();
+        let is_of_letters = matches!(self.reason, Some(Reason::Misread | Reason::OutOfRange));
+        if is_of_letters && reading.is_clear() && reading.letters.len() != n_judged {
+            self.reason = Some(Reason::OtherLength);
+        }
+        self.second_opinion = Some(reading.text.clone());
+    }
+
+    /// Whether blind recognition reads another text than the word; equal shapes are equal.
+    #[must_use]
+    pub fn is_contradicted(&self) -> bool {
+        let expected: Vec<_> = self.word.chars().filter_map(classes_of).collect();
+        let seen = |text: &str| -> Vec<_> {
+            text.chars().filter(|c| !c.is_whitespace()).map(seen_as).collect()
+        };
+        let read = self.second_opinion.as_deref();
+        read.is_some_and(|read| !same_shapes(&expected, &seen(read)))
+    }
+
     /// A word of which nothing can be seen.
-    pub(super) fn unseen(word: &str, reason: Reason, cap_height_px: Option<f64>) -> Self {
-        let letters: Vec<_> = word.chars().map(LetterVerdict::unseen).collect();
+    pub(super) fn unseen(strokes: &Strokes, reason: Reason, cap_height_px: Option<f64>) -> Self {
+        let letters: Vec<_> =
+            strokes.glyphs.iter().map(|glyph| LetterVerdict::unseen(glyph.character)).collect();
         Self {
-            word: word.to_owned(),
+            word: strokes.word.clone(),
             read: "?".repeat(letters.len()),
             legible: false,
-            probability: 0.0,
+            readability: 0.0,
+            rival: None,
+            faithfulness: None,
             calibration: CALIBRATION,
             placement: None,
             cap_height_px,
@@ -133,19 +170,20 @@ impl Verdict {
 }
 
 impl LetterVerdict {
+    /// Punctuation.
+    pub(super) fn not_judged(expected: char) -> Self {
+        Self { best: Some(expected), p: None, no_letter: None, ..Self::unseen(expected) }
+    }
+
     /// A letter without light.
     pub(super) fn unseen(expected: char) -> Self {
         Self {
             expected,
             best: None,
-            runner_up: None,
-            margin: 0.0,
-            similarity: 0.0,
-            p: 0.0,
-            no_letter: 0.0,
+            p: Some(0.0),
+            no_letter: Some(0.0),
             rivals: Vec::new(),
-            shift_m: [0.0; 2],
-            scale: [1.0; 2],
+            shift_m: None,
             recall: None,
             precision: None,
             missing_mm: None,

@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::photo::Photo;
 
-/// Where points of the word's plane (x and height, metres) fall in the picture.
+/// Where points of the word's plane (x and height, meters) fall in the picture.
 #[derive(Clone, Debug)]
 pub enum View {
     /// Through a camera whose place and lens are known.

@@ -4,9 +4,10 @@ use std::io::Cursor;
 use std::path::Path;
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
+use crate::photo::png::{FLIGHT_KEYWORD, STROKES_KEYWORD};
 use crate::photo::{Photo, read_out};
 use crate::scene::Scene;
 use crate::settings::settings;
@@ -26,11 +27,53 @@ settings! {
 }
 
 impl Format {
-    /// The format that a file's name asks for: OpenEXR for `*.exr`, else PNG.
-    #[must_use]
-    pub fn from_path(path: &Path) -> Self {
-        let extension = path.extension().unwrap_or_default();
-        if extension.eq_ignore_ascii_case("exr") { Self::Exr } else { Self::Png }
+    /// The format that a file's name asks for: OpenEXR for `*.exr`, PNG for `*.png` and names
+    /// without an ending.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for another ending, whose format is not written.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match &*extension {
+            "exr" => Ok(Self::Exr),
+            "png" | "" => Ok(Self::Png),
+            _ => {
+                let place = path.display().to_string();
+                let hint = "name the photo *.png and convert it, or name its format";
+                Err(Error::input(place, format!("a name *.{extension}"), "*.png or *.exr", hint))
+            }
+        }
+    }
+}
+
+/// Most pixels of a picture that is read out anew and encoded in memory: 0.9 GB.
+const MAX_READ_OUT: u64 = 24_000_000;
+
+impl Format {
+    /// Checks that a picture of a size can be encoded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] with the memory that it would take.
+    pub(super) fn check(self, size_px: [u32; 2]) -> Result<()> {
+        let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+        if self == Self::Png || pixels <= MAX_READ_OUT {
+            return Ok(());
+        }
+        // Film, readout and file: 12 bytes a pixel each.
+        let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
+        Err(Error::Infeasible {
+            what: format!(
+                "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
+                self.name(),
+                size_px[0],
+                size_px[1],
+                gb(pixels),
+                gb(MAX_READ_OUT),
+            ),
+            hint: "choose a smaller picture, or PNG of 8 bits".into(),
+        })
     }
 }
 
@@ -41,9 +84,9 @@ pub(super) fn encode(
     photo: &Photo,
     film: &Film,
     camera: &Camera,
-    flight_sha256: Option<String>,
+    digests: Digests,
 ) -> Result<Vec<u8>> {
-    let mut notes = notes(scene.seed, camera, flight_sha256);
+    let mut notes = notes(scene.seed, camera, digests);
     let mut out = Cursor::new(Vec::new());
     let readout = || read_out(film, camera, &scene.photo, scene.seed);
     let written = match format {
@@ -63,7 +106,14 @@ pub(super) fn encode(
     Ok(out.into_inner())
 }
 
-fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'static str, String)> {
+/// Digests of what a photo shows.
+pub(super) struct Digests {
+    pub(super) flight_sha256: Option<String>,
+    /// Of strokes from a file of the user's.
+    pub(super) strokes_sha256: Option<String>,
+}
+
+fn notes(seed: u64, camera: &Camera, digests: Digests) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
         "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
@@ -75,6 +125,8 @@ fn notes(seed: u64, camera: &Camera, flight_sha256: Option<String>) -> Vec<(&'st
         ("noctograph.camera", camera),
         ("noctograph.seed", seed.to_string()),
     ];
-    notes.extend(flight_sha256.map(|digest| ("noctograph.flight_sha256", digest)));
+    let Digests { flight_sha256, strokes_sha256 } = digests;
+    notes.extend(flight_sha256.map(|digest| (FLIGHT_KEYWORD, digest)));
+    notes.extend(strokes_sha256.map(|digest| (STROKES_KEYWORD, digest)));
     notes
 }

@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 
 use super::metering::{Metered, metered};
-use super::{Recording, Shoot, Watch};
+use super::{Recording, Shoot, Watch, obstacles};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::light::gaps::{Gap, gaps};
 use crate::light::{LightSample, LightTrace, light};
 use crate::scene::Scene;
 
@@ -22,6 +23,8 @@ pub struct Lighting {
     pub trace: LightTrace,
     /// The scene's camera, as the meter set it.
     pub camera: Camera,
+    /// What keeps the word from being read whatever its letters are, the first cause first.
+    pub obstacles: Vec<String>,
     /// What the meter set, if the scene asks for it.
     pub metered: Option<Metered>,
     /// Warnings of the simulated flights, and of light outside the picture.
@@ -60,6 +63,7 @@ impl Shoot {
                         warnings
                             .extend(flight.warnings.iter().map(|text| format!("{number}{text}")));
                     }
+                    warnings.extend(gaps_in_words(&flight));
                     let trace = self.light_drone(drone, &flight)?;
                     flights.push(flight);
                     trace
@@ -77,7 +81,8 @@ impl Shoot {
         let metered = metered(&all, &mut camera, options, photo)?;
         check_place(&all, bounds_m, &camera)?;
         warnings.extend(outside(&all, bounds_m, &camera));
-        Ok(Lighting { flights, trace: all, camera, metered, warnings })
+        let obstacles = obstacles::before(&flights, &all, &self.scene.light, &camera);
+        Ok(Lighting { flights, trace: all, camera, metered, obstacles, warnings })
     }
 
     /// Lights the lamps of one drone, counted from 0.
@@ -127,6 +132,38 @@ impl Shoot {
             Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
+}
+
+/// Warnings of the gaps in a real flight's log.
+fn gaps_in_words(flight: &Flight) -> Vec<String> {
+    let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
+    let spans = |gaps: &[Gap]| {
+        let first: Vec<String> = gaps
+            .iter()
+            .take(5)
+            .map(|g| format!("{:.2}–{:.2} s", g.span_s[0], g.span_s[1]))
+            .collect();
+        let more = if gaps.len() > first.len() { ", …" } else { "" };
+        first.join(", ") + more
+    };
+    let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
+    let bridges = (!bridged.is_empty()).then(|| {
+        format!(
+            "{} gap(s) of the log are bridged, to within {:.0} mm: {}",
+            bridged.len(),
+            1e3 * most_m,
+            spans(&bridged)
+        )
+    });
+    let breaks = (!open.is_empty()).then(|| {
+        format!(
+            "{} gap(s) of the log are too long to bridge: trails break there, though the lamps may \
+             have shone: {}",
+            open.len(),
+            spans(&open)
+        )
+    });
+    [bridges, breaks].into_iter().flatten().collect()
 }
 
 /// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.

@@ -13,7 +13,8 @@
 //! Independent work runs side by side: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
 //!
-//! Not modelled: wake and collisions between drones.
+//! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
+//! side. Not modelled: wake and collisions between drones.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -27,15 +28,18 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
-use crate::logs::{ImportOptions, import};
+use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
-use crate::score::Reader;
-use crate::sim::{Drone, SimOptions, fly};
+use crate::score::{Reader, is_judged};
+use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
 
 mod file;
+#[cfg(test)]
+mod keys;
 mod lighting;
 mod metering;
+mod obstacles;
 mod planned;
 mod preflight;
 mod shot;
@@ -94,12 +98,16 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`import`] and [`LightTrace::read_csv`].
+    /// As [`logs::import`] and [`LightTrace::read_csv`].
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self> {
-        if is_light_trace(path) {
-            return Ok(Self::Light(LightTrace::read_csv(path)?));
+        if path.is_dir() {
+            return Ok(Self::Flight(logs::import(path, options)?));
         }
-        Ok(Self::Flight(import(path, options)?))
+        let (bytes, file) = (logs::read(path)?, path.display().to_string());
+        if is_light_trace(&bytes) {
+            return Ok(Self::Light(LightTrace::parse_csv(&bytes[..], &file)?));
+        }
+        Ok(Self::Flight(logs::import_bytes(&bytes, &file, options)?))
     }
 }
 
@@ -198,6 +206,9 @@ impl Shoot {
     /// As [`crate::sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
+        if self.in_step() {
+            return self.fly_in_step(watch);
+        }
         let done = Mutex::new(vec![0.0; n]);
         let one = |drone: usize| {
             self.fly_drone(drone, &mut |share| {
@@ -214,7 +225,28 @@ impl Shoot {
         flights.into_iter().collect()
     }
 
-    /// Flies the plan of one drone, counted from 0.
+    /// Whether the drones hear each other.
+    fn in_step(&self) -> bool {
+        self.plans.len() > 1 && self.scene.observer.kind == EstimatorKind::Cooperative
+    }
+
+    /// Flies all plans with drones that hear each other.
+    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
+        let believed = self.scene.sim();
+        let mut fleet = Vec::new();
+        for (drone, planned) in self.plans.iter().enumerate() {
+            fleet.push((&planned.plan, self.drone(drone, &believed)));
+        }
+        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
+    }
+
+    /// A drone of the fleet, which its controller believes to be the scene's.
+    fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
+        let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
+        Drone { believed, actual, seed: self.scene.seed, index: drone as u64 }
+    }
+
+    /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.
     ///
     /// # Errors
     ///
@@ -225,9 +257,7 @@ impl Shoot {
     /// If there is no such plan.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
-        let actual = self.actual.get(drone).map_or(&believed, |actual| &actual.sim);
-        let (plan, seed) = (&self.plans[drone].plan, self.scene.seed);
-        fly(plan, &Drone { believed: &believed, actual, seed, index: drone as u64 }, progress)
+        fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
     /// Flies, exposes, develops and reads.
@@ -261,10 +291,9 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// A reader of the strokes, where the photo is read and shows a word.
+    /// A reader of the strokes, where the photo is read and shows a word that can be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
-        // A drawing has no word to read.
-        let word = self.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+        let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         match (&self.reader, word) {
             (_, None) => Ok(None),
             _ if self.judging == Judging::Skipped => Ok(None),

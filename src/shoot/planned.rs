@@ -3,7 +3,8 @@
 //! [`crate::plan`] knows neither simulator nor lamps. Here it is given the
 //! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
-use crate::error::Result;
+use crate::control::StepResponse;
+use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::LightOptions;
@@ -35,6 +36,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let inverse = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
     let planned = plans.into_iter().map(|plan| {
+        responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {
             None => plan,
             Some(responses) if follows_design => learn(&plan, &rehearse(scene, &plan)?, responses),
@@ -46,6 +48,29 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
         }
     });
     planned.collect()
+}
+
+/// Most multiplications of the inverse of a loop: some seconds.
+const MAX_INVERSE: f64 = 4e9;
+
+/// Refuses a plan of so many setpoints within the loop's response that its inverse takes minutes.
+fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
+    let n = plan.setpoints.len();
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 setpoints")]
+    let interval_s = plan.duration_s() / n.max(1) as f64;
+    let cost: f64 = responses.iter().map(|response| response.inverse_cost(n, interval_s)).sum();
+    if cost <= MAX_INVERSE {
+        return Ok(());
+    }
+    Err(Error::Infeasible {
+        what: format!(
+            "the inverse of the loop over {n} setpoints {interval_s:.4} s apart takes {cost:.1e} \
+             multiplications, more than {MAX_INVERSE:.0e}"
+        ),
+        hint: "raise plan.setpoint_interval_s, split the word, or set plan.reference = \
+               \"design\""
+            .into(),
+    })
 }
 
 /// Flies a plan undisturbed: [`crate::sim::SimOptions::rehearsal`].

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::Shoot;
 use super::planned::ends;
+use super::{Lighting, Recording, Shoot};
 use crate::error::{Error, Result};
-use crate::export::Form;
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
+use crate::export::{Form, fitting};
 use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::light::{Drive, LightTrace};
@@ -31,34 +31,73 @@ impl Shoot {
     ///
     /// Those of the stages, except that of an infeasible flight: it is a finding.
     pub fn preflight(&self, profile: &Profile) -> Result<Vec<Finding>> {
+        if !self.in_step() {
+            let fly = |drone| self.fly_drone(drone, &mut |_| {});
+            return self.findings((0..self.plans.len()).map(fly).collect(), profile);
+        }
+        let lost = |(what, hint): &(String, String)| {
+            Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
+        };
+        let flown = match self.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                vec![(what, hint); self.plans.len()].iter().map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        };
+        self.findings(flown, profile)
+    }
+
+    /// The same, of flights that were flown already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::preflight`].
+    pub fn inspect(&self, flights: &[Flight], profile: &Profile) -> Result<Vec<Finding>> {
+        self.findings(flights.iter().cloned().map(Ok).collect(), profile)
+    }
+
+    fn findings(&self, flown: Vec<Result<Flight>>, profile: &Profile) -> Result<Vec<Finding>> {
         let mut findings = Vec::new();
         if let Some(strokes) = &self.strokes {
             findings.extend(check_letters(strokes, &self.scene.plan.style));
         }
         let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
         findings.extend(check_plans(&plans, profile));
-        for (drone, plan) in plans.iter().enumerate() {
+        let mut recordings = Vec::new();
+        for (drone, (plan, flight)) in plans.iter().zip(flown).enumerate() {
             findings.push(check_memory(plan));
-            findings.extend(self.check_flight(drone, plan, profile)?);
+            match flight {
+                Ok(flight) => {
+                    findings.extend(self.check_flight(drone, plan, &flight, profile)?);
+                    recordings.push(Recording::Flight(flight));
+                }
+                Err(Error::Infeasible { what, .. }) => {
+                    let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
+                    findings.push(Finding { detail: what, ..finding });
+                }
+                Err(error) => return Err(error),
+            }
             findings.extend(check_coverage(plan, &self.scene)?);
+        }
+        if recordings.len() == plans.len() {
+            findings.extend(self.check_picture(recordings));
         }
         Ok(findings)
     }
 
-    fn check_flight(&self, drone: usize, plan: &Plan, profile: &Profile) -> Result<Vec<Finding>> {
-        let flight = match self.fly_drone(drone, &mut |_| {}) {
-            Ok(flight) => flight,
-            Err(Error::Infeasible { what, .. }) => {
-                let finding = Finding::without_value(Check::Flight, Severity::Stop, 0.0);
-                return Ok(vec![Finding { detail: what, ..finding }]);
-            }
-            Err(error) => return Err(error),
-        };
+    fn check_flight(
+        &self,
+        drone: usize,
+        plan: &Plan,
+        flight: &Flight,
+        profile: &Profile,
+    ) -> Result<Vec<Finding>> {
         let scene = &self.scene;
-        let ends = ends(scene, plan, &flight).unwrap_or_default();
-        let painted = painted(&flight, &self.light_drone(drone, &flight)?, scene);
+        let ends = ends(scene, plan, flight).unwrap_or_default();
+        let painted = painted(flight, &self.light_drone(drone, flight)?, scene);
         let flown = Flown {
-            flight: &flight,
+            flight,
             ends: &ends,
             painted: &painted,
             motor_max: scene.vehicle.motor_max,
@@ -66,9 +105,24 @@ impl Shoot {
         };
         Ok(check_flown(&flown, profile))
     }
+
+    /// What only a preview would show: the word in the picture, while the shutter is open, lit.
+    fn check_picture(&self, recordings: Vec<Recording>) -> Vec<Finding> {
+        let texts = match self.light(recordings) {
+            Ok(Lighting { obstacles, warnings, .. }) => [obstacles, warnings].concat(),
+            Err(error) => vec![error.to_string()],
+        };
+        let finding = |severity| Finding::without_value(Check::Picture, severity, 0.0);
+        if texts.is_empty() {
+            return vec![finding(Severity::Fine)];
+        }
+        let warn = |detail| Finding { detail, ..finding(Severity::Warning) };
+        texts.into_iter().map(warn).collect()
+    }
 }
 
-/// Whether the plan fits the memory on board as a compressed trajectory.
+/// Whether the plan fits the memory on board as a compressed trajectory, and in which formats it can
+/// be exported.
 fn check_memory(plan: &Plan) -> Finding {
     #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
     let limit = MEMORY_BYTES as f64;
@@ -76,7 +130,8 @@ fn check_memory(plan: &Plan) -> Finding {
         #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
         Ok(bytes) => {
             let fits = bytes <= MEMORY_BYTES;
-            Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit)
+            let finding = Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit);
+            Finding { detail: fitting(plan).join(", "), ..finding }
         }
         Err(error) => {
             let finding = Finding::without_value(Check::Memory, Severity::Unknown, limit);

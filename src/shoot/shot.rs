@@ -1,7 +1,7 @@
 //! The photograph with every product on the way to it.
 
-use super::file::encode;
-use super::{Judging, Lighting, Metered, Planned, Shoot};
+use super::file::{Digests, encode};
+use super::{Judging, Lighting, Metered, Planned, Shoot, obstacles};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::{Backend, Developer, Exposure, project};
@@ -37,8 +37,12 @@ pub struct Shot {
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// The verdict; `None` for a drawing and where reading is skipped.
+    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that the
+    /// reader does not know.
     pub verdict: Option<Verdict>,
+    /// What keeps the word from being read whatever its letters are, the first cause first: the
+    /// shutter, the exposure, lamps that face away.
+    pub obstacles: Vec<String>,
     /// Warnings about flights and picture.
     pub warnings: Vec<String>,
 }
@@ -66,9 +70,12 @@ impl Shoot {
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, metered, warnings } = lighting;
+        let Lighting { flights, trace, camera, metered, mut obstacles, warnings } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
+        if let Some(format) = self.format {
+            format.check([camera.width_px, camera.height_px])?;
+        }
         let latent = project(&trace, &camera, &scene.expose)?;
         let exposure = match self.cores {
             None => developer.develop(&latent)?,
@@ -87,12 +94,26 @@ impl Shoot {
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
-                encode(format, scene, &photo, &exposure.film, &camera, flight_sha256(&flights))
-                    .map(Some)
+                let from_file = scene.letters.files().next().is_some();
+                let strokes = self.strokes.as_ref().filter(|_| from_file);
+                let digests = Digests {
+                    flight_sha256: flight_sha256(&flights),
+                    strokes_sha256: strokes.map(Strokes::sha256),
+                };
+                encode(format, scene, &photo, &exposure.film, &camera, digests).map(Some)
             }
         };
         let (verdict, file) = rayon::join(read, encode);
-        let (verdict, file) = (verdict?, file?);
+        let (mut verdict, file) = (verdict?, file?);
+        if let Some(exposed) = obstacles::of_photo(&photo, &camera) {
+            // A missing trail has its cause before the exposure where one was found.
+            let place = obstacles.len().min(1);
+            obstacles.insert(place, exposed);
+        }
+        if let Some(verdict) = verdict.as_mut().filter(|v| !v.legible && !obstacles.is_empty()) {
+            // Advice on letters would be beside the point.
+            verdict.advice.clear();
+        }
         let Self { scene, strokes, plans, .. } = self;
         Ok(Shot {
             scene,
@@ -106,6 +127,7 @@ impl Shoot {
             photo,
             file,
             verdict,
+            obstacles,
             warnings,
         })
     }

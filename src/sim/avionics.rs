@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{Estimator, estimator};
+use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
 use super::sensors::Sensors;
 use super::vehicle::{Plant, RigidBody, State};
@@ -39,15 +40,15 @@ pub(super) struct Avionics {
 }
 
 impl Avionics {
-    /// The onboard system of a drone that starts at rest at `start_m`.
-    pub(super) fn new(drone: &Drone<'_>, start_m: Vector3<f64>) -> Result<Self> {
-        let Drone { believed, actual, seed, index } = *drone;
+    /// The onboard system of a drone that starts at rest, as the fleet is told.
+    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+        let Drone { believed, actual, seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, index);
-        let settled_m = sensors.settled_m(start_m);
+        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, fleet);
+        let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(&believed.observer, &believed.sensors, settled_m)?,
+            estimator: estimator(&believed.observer, &believed.sensors, settled_m, fleet)?,
             sensors,
             tick_s: 1.0 / f64::from(rate_hz),
             estimate: State::zeros(),
@@ -62,12 +63,19 @@ impl Avionics {
         })
     }
 
-    /// One tick: reads the sensors, updates the estimate and commands the motors.
+    /// One tick: reads the sensors, updates the estimate and commands the motors. `fleet_m` are the
+    /// true positions of the fleet, between which ranges are measured.
     ///
     /// # Errors
     ///
     /// [`Error::Infeasible`] for a flight that the controller has lost.
-    pub(super) fn tick(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
+    pub(super) fn tick(
+        &mut self,
+        plan: &Plan,
+        time_s: f64,
+        plant: &Plant,
+        fleet_m: &[Vector3<f64>],
+    ) -> Result<()> {
         let short = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
@@ -80,7 +88,7 @@ impl Avionics {
         let setpoint = &plan.setpoints[self.setpoint];
 
         let body = plant.body();
-        let readings = self.sensors.read(&body, plant.specific_force_m_s2());
+        let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
         self.estimator.update(&readings, self.tick_s);
         self.fresh = false;
 
@@ -99,6 +107,17 @@ impl Avionics {
         self.check(time_s, &body)
     }
 
+    /// A message to the fleet.
+    pub(super) fn tell(&mut self) -> Option<Message> {
+        self.estimator.tell()
+    }
+
+    /// Hears a message of the fleet.
+    pub(super) fn hear(&mut self, told: &Message) {
+        self.estimator.hear(told);
+        self.fresh = false;
+    }
+
     /// Commands of the motors m1…m4.
     pub(super) fn motors(&self) -> [f64; 4] {
         self.command.motors.into()
@@ -115,6 +134,7 @@ impl Avionics {
             setpoint: self.setpoint,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
             battery: plant.battery_v().zip(plant.energy_j()),
+            covariance_m2: self.estimator.covariance_m2(),
         }
     }
 

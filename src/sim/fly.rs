@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
 use super::drone::Drone;
+use super::peers::{Air, Fleet, Member};
 use super::recorder::Recorder;
 use super::vehicle::Plant;
 use crate::error::{Error, Result};
@@ -31,37 +32,119 @@ const TICKS_PER_REPORT: u32 = 250;
 /// If a column of `plan.lights` is not as long as `plan.setpoints`, or if the believed and the
 /// actual drone have different rates.
 pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
-    let Drone { believed, actual, seed, index } = *drone;
-    assert_eq!(believed.rates, actual.rates, "one clock");
-    believed.check()?;
-    actual.check()?;
-    check_plan(plan)?;
-    let rates = &actual.rates;
-    let n_ticks = n_ticks(plan, rates.control_hz)?;
-    let ticks_per_sample = rates.control_hz / rates.log_hz;
-    let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+    Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
+}
 
-    let first_m = plan.setpoints[0].position_m;
-    let start_m = Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0));
-    let mut plant = Plant::new(actual, dt_s, seed, index, start_m);
-    let mut avionics = Avionics::new(drone, start_m)?;
-    let mut recorder = Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize);
+/// Flies several plans in step: the drones measure the distances between each other and tell each
+/// other what they measured, where their sensors and estimators are set to. A drone alone flies as
+/// by [`fly`]. A drone that has landed goes on ranging until the last one has.
+///
+/// # Errors
+///
+/// As [`fly`], with the number of the drone; [`Error::Input`] for a drone that the list of heard
+/// anchors leaves out.
+///
+/// # Panics
+///
+/// As [`fly`], and if the drones have different clocks or seeds.
+pub fn fly_fleet(
+    fleet: &[(&Plan, Drone<'_>)],
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Flight>> {
+    let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
+    let mut members = Vec::new();
+    for (plan, drone) in fleet {
+        let Drone { believed, actual, seed, index } = *drone;
+        assert_eq!(believed.rates, actual.rates, "one clock");
+        assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
+        believed.check()?;
+        actual.check()?;
+        actual.sensors.uwb.heard_by(index)?;
+        check_plan(plan)?;
+        members.push(Member::new(actual, seed, index, start_m(plan)));
+    }
+    let indices: Vec<u64> = members.iter().map(|member| member.index).collect();
+    let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
+    let mut rigs = Vec::with_capacity(fleet.len());
+    for (place, (plan, drone)) in fleet.iter().enumerate() {
+        rigs.push(Rig::new(plan, drone, &Fleet { members: members.clone(), place })?);
+    }
+    let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
+    let mut fleet_m = Vec::with_capacity(rigs.len());
+    let alone = rigs.len() == 1;
     for tick in 0..=n_ticks {
-        let time_s = f64::from(tick) / f64::from(rates.control_hz);
-        avionics.tick(plan, time_s, &plant)?;
-        if tick.is_multiple_of(ticks_per_sample) {
-            recorder.record(&avionics.snapshot(time_s, &plant));
+        let time_s = f64::from(tick) / f64::from(first.actual.rates.control_hz);
+        if !alone {
+            fleet_m.clear();
+            fleet_m.extend(rigs.iter().map(|rig| rig.plant.body().position_m));
+            while let Some((to, told)) = air.arrived(time_s) {
+                rigs[to].avionics.hear(&told);
+            }
         }
-        let motors = avionics.motors();
-        for _ in 0..rates.steps_per_tick {
-            plant.advance(&motors);
+        for (place, rig) in rigs.iter_mut().enumerate() {
+            rig.tick(tick, time_s, &fleet_m).map_err(|error| match error {
+                Error::Infeasible { what, hint } if !alone => {
+                    Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
+                }
+                error => error,
+            })?;
+        }
+        if !alone && air.is_due(time_s) {
+            rigs.iter_mut().filter_map(|rig| rig.avionics.tell()).for_each(|told| air.send(&told));
         }
         if tick.is_multiple_of(TICKS_PER_REPORT) {
             progress(f64::from(tick) / f64::from(n_ticks.max(1)));
         }
     }
     progress(1.0);
-    Ok(recorder.finish(avionics.warnings(&plant)))
+    Ok(rigs.into_iter().map(|rig| rig.recorder.finish(rig.avionics.warnings(&rig.plant))).collect())
+}
+
+/// A drone in flight.
+struct Rig<'a> {
+    plan: &'a Plan,
+    plant: Plant,
+    avionics: Avionics,
+    recorder: Recorder<'a>,
+    n_ticks: u32,
+    ticks_per_sample: u32,
+    steps_per_tick: u32,
+}
+
+impl<'a> Rig<'a> {
+    fn new(plan: &'a Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+        let rates = &drone.actual.rates;
+        let n_ticks = n_ticks(plan, rates.control_hz)?;
+        let ticks_per_sample = rates.control_hz / rates.log_hz;
+        let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+        Ok(Self {
+            plan,
+            plant: Plant::new(drone.actual, dt_s, drone.seed, drone.index, start_m(plan)),
+            avionics: Avionics::new(drone, fleet)?,
+            recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
+            n_ticks,
+            ticks_per_sample,
+            steps_per_tick: rates.steps_per_tick,
+        })
+    }
+
+    fn tick(&mut self, tick: u32, time_s: f64, fleet_m: &[Vector3<f64>]) -> Result<()> {
+        self.avionics.tick(self.plan, time_s, &self.plant, fleet_m)?;
+        if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
+            self.recorder.record(&self.avionics.snapshot(time_s, &self.plant));
+        }
+        let motors = self.avionics.motors();
+        for _ in 0..self.steps_per_tick {
+            self.plant.advance(&motors);
+        }
+        Ok(())
+    }
+}
+
+/// Where a drone truly starts.
+fn start_m(plan: &Plan) -> Vector3<f64> {
+    let first_m = plan.setpoints[0].position_m;
+    Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0))
 }
 
 /// Checks that the plan has setpoints, and only positions and motions within a drone's reach.

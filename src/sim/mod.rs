@@ -29,8 +29,10 @@ mod drone;
 mod estimator;
 mod fly;
 pub mod identify;
+pub mod localization;
 mod noise;
 mod options;
+mod peers;
 mod presets;
 mod recorder;
 #[cfg(test)]
@@ -39,15 +41,17 @@ mod response;
 mod sensors;
 mod vehicle;
 
+pub(crate) use controller::pid_gains;
 pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
-pub use fly::fly;
+pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
+pub use fly::{fly, fly_fleet};
 pub use options::{
     AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
-    EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions, GroundEffect,
-    GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions,
-    MotorLag, ObserverOptions, Positioning, RateOptions, SensorOptions, SimOptions, Station,
-    UwbOptions, VehicleOptions,
+    CooperativeOptions, EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions,
+    GroundEffect, GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions,
+    LuenbergerOptions, MotorLag, ObserverOptions, PeerOptions, PidOptions, Positioning,
+    RateOptions, SensorOptions, Share, SimOptions, Station, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

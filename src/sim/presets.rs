@@ -7,7 +7,7 @@
 
 use super::options::{
     BatteryOptions, Compensation, ControllerOptions, GeometricOptions, GroundEffect, LqrOptions,
-    SimOptions, VehicleOptions,
+    PidOptions, SimOptions, VehicleOptions,
 };
 
 /// Largest motor command of the Crazyflie's firmware.
@@ -76,7 +76,8 @@ impl SimOptions {
     ///
     /// Body, drag, rotors: crazyflow's `cf2x_T350` (its rotor inertia is that of `cf21B_500`).
     /// Thrust over voltage, largest thrust (0.18 N), yaw moment (5.16 mm): firmware
-    /// `platform_defaults_cf2.h`, thrust kit. Battery: that of [`Self::cf21`] with a resistance
+    /// `platform_defaults_cf2.h`, `CONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT`, all three of one version (an
+    /// earlier one, commit 0555cb1, has 0.1625 N, 5.96 mm and another curve). Battery: that of [`Self::cf21`] with a resistance
     /// that falls as the capacity rises; current per thrust the same, for want of a measurement.
     #[must_use]
     pub fn cf21_thrust_kit() -> Self {
@@ -97,7 +98,7 @@ impl SimOptions {
             battery: BatteryOptions {
                 capacity_ah: 0.35,
                 resistance_ohm: 0.265 * 0.25 / 0.35,
-                thrust_from_v_n: [-0.039_782, 0.109_797, -0.055_453, 0.016_215],
+                thrust_from_v_n: [0.006_728, 0.010_116, 0.010_263, 0.002_836],
                 ..base.battery
             },
             ..base
@@ -107,7 +108,8 @@ impl SimOptions {
     /// Crazyflie 2.1 Brushless with a 500 mAh battery.
     ///
     /// Body, drag, rotors: crazyflow's `cf21B_500`. Thrust over voltage, largest thrust (0.2 N),
-    /// yaw moment (5.69 mm): firmware `platform_defaults_cf21bl.h`. Propellers of 55 mm. Current
+    /// yaw moment (5.69 mm), gains and base thrust of the PID cascade: firmware
+    /// `platform_defaults_cf21bl.h` (commit 13e6794). Propellers of 55 mm. Current
     /// per thrust: from Bitcraze's 10 minutes with 350 mAh at 39.3 g. Resistance: as for the thrust
     /// kit.
     #[must_use]
@@ -134,6 +136,10 @@ impl SimOptions {
                 current_a_per_n: 4.8,
                 thrust_from_v_n: [-0.014_059, 0.042_653, 0.001_833, 0.002_058],
                 ..base.battery
+            },
+            controller: ControllerOptions {
+                pid: PidOptions { rate_pid: [200.0, 400.0, 2.5], thrust_base: 30_000.0 },
+                ..base.controller
             },
             ..base
         }

@@ -4,8 +4,11 @@ use std::collections::BTreeMap;
 
 use super::vehicle::{State, attitude, position, rate, velocity};
 use crate::flight::table::on_grid;
-use crate::flight::{BATTERY_V, ENERGY_J, Flight, FlightSample, SATURATED_S};
+use crate::flight::{
+    BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightSample, SATURATED_S,
+};
 use crate::plan::{Plan, Setpoint};
+use nalgebra::Matrix3;
 
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
 /// decimals gives back exactly the flight that was written.
@@ -16,6 +19,8 @@ pub(super) struct Recorder<'a> {
     saturated_s: Vec<f64>,
     battery_v: Vec<f64>,
     energy_j: Vec<f64>,
+    sigma_m: Vec<f64>,
+    nees: Vec<f64>,
 }
 
 /// State and commands of the drone at one tick.
@@ -31,6 +36,8 @@ pub(super) struct Snapshot {
     pub(super) saturated_s: f64,
     /// Voltage (V) and energy so far (J), where there is a battery.
     pub(super) battery: Option<(f64, f64)>,
+    /// Covariance of the estimated position, where the estimator logs it.
+    pub(super) covariance_m2: Option<Matrix3<f64>>,
 }
 
 impl<'a> Recorder<'a> {
@@ -44,6 +51,8 @@ impl<'a> Recorder<'a> {
             saturated_s: Vec::with_capacity(n),
             battery_v: Vec::new(),
             energy_j: Vec::new(),
+            sigma_m: Vec::new(),
+            nees: Vec::new(),
         }
     }
 
@@ -58,6 +67,12 @@ impl<'a> Recorder<'a> {
             self.battery_v.push(on_grid(volts));
             self.energy_j.push(on_grid(joules));
         }
+        if let Some(covariance_m2) = snapshot.covariance_m2 {
+            let error_m = position(&snapshot.estimate) - position(&snapshot.state);
+            let inverse = covariance_m2.try_inverse().unwrap_or_default();
+            self.sigma_m.push(on_grid(covariance_m2.trace().sqrt()));
+            self.nees.push(on_grid(error_m.dot(&(inverse * error_m)) / 3.0));
+        }
     }
 
     pub(super) fn finish(self, warnings: Vec<String>) -> Flight {
@@ -65,6 +80,8 @@ impl<'a> Recorder<'a> {
             (SATURATED_S, self.saturated_s),
             (BATTERY_V, self.battery_v),
             (ENERGY_J, self.energy_j),
+            (ESTIMATE_SIGMA_M, self.sigma_m),
+            (ESTIMATE_NEES, self.nees),
         ];
         let logged = columns.into_iter().filter(|(_, column)| !column.is_empty());
         let extra = logged.map(|(name, column)| (name.to_owned(), column)).collect();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::statistics::mean;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::tracking::{Part, track};
 use crate::flight::{ENERGY_J, Flight, FlightSample, SATURATED_S};
 use crate::score::Verdict;
@@ -11,6 +11,9 @@ use crate::sim::SimOptions;
 
 /// Log-odds are limited to ± this: those of an illegible word are infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
+
+/// Largest figure of a flight: the energy of a large battery, in J, is far below.
+const MAX_FIGURE: f64 = 1e12;
 
 /// The result of one trial: a line of a [`super::Store`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,11 +24,11 @@ pub struct Outcome {
     pub all_read: bool,
     /// Whether the word counts as legible.
     pub legible: bool,
-    /// Probability that a strict reader reads the word, 0 to 1.
+    /// Probability that a visitor reads the word at first sight, 0 to 1.
     pub probability: f64,
     /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
     pub log_odds: f64,
-    /// Mean similarity of the letters with the intended ones, up to 1.
+    /// Mean share of the intended letters, 0 to 1: it has a slope where the probability has none.
     pub similarity: f64,
     /// Figures of the flight; `None` where a drone was lost.
     #[serde(flatten)]
@@ -94,18 +97,45 @@ impl Outcome {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
 
+    /// Checks figures that were read from a file at a place.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the figure that is none.
+    pub(super) fn check(&self, place: &str) -> Result<()> {
+        let scores = [
+            ("probability", self.probability, 0.0..=1.0),
+            ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
+            ("similarity", self.similarity, -1.01..=1.01),
+        ];
+        let figures = self
+            .flown
+            .into_iter()
+            .flat_map(|flown| Flown::<f64>::NAMES.into_iter().zip(flown.values()));
+        let figures = figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE));
+        match scores.into_iter().chain(figures).find(|(_, value, range)| !range.contains(value)) {
+            None => Ok(()),
+            Some((name, value, range)) => {
+                let wanted = format!("a number from {} to {}", range.start(), range.end());
+                let hint = "take the line out, or name another folder";
+                Err(Error::input(format!("{place}: {name}"), value, wanted, hint))
+            }
+        }
+    }
+
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
-        let p = verdict.probability;
+        let p = verdict.readability;
         let letters = &verdict.letters;
+        let shares: Vec<f64> = letters.iter().filter_map(|letter| letter.p).collect();
         #[expect(clippy::cast_precision_loss, reason = "at most 256 letters")]
-        let n = letters.len().max(1) as f64;
+        let n = shares.len().max(1) as f64;
         Self {
             read: verdict.read.clone(),
             all_read: letters.iter().all(|letter| letter.best == Some(letter.expected)),
             legible: verdict.legible,
             probability: p,
             log_odds: libm::log(p / (1.0 - p)).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
-            similarity: letters.iter().map(|letter| letter.similarity).sum::<f64>() / n,
+            similarity: shares.iter().sum::<f64>() / n,
             flown: Some(flown),
             lost: None,
         }

@@ -33,7 +33,7 @@ pub struct Measures {
     pub n_flights: usize,
     /// Flights in which the drone was lost.
     pub n_lost: usize,
-    /// Mean probability that a strict reader reads the word.
+    /// Mean readability: the probability that a viewer reads the word at first sight.
     pub legibility: Estimate,
     /// Mean of its worst tenth.
     pub worst_decile: Estimate,

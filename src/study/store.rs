@@ -6,8 +6,9 @@
 //! off. One program at a time has the folder (`lock`).
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 use crate::error::{Error, Result};
+use crate::files::{Limit, Output};
 
 /// Layout of the folder.
 const FORMAT: u32 = 1;
@@ -23,6 +25,14 @@ const FORMAT: u32 = 1;
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
+/// Largest file of flights: a million.
+const LIMIT: Limit =
+    Limit { bytes: 640 << 20, what: "a store of flights", hint: "name another folder" };
+/// Largest header.
+const HEADER: Limit =
+    Limit { bytes: 1 << 12, what: "the header of a store", hint: "name another folder" };
+/// How every line begins.
+const BEGINNING: &[u8] = b"{\"scene\":\"";
 
 /// One flight, as a line of a store.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,7 +100,18 @@ impl Store {
             file.set_len(length).map_err(unwritable)?;
         }
         file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
-        let known = records.into_iter().map(|r| ((r.scene, r.seed), r.outcome)).collect();
+        let mut known = HashMap::new();
+        for Record { scene, seed, outcome, word, .. } in records {
+            match known.entry((scene, seed)) {
+                Entry::Occupied(there) if *there.get() != outcome => {
+                    let found = format!("two outcomes of {word} with seed {seed}");
+                    let hint = "take out the line that is wrong, or name another folder";
+                    let place = path.display().to_string();
+                    return Err(Error::input(place, found, "one outcome of each flight", hint));
+                }
+                entry => entry.or_insert(outcome),
+            };
+        }
         let log = Mutex::new(Log { file, length, unsynced: 0 });
         Ok(Self { path, known, log, _lock: lock })
     }
@@ -129,8 +150,7 @@ impl Store {
     ///
     /// [`Error::Io`], [`Error::Input`] with the line that is broken. Half a line at the end is none.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
-        let file = File::open(path).map_err(|source| Error::read(path, source))?;
-        Ok(read_lines(&file, path)?.0)
+        Ok(read_lines(LIMIT.open(path)?, path)?.0)
     }
 
     /// Writes records as a whole file of such lines: under another name, kept by the disk, then named.
@@ -139,16 +159,9 @@ impl Store {
     ///
     /// [`Error::Io`]; then nothing is left.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
-        let unwritable = |source| Error::write(path, source);
-        let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
-        let mut file = file.map_err(unwritable)?;
-        let mut out = std::io::BufWriter::new(file.as_file_mut());
-        let written = records.iter().try_for_each(|record| out.write_all(&line_of(record)));
-        written.and_then(|()| out.flush()).map_err(unwritable)?;
-        drop(out);
-        file.as_file().sync_all().map_err(unwritable)?;
-        file.persist(path).map_err(|error| Error::write(path, error.error))?;
+        let lines = || records.iter().map(line_of);
+        Output::create(path)?
+            .keep_on_disk(|out| lines().try_for_each(|line| out.write_all(&line)))?;
         Ok(())
     }
 }
@@ -206,18 +219,17 @@ fn lock(folder: &Path) -> Result<File> {
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join("study.json");
     let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let text = serde_json::to_string(&ours).expect("plain data") + "\n";
-            let unwritable = |source| Error::write(&path, source);
-            let mut file = tempfile::NamedTempFile::new_in(folder).map_err(unwritable)?;
-            file.write_all(text.as_bytes()).map_err(unwritable)?;
-            file.persist(&path).map_err(|error| unwritable(error.error))?;
-            return Ok(());
-        }
-        Err(source) => return Err(Error::read(&path, source)),
-    };
+    if !path.exists() {
+        let text = serde_json::to_string(&ours).expect("plain data") + "\n";
+        Output::create(&path)?.keep_on_disk(|out| out.write_all(text.as_bytes()))?;
+        return Ok(());
+    }
+    let text = HEADER.read_text(&path)?;
+    if text.trim().is_empty() {
+        let hint = "remove it (a power failure may leave it so); the flights beside it stay";
+        let place = path.display().to_string();
+        return Err(Error::input(place, "an empty file", "the header of a store", hint));
+    }
     let hint = "name another folder: flights of two versions cannot be compared";
     let header: Header = serde_json::from_str(&text).map_err(|_broken| {
         let found: String = text.chars().take(60).collect();
@@ -232,22 +244,24 @@ fn check_header(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// All whole lines, and how many bytes they take.
-fn read_lines(file: &File, path: &Path) -> Result<(Vec<Record>, u64)> {
+/// All whole lines, and how many bytes they take. What follows may be half a line of ours.
+fn read_lines(file: impl Read, path: &Path) -> Result<(Vec<Record>, u64)> {
     let mut reader = BufReader::new(file);
     let (mut records, mut length, mut line) = (Vec::new(), 0, Vec::new());
     loop {
         line.clear();
-        let limited = std::io::Read::take(&mut reader, MAX_LINE_BYTES as u64);
+        let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES) {
+        let begun = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
+        if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && begun) {
             return Ok((records, length));
         }
-        let record = serde_json::from_slice(&line).map_err(|error| {
-            let place = format!("{}:{}", path.display(), records.len() + 1);
-            let hint = "take the line out, or name another folder";
-            Error::input(place, error.to_string(), "a flight as one JSON object", hint)
+        let place = || format!("{}:{}", path.display(), records.len() + 1);
+        let hint = "take the line out, or name another folder";
+        let record: Record = serde_json::from_slice(&line).map_err(|error| {
+            Error::input(place(), error.to_string(), "a flight as one JSON object", hint)
         })?;
+        record.outcome.check(&place())?;
         records.push(record);
         length += n as u64;
     }
@@ -327,6 +341,49 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let error = Store::open(folder.path()).unwrap_err().to_string();
         assert!(error.contains("flights.jsonl:2"), "{error}");
+    }
+
+    #[test]
+    fn figures_beyond_their_range_and_two_outcomes_of_a_flight_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Store::FLIGHTS);
+        let with = |change: fn(&mut Record)| {
+            let mut other = record(0);
+            change(&mut other);
+            std::fs::write(&path, [line_of(&record(0)), line_of(&other)].concat()).unwrap();
+            Store::open(folder.path()).map(|_| ()).map_err(|error| error.to_string())
+        };
+        assert!(with(|_| {}).is_ok(), "the same twice");
+        let error = with(|other| other.outcome.probability = 1e308).unwrap_err();
+        assert!(error.contains("flights.jsonl:2: probability"), "{error}");
+        let error = with(|other| other.outcome.flown.as_mut().unwrap().lag_s = 1e300).unwrap_err();
+        assert!(error.contains("flights.jsonl:2: lag_s"), "{error}");
+        let error = with(|other| other.outcome.legible = true).unwrap_err();
+        assert!(error.contains("two outcomes of NOOR with seed 0"), "{error}");
+        assert!(with(|other| other.seed = 1).is_ok(), "another flight");
+    }
+
+    #[test]
+    fn a_file_that_is_not_ours_is_never_erased() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Store::FLIGHTS);
+        for foreign in ["my only notes", "{\"scene\": 1", "{\"a\": 1}"] {
+            std::fs::write(&path, foreign).unwrap();
+            assert!(Store::open(folder.path()).is_err(), "{foreign}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), foreign);
+        }
+    }
+
+    #[test]
+    fn an_empty_header_says_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        Store::open(folder.path()).unwrap().put(&record(0)).unwrap();
+        std::fs::write(folder.path().join("study.json"), "").unwrap();
+        let error = Store::open(folder.path()).unwrap_err();
+        assert!(error.to_string().contains("an empty file"), "{error}");
+        assert!(error.hint().contains("remove it"), "{}", error.hint());
+        std::fs::remove_file(folder.path().join("study.json")).unwrap();
+        assert_eq!(Store::open(folder.path()).unwrap().n_known(), 1, "the flights stay");
     }
 
     #[test]

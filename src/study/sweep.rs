@@ -11,9 +11,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{Prepared, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Largest plan file that is read.
-const MAX_FILE_BYTES: u64 = 256 << 20;
+const LIMIT: Limit = Limit { bytes: 64 << 20, what: "a sweep's plan", hint: REPLAN };
+const REPLAN: &str = "plan the sweep again";
 
 /// A study on paper, for workers that know nothing else.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,15 +84,8 @@ impl Sweep {
     /// [`Error::Io`]; [`Error::Input`] where it is no plan, is of another version, or was changed by
     /// hand.
     pub fn read(path: &Path) -> Result<Self> {
-        let unreadable = |source| Error::read(path, source);
-        let place = path.display().to_string();
-        let hint = "plan the sweep again";
-        let length = std::fs::metadata(path).map_err(unreadable)?.len();
-        if length > MAX_FILE_BYTES {
-            let wanted = format!("at most {MAX_FILE_BYTES} bytes");
-            return Err(Error::input(place, format!("{length} bytes"), wanted, hint));
-        }
-        let text = std::fs::read(path).map_err(unreadable)?;
+        let (place, hint) = (path.display().to_string(), REPLAN);
+        let text = LIMIT.read(path)?;
         let sweep: Self = serde_json::from_slice(&text)
             .map_err(|error| Error::input(&place, error.to_string(), "a sweep's plan", hint))?;
         if sweep.noctograph != env!("CARGO_PKG_VERSION") {
@@ -134,6 +129,9 @@ impl Sweep {
             if there.iter().map(key_of).eq(expected) {
                 return Ok((path, false));
             }
+            let hint = "name another folder: flights are never overwritten";
+            let place = path.display().to_string();
+            return Err(Error::input(place, "flights of another plan", "those of this plan", hint));
         }
         let records = evaluate(&self.study, &trials, None, done)?;
         Store::write(&path, &records)?;

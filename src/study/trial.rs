@@ -253,7 +253,7 @@ mod tests {
             assert_eq!((shot.photo.width_px, shot.photo.height_px), (1920, 1080), "its own");
             let full = shot.verdict.unwrap();
             assert_eq!(small.read, full.read);
-            let off = small.probability - full.probability;
+            let off = small.probability - full.readability;
             assert!(off.abs() < 0.05, "seed {seed}: {} small, {off} more", small.probability);
         }
     }

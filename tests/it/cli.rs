@@ -47,7 +47,7 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!((&json["word"], &json["read"]), (&"NOOR".into(), &"NOOR".into()));
     assert_eq!((&json["legible"], &json["backend"]), (&true.into(), &"cpu".into()));
     assert_eq!(json["letters"].as_array().unwrap().len(), 4);
-    for field in ["expected", "best", "runner_up", "margin"] {
+    for field in ["expected", "best", "p", "rivals"] {
         assert!(!json["letters"][0][field].is_null(), "letters[].{field}");
     }
     let flight = &json["flights"][0];
@@ -77,7 +77,7 @@ fn preview_prints_json_with_the_promised_fields() {
         object.keys().filter(|key| *key != "files").cloned().collect::<Vec<_>>()
     };
     assert_eq!(keys(scored.as_object().unwrap()), keys(file));
-    for key in ["word", "read", "legible", "probability", "letters", "flight_sha256"] {
+    for key in ["word", "read", "legible", "readability", "letters", "flight_sha256"] {
         assert_eq!(scored[key], file[key], "{key}");
     }
 }
@@ -155,7 +155,7 @@ fn keys_of_the_scene_are_set_on_the_command_line() {
 fn lines_are_at_most_80_columns_wide() {
     let folder = tempfile::tempdir().unwrap();
     let verbs = "preview plan fly expose score read check meter coverage import compare \
-                 compare-photo identify gains rank tune learn robustness scene specimen";
+                 compare-photo identify locate gains rank tune learn robustness scene specimen";
     let mut commands: Vec<Vec<&str>> = vec![vec!["--help"], vec!["-h"]];
     for verb in verbs.split_whitespace() {
         commands.extend([vec![verb, "--help"], vec![verb, "-h"]]);
@@ -171,6 +171,9 @@ fn lines_are_at_most_80_columns_wide() {
         "check I --style even",
         "meter --flight flight.csv",
         "coverage I --step 0.2",
+        "coverage --scene two-drones-three-anchors",
+        "locate --region --scene two-drones-three-anchors",
+        "locate --region",
         "import flight.csv --word I -o b.csv",
         "compare flight.csv b.csv -o plots",
         "identify flight.csv",

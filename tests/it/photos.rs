@@ -104,7 +104,7 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     let run = |arguments: &[&str], taken: &str| {
         let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu", "-o", taken];
         noctograph(folder.path()).args(common).args(arguments).assert().success();
-        Photo::read(&folder.path().join(taken)).unwrap().scene_toml.unwrap()
+        Photo::read_with_notes(&folder.path().join(taken)).unwrap().0.scene_toml.unwrap()
     };
     // Our own photo carries EXIF, but no size: that of the scene stays.
     run(&["--scene", "s.toml"], "taken.png");

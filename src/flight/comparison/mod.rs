@@ -2,10 +2,10 @@
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs agree, or by a given time, and B is interpolated
-//! linearly at the times of A's samples. Samples of A are left out where B's neighbors are further
-//! apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the compared part
-//! of either flight.
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
+//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's neighbors
+//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and outside the
+//! compared part of either flight.
 //!
 //! Not done: clocks of different rates and different frames; both are converted where a log is
 //! imported.
@@ -16,10 +16,14 @@ use super::tracking::{Part, angles_rad, attitude, mean, rms};
 use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result, within};
 use crate::geometry::Attitude;
+use crate::statistics::weighted_quantile;
 
 mod align;
+mod cause;
 #[cfg(test)]
 mod tests;
+
+pub use cause::Discrepancy;
 
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +50,9 @@ pub enum Alignment {
     /// Best agreement of the designs. Where one design is held between setpoints and the other is
     /// not, it is off by half the time between two setpoints.
     Design,
+    /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
+    /// as those through the inverse of the position loop do.
+    Flown,
     /// Seconds added to B's times.
     Offset(f64),
 }
@@ -69,6 +76,9 @@ pub struct Comparison {
     pub max_m: f64,
     /// Root mean square of the attitude; `None` where a flight has none.
     pub attitude_rmse: Option<Attitude>,
+    /// What explains most of the difference, and its share of the mean square; `None` where there
+    /// is no difference.
+    pub first: Option<(Discrepancy, f64)>,
 }
 
 /// Compares two flights.
@@ -80,7 +90,12 @@ pub struct Comparison {
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
     let offset_s = match options.alignment {
-        Alignment::Design => align::offset_s(a, b)?,
+        Alignment::Design => {
+            let offset_s = align::offset_s(a, b)?;
+            check_words(a, b)?;
+            offset_s
+        }
+        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?)?,
         Alignment::Offset(offset_s) => {
             within("offset_s", offset_s, -1e6, 1e6)?;
             offset_s
@@ -113,7 +128,52 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         mean_m: mean(apart()),
         max_m: apart().map(|d| d.norm()).fold(0.0, f64::max),
         attitude_rmse: logged.then(|| attitude(rms(turned))),
+        first: cause::first(&pairs),
     })
+}
+
+/// A flight in the air whose design is what was flown.
+fn flown(flight: &Flight) -> Result<Flight> {
+    let samples = Part::Airborne.samples(flight)?.into_iter();
+    let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
+    Ok(Flight { samples, ..Flight::default() })
+}
+
+/// Distance of two flights' letters from which they are different ones: a fifth of a capital.
+const OTHER_LETTERS_M: f64 = 0.1;
+
+/// Refuses flights whose designs write different letters.
+fn check_words(a: &Flight, b: &Flight) -> Result<()> {
+    let points = |flight: &Flight| {
+        let mut points: Vec<Vector3<f64>> = Vec::new();
+        for sample in flight.samples.iter().filter(|sample| sample.letter.is_some()) {
+            let at_m = sample.design_m;
+            if points.last().is_none_or(|last| (last - at_m).norm() >= 0.02) {
+                points.push(at_m);
+            }
+        }
+        points
+    };
+    let [a, b] = [points(a), points(b)];
+    if a.is_empty() || b.is_empty() {
+        return Ok(());
+    }
+    // Nine tenths of the points: a way of flying may leave out an approach to a letter.
+    let apart_m = |from: &[Vector3<f64>], to: &[Vector3<f64>]| {
+        let nearest = |p: &Vector3<f64>| to.iter().map(|q| (p - q).norm()).fold(f64::MAX, f64::min);
+        let mut all: Vec<(f64, f64)> = from.iter().map(|p| (nearest(p), 1.0)).collect();
+        weighted_quantile(&mut all, 0.9).unwrap_or(0.0)
+    };
+    let found_m = apart_m(&a, &b).max(apart_m(&b, &a));
+    if found_m <= OTHER_LETTERS_M {
+        return Ok(());
+    }
+    Err(Error::input(
+        "flights A and B",
+        format!("letters that lie {found_m:.2} m apart"),
+        "two flights of the same word at the same place",
+        "compare flights of one word",
+    ))
 }
 
 /// Each sample of A with B at the same time, without those where B is unknown.

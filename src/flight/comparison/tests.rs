@@ -32,6 +32,22 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
 }
 
 #[test]
+fn flown_paths_set_the_clocks_where_setpoints_lead() {
+    let (a, mut b) = (aside(1.0, 0.004), aside(1.0, 0.01));
+    for sample in &mut b.samples {
+        sample.design_m = square(sample.time_s - 0.5);
+        sample.time_s += 40.0;
+    }
+    let by = |alignment| {
+        let options = ComparisonOptions { alignment, ..Default::default() };
+        compare(&a, &b, &options).unwrap()
+    };
+    near(by(Alignment::Flown).offset_s, -40.0, 2e-3, "by what was flown");
+    near(by(Alignment::Flown).max_m, 0.0, 2e-3, "the same flight");
+    near(by(Alignment::Design).offset_s, -39.5, 2e-3, "by the setpoints");
+}
+
+#[test]
 fn equal_clocks_are_left_alone() {
     let (a, b) = (aside(1.0, 0.004), aside(1.0, 0.01));
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
@@ -67,6 +83,30 @@ fn attitude_is_compared_the_short_way_round() {
     b.unlogged = [Quantity::Attitude].into();
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(comparison.attitude_rmse, None, "not logged");
+}
+
+#[test]
+fn flights_of_different_words_are_refused() {
+    // A sweep of 1 m to the right, and the same word a quarter of a meter higher.
+    let sweep = |z: f64| {
+        let sample = |i: i32| {
+            let at_m = Vector3::new(f64::from(i) * 0.01, 0.0, z);
+            FlightSample {
+                time_s: f64::from(i) * 0.05,
+                position_m: at_m,
+                design_m: at_m,
+                letter: Some(0),
+                ..FlightSample::default()
+            }
+        };
+        Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
+    };
+    let options = ComparisonOptions { part: Part::Letters, ..ComparisonOptions::default() };
+    assert!(compare(&sweep(0.5), &sweep(0.52), &options).is_ok(), "2 cm");
+    let error = compare(&sweep(0.5), &sweep(0.75), &options).unwrap_err().to_string();
+    assert!(error.contains("0.25 m apart"), "{error}");
+    let offset = ComparisonOptions { alignment: Alignment::Offset(0.0), ..options };
+    assert!(compare(&sweep(0.5), &sweep(0.75), &offset).is_ok(), "if the clock is given");
 }
 
 #[test]

@@ -6,14 +6,15 @@
 use std::path::Path;
 
 use super::center_line::ring;
-use super::font::{read_bytes, read_text};
 use super::options::{Align, LetterOptions};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, simplify};
 
+mod entities;
 mod handwriting;
 mod inkml;
 mod svg;
@@ -22,7 +23,8 @@ mod svg;
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
-const MAX_BYTES: u64 = 8 << 20;
+pub(crate) const LIMIT: Limit =
+    Limit { bytes: 8 << 20, what: "a drawing", hint: "simplify its paths in the editor" };
 
 /// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
 const MAX_POINTS: usize = 200_000;
@@ -61,17 +63,15 @@ pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
     let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
     match kind.as_deref() {
         Some("svg") => {
-            let paths = svg::read(&read_bytes(path, MAX_BYTES)?, &file)?;
+            let paths = svg::read(&LIMIT.read(path)?, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
             let runs = lines.into_iter().map(|line| placing.run(&line));
             Ok(placing.strokes(runs.collect(), StrokeOrder::Free, Vec::new()))
         }
-        Some("json") => {
-            write(handwriting::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
-        }
+        Some("json") => write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, &file),
         Some("inkml" | "xml") => {
-            write(inkml::read(&read_text(path, MAX_BYTES)?, &file)?, options, &file)
+            write(inkml::read(&LIMIT.read_text(path)?, &file)?, options, &file)
         }
         _ => {
             let wanted = "a file *.svg, *.json (strokes) or *.inkml";

@@ -8,7 +8,7 @@ use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
-use super::{MAX_POINTS, too_many};
+use super::{MAX_POINTS, entities, too_many};
 use crate::error::{Error, Result};
 use crate::geometry;
 
@@ -22,10 +22,12 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
         Error::input(file, found, "an SVG drawing", hint)
     };
     let text = std::str::from_utf8(bytes).map_err(|broken| refuse(broken.to_string()))?;
+    entities::check(text).map_err(refuse)?;
     let limits =
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
+    check_rules(&document).map_err(refuse)?;
     let text = document.descendants().find(|node| node.tag_name().name() == "text");
     if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
         let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
@@ -62,6 +64,20 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
         }
     }
     Ok(paths)
+}
+
+/// Most rules of a style sheet times elements: each is tried on each.
+const MAX_RULES: usize = 5_000_000;
+
+fn check_rules(document: &roxmltree::Document<'_>) -> std::result::Result<(), String> {
+    let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
+    let text = sheets.flat_map(|sheet| sheet.descendants().filter_map(|node| node.text()));
+    let rules: usize = text.map(|css| css.matches(['{', ',']).count()).sum();
+    let elements = document.descendants().filter(roxmltree::Node::is_element).count();
+    if rules.saturating_mul(elements) <= MAX_RULES {
+        return Ok(());
+    }
+    Err(format!("{rules} style rules over {elements} elements, at most {MAX_RULES} pairs are read"))
 }
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.

@@ -163,7 +163,7 @@ fn a_file_that_is_no_log_is_refused() {
     let cases: [(&[u8], &str); 6] = [
         (b"", "empty"),
         (b"PK\x03\x04zip", "begins with"),
-        (b"[1, 2]", "column of times"),
+        (b"[1, 2]", "a list of rows"),
         (b"{\"a\": {\"time\": [1], \"data\": [2]}}", "columns a"),
         (b"t,colour\n0,1\n", "columns colour"),
         (b"{\"a\": ", "EOF"),

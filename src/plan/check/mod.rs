@@ -95,6 +95,8 @@ pub enum Check {
     Evenness,
     /// Share of the flight's box that two base stations see.
     Coverage,
+    /// What keeps the word from being read whatever its letters are: shutter, lamps, framing.
+    Picture,
 }
 
 /// The result of one check.

@@ -1,12 +1,12 @@
-//! Reading without being told, and finding a word by its ink.
+//! Blind recognition, and placement of a word by its ink.
 
 use super::studio::{Shot, camera, word};
 use super::*;
 
-const WORDS: [&str; 4] = ["NOOR", "QUIZ", "FLOCK", "DRAWN"];
+const WORDS: [&str; 4] = ["NOOR", "JAZZ", "FLOCK", "GREEN"];
 
 #[test]
-fn words_are_read_without_being_told() {
+fn words_are_recognized_blindly() {
     for text in WORDS {
         let strokes = word(text);
         let reading = read(&Shot::of(&strokes).photo()).unwrap();
@@ -17,7 +17,7 @@ fn words_are_read_without_being_told() {
 }
 
 #[test]
-fn the_teams_faults_leave_the_word_readable_without_being_told() {
+fn the_teams_faults_leave_the_word_recognizable() {
     let shot = Shot::of(&word("NOOR"));
     let faults = [
         ("trailing by 6 cm", shot.clone().trailing(0.06)),
@@ -46,13 +46,13 @@ fn nothing_is_read_where_nothing_is_written() {
 
 #[test]
 fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
-    for text in ["NOOR", "QUIZ", "BOX"] {
+    for text in ["NOOR", "JAZZ", "BOX"] {
         let strokes = word(text);
         let photo = Shot::of(&strokes).photo();
         let view = locate(&photo, &read(&photo).unwrap(), &strokes).unwrap().unwrap();
         let verdict = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
         let verdict = verdict.score(&photo, &view).unwrap();
-        assert!(verdict.legible && verdict.read == text, "{verdict:?}");
+        assert!(verdict.readability > 0.5 && verdict.read == text, "{verdict:?}");
     }
 }
 

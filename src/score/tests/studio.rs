@@ -69,6 +69,7 @@ pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera
         vignetting: 0.0,
         white_balance: [1.0; 3],
         iso: 100.0,
+        base_iso: 100.0,
         shutter_open_s: 0.0,
         shutter_close_s: 60.0,
         width_px,
@@ -159,11 +160,7 @@ impl Shot {
     }
 
     pub(super) fn verdict(&self, strokes: &Strokes) -> Verdict {
-        self.verdict_with(strokes, &ScoreOptions::default())
-    }
-
-    pub(super) fn verdict_with(&self, strokes: &Strokes, options: &ScoreOptions) -> Verdict {
-        score(&self.photo(), strokes, &self.camera, options).unwrap()
+        score(&self.photo(), strokes, &self.camera, &ScoreOptions::default()).unwrap()
     }
 
     /// Exposes and encodes: a trail of 2 cm that glows by 6 mm.

@@ -17,6 +17,7 @@ pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
 use self::lqr::Lqr;
 use self::pid::PidCascade;
+pub(crate) use self::pid::pid_gains;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
 use super::vehicle::State;

@@ -5,7 +5,8 @@
 //! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
 //! are unchanged; pitch has our sign.
 //!
-//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
+//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`; what
+//! other platforms have otherwise is in [`PidOptions`]),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
 //! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
 //! body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because
@@ -16,7 +17,7 @@ use std::f64::consts::{PI, SQRT_2};
 use nalgebra::{Vector3, Vector4};
 
 use super::{Command, Controller, Reference};
-use crate::sim::options::SimOptions;
+use crate::sim::options::{PidOptions, SimOptions};
 use crate::sim::vehicle::Mixer;
 use crate::sim::vehicle::{State, attitude, position, rate, velocity};
 
@@ -24,9 +25,6 @@ use crate::sim::vehicle::{State, attitude, position, rate, velocity};
 const FULL: f64 = 65_535.0;
 /// Command of the vertical velocity loop's unit (`thrustScale`).
 const THRUST_SCALE: f64 = 1000.0;
-/// Command with which the drone is thought to hover (`PID_VEL_THRUST_BASE`); the loops' integrals
-/// make up for the rest, which is why a heavy drone leaves the floor late.
-const THRUST_BASE: f64 = 36_000.0;
 /// Smallest command in the air (`PID_VEL_THRUST_MIN`).
 const THRUST_MIN: f64 = 20_000.0;
 /// Largest roll and pitch, degrees (`PID_VEL_ROLL_MAX`, `PID_VEL_PITCH_MAX`).
@@ -39,6 +37,17 @@ const OVERHEAD: f64 = 1.1;
 const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
+
+/// Proportional, integral and derivative gains of the loops: position x y z, velocity x y z, attitude
+/// roll pitch yaw, and rate roll pitch yaw.
+pub(crate) fn pid_gains(options: &PidOptions) -> [[[f64; 3]; 3]; 4] {
+    [
+        [[2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.5, 0.0]],
+        [[25.0, 1.0, 0.0], [25.0, 1.0, 0.0], [25.0, 15.0, 0.0]],
+        [[6.0, 3.0, 0.0], [6.0, 3.0, 0.0], [6.0, 1.0, 0.35]],
+        [options.rate_pid, options.rate_pid, [120.0, 16.7, 0.0]],
+    ]
+}
 
 /// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
 /// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
@@ -126,6 +135,7 @@ pub(super) struct PidCascade {
     /// Wanted roll and pitch, degrees.
     wanted: [f64; 2],
     thrust: f64,
+    thrust_base: f64,
 }
 
 impl PidCascade {
@@ -136,28 +146,25 @@ impl PidCascade {
         let speed_max = SPEED_MAX * OVERHEAD;
         let tilt_max = TILT_MAX * OVERHEAD;
         let vehicle = &options.vehicle;
+        let PidOptions { thrust_base, .. } = options.controller.pid;
         let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
         let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
+        let [position, velocity, attitude, rate] = pid_gains(&options.controller.pid);
+        let [vx, vy, vz] = velocity;
+        let [roll, pitch, yaw] = attitude;
+        let [p, q, r] = rate;
         Self {
-            position: [
-                slow([2.0, 0.0, 0.0], speed_max),
-                slow([2.0, 0.0, 0.0], speed_max),
-                slow([2.0, 0.5, 0.0], speed_max),
-            ],
-            velocity: [
-                slow([25.0, 1.0, 0.0], tilt_max),
-                slow([25.0, 1.0, 0.0], tilt_max),
-                slow([25.0, 15.0, 0.0], FULL / 2.0 / THRUST_SCALE),
-            ],
+            position: position.map(|gains| slow(gains, speed_max)),
+            velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
             attitude: [
-                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
-                fast([6.0, 3.0, 0.0], 20.0, f64::INFINITY),
-                fast([6.0, 1.0, 0.35], 360.0, f64::INFINITY),
+                fast(roll, 20.0, f64::INFINITY),
+                fast(pitch, 20.0, f64::INFINITY),
+                fast(yaw, 360.0, f64::INFINITY),
             ],
             rate: [
-                Pid { filter: filter.clone(), ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
-                Pid { filter, ..fast([250.0, 500.0, 2.5], 33.3, COMMAND_MAX) },
-                fast([120.0, 16.7, 0.0], 166.7, COMMAND_MAX),
+                Pid { filter: filter.clone(), ..fast(p, 33.3, COMMAND_MAX) },
+                Pid { filter, ..fast(q, 33.3, COMMAND_MAX) },
+                fast(r, 166.7, COMMAND_MAX),
             ],
             mixer: Mixer::new(&options.vehicle),
             scale: options.vehicle.motor_max / FULL,
@@ -165,6 +172,7 @@ impl PidCascade {
             ticks: 0,
             wanted: [0.0; 2],
             thrust: 0.0,
+            thrust_base,
         }
     }
 
@@ -183,7 +191,7 @@ impl PidCascade {
         }
         let [ahead, left, up] = out;
         self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
-        self.thrust = (up * THRUST_SCALE + THRUST_BASE).clamp(THRUST_MIN, FULL);
+        self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
     /// Attitude and rate loops: roll, pitch and yaw commands. The yaw is held at 0.
@@ -252,6 +260,9 @@ mod tests {
     fn a_drone_in_place_is_given_the_firmwares_base_thrust() {
         let place = Vector3::new(0.3, 0.1, 0.8);
         assert_eq!(asked(&at(place, 0.0), place).1, Vector4::repeat(36_000.0));
+        let brushless = PidCascade::new(&SimOptions::cf_brushless());
+        assert_eq!(brushless.thrust_base, 30_000.0, "platform_defaults_cf21bl.h");
+        assert_eq!(brushless.rate[1].gains, [200.0, 400.0, 2.5], "platform_defaults_cf21bl.h");
     }
 
     #[test]

@@ -55,7 +55,7 @@ impl Covariance {
         span_s: f64,
         lever: &Matrix3<f64>,
         turn_rad: &Vector3<f64>,
-        acceleration_density: f64,
+        acceleration_density: [f64; 3],
         rate_density: f64,
     ) {
         let b = lever * span_s;
@@ -75,16 +75,13 @@ impl Covariance {
         self.vt = vt_next * t_transposed;
         self.tt = t_transposed.transpose() * self.tt * t_transposed;
 
-        let velocity = acceleration_density * span_s;
-        let add = |block: &mut Matrix3<f64>, value: f64| {
-            for i in 0..3 {
-                block[(i, i)] += value;
-            }
-        };
-        add(&mut self.pp, velocity * span_s * span_s / 3.0);
-        add(&mut self.pv, velocity * span_s / 2.0);
-        add(&mut self.vv, velocity);
-        add(&mut self.tt, rate_density * span_s);
+        for (i, density) in acceleration_density.into_iter().enumerate() {
+            let velocity = density * span_s;
+            self.pp[(i, i)] += velocity * span_s * span_s / 3.0;
+            self.pv[(i, i)] += velocity * span_s / 2.0;
+            self.vv[(i, i)] += velocity;
+            self.tt[(i, i)] += rate_density * span_s;
+        }
         for block in [&mut self.pp, &mut self.vv, &mut self.tt] {
             *block = (*block + block.transpose()) * 0.5;
         }
@@ -106,28 +103,65 @@ impl Covariance {
         variance: f64,
         gate_sq: f64,
     ) -> bool {
-        let a_p = self.pp * slope.position + self.pt * slope.turn;
-        let a_v = self.pv.tr_mul(&slope.position) + self.vt * slope.turn;
-        let a_t = self.pt.tr_mul(&slope.position) + self.tt * slope.turn;
-        let s = slope.position.dot(&a_p) + slope.turn.dot(&a_t) + variance;
-        let expected = slope.position.dot(&errors.position_m) + slope.turn.dot(&errors.turn_rad);
-        let left = innovation - expected;
+        let a = self.spread(slope);
+        let s = slope.along(&a) + variance;
+        let left = innovation - slope.along(errors);
         if left * left > gate_sq * s {
             return false;
         }
         let scale = 1.0 / s.sqrt();
-        let (p, v, t) = (a_p * scale, a_v * scale, a_t * scale);
-        let step = left * scale;
-        errors.position_m += p * step;
-        errors.velocity_m_s += v * step;
-        errors.turn_rad += t * step;
+        let gain = a.times(scale);
+        errors.add(&gain, left * scale);
+        self.reduce(&gain);
+        true
+    }
+
+    /// `P h`: how the errors go along with a measurement.
+    #[inline(always)]
+    pub(super) fn spread(&self, slope: &Slope) -> Errors {
+        Errors {
+            position_m: self.pp * slope.position + self.pt * slope.turn,
+            velocity_m_s: self.pv.tr_mul(&slope.position) + self.vt * slope.turn,
+            turn_rad: self.pt.tr_mul(&slope.position) + self.tt * slope.turn,
+        }
+    }
+
+    /// `P ← P − a aᵀ`.
+    #[inline(always)]
+    pub(super) fn reduce(&mut self, a: &Errors) {
+        let (p, v, t) = (a.position_m, a.velocity_m_s, a.turn_rad);
         self.pp -= p * p.transpose();
         self.pv -= p * v.transpose();
         self.pt -= p * t.transpose();
         self.vv -= v * v.transpose();
         self.vt -= v * t.transpose();
         self.tt -= t * t.transpose();
-        true
+    }
+}
+
+impl Slope {
+    /// The change of the measurement with errors.
+    #[inline(always)]
+    pub(super) fn along(&self, errors: &Errors) -> f64 {
+        self.position.dot(&errors.position_m) + self.turn.dot(&errors.turn_rad)
+    }
+}
+
+impl Errors {
+    #[inline(always)]
+    pub(super) fn times(&self, factor: f64) -> Self {
+        Self {
+            position_m: self.position_m * factor,
+            velocity_m_s: self.velocity_m_s * factor,
+            turn_rad: self.turn_rad * factor,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self, factor: f64) {
+        self.position_m += other.position_m * factor;
+        self.velocity_m_s += other.velocity_m_s * factor;
+        self.turn_rad += other.turn_rad * factor;
     }
 }
 
@@ -160,7 +194,7 @@ mod tests {
         let mut p = Covariance::new(0.3, 0.2, 0.1);
         let force = Vector3::new(0.4, -0.3, 9.7);
         for _ in 0..5 {
-            p.carry(0.05, &-force.cross_matrix(), &Vector3::new(0.03, -0.02, 0.05), 0.1, 0.02);
+            p.carry(0.05, &-force.cross_matrix(), &Vector3::new(0.03, -0.02, 0.05), [0.1; 3], 0.02);
         }
         p
     }
@@ -170,7 +204,7 @@ mod tests {
         let (mut p, before) = (some(), dense::matrix(&some()));
         let (span, turn) = (0.02, Vector3::new(0.01, 0.02, -0.03));
         let lever = -Vector3::new(1.0, -2.0, 9.0).cross_matrix();
-        p.carry(span, &lever, &turn, 0.3, 0.04);
+        p.carry(span, &lever, &turn, [0.3; 3], 0.04);
         let cross = turn.cross_matrix();
         let mut phi = SMatrix::<f64, 9, 9>::identity();
         phi.fixed_view_mut::<3, 3>(0, 3).copy_from(&(Matrix3::identity() * span));
@@ -209,7 +243,7 @@ mod tests {
         let lever = -(Vector3::z() * 9.81).cross_matrix();
         for i in 0..1_000_000_u32 {
             if i % 4 == 0 {
-                p.carry(0.005, &lever, &Vector3::zeros(), 1e-6, 1e-8);
+                p.carry(0.005, &lever, &Vector3::zeros(), [1e-6; 3], 1e-8);
             }
             let angle = f64::from(i);
             let position = Vector3::new(libm::sin(angle), libm::cos(angle), libm::sin(0.7 * angle));

@@ -17,14 +17,15 @@ use nalgebra::{Matrix3, Vector3};
 use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
-use crate::sim::options::{EkfOptions, SensorOptions};
+use crate::sim::options::{EkfOptions, Generation, SensorOptions};
+use crate::sim::peers::Target;
 use crate::sim::sensors::{
     DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
 };
 use crate::sim::vehicle::{GRAVITY_M_S2, State};
 
 /// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
-const START: [f64; 3] = [0.02, 0.01, 0.02];
+pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
 /// The covariance is carried at least this often.
 const LONGEST_SPAN_S: f64 = 0.01;
 /// Cosine of the tilt beyond which the ranger's distance says nothing about the height.
@@ -33,37 +34,80 @@ const LEAST_COS_TILT: f64 = 0.3;
 /// The filter.
 #[derive(Debug)]
 pub(super) struct Ekf {
+    pub(super) motion: Motion,
+    pub(super) covariance: Covariance,
+    /// Corrections by the measurements of this tick.
+    errors: Errors,
+}
+
+/// The mean of the estimate, and what is known of the sensors: all but the covariance.
+#[derive(Debug)]
+pub(super) struct Motion {
     pub(super) position_m: Vector3<f64>,
     pub(super) velocity_m_s: Vector3<f64>,
     pub(super) attitude: Turned,
     /// The attitude as a matrix, since the covariance was carried last.
-    world_from_body: Matrix3<f64>,
+    pub(super) world_from_body: Matrix3<f64>,
     rate_rad_s: Vector3<f64>,
-    pub(super) covariance: Covariance,
     /// Since the covariance was carried last.
     span_s: f64,
     turn_rad: Vector3<f64>,
-    /// Corrections by the measurements of this tick.
-    errors: Errors,
     stations: Vec<StationPose>,
-    anchors_m: Vec<Vector3<f64>>,
-    trust: Trust,
+    /// Whether each station is of the second generation.
+    is_v2: Vec<bool>,
+    pub(super) anchors_m: Vec<Vector3<f64>>,
+    pub(super) trust: Trust,
 }
 
 /// Spectral densities (two-sided), variances and the gate.
 #[derive(Clone, Copy, Debug)]
-struct Trust {
-    acceleration: f64,
-    rate: f64,
-    sweep: f64,
+pub(super) struct Trust {
+    /// Along world x, y, z.
+    pub(super) acceleration: [f64; 3],
+    pub(super) rate: f64,
+    /// Of a station of the first and of the second generation.
+    sweep: [f64; 2],
     position: f64,
-    range: f64,
-    barometer: f64,
-    gate_sq: f64,
+    /// Of a difference, and of two-way ranging.
+    pub(super) range: [f64; 2],
+    pub(super) barometer: f64,
+    pub(super) gate_sq: f64,
+}
+
+/// A scalar measurement against its prediction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Residual {
+    pub(super) slope: Slope,
+    pub(super) innovation: f64,
+    pub(super) variance: f64,
+}
+
+/// A span over which the covariance is carried.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span {
+    pub(super) span_s: f64,
+    /// `−R [f]×`.
+    pub(super) lever: Matrix3<f64>,
+    pub(super) turn_rad: Vector3<f64>,
 }
 
 impl Ekf {
     /// A filter that believes in a level drone at rest at `position_m`.
+    pub(super) fn new(
+        options: &EkfOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+    ) -> Self {
+        Self {
+            motion: Motion::new(options, sensors, position_m),
+            covariance: Covariance::new(START[0], START[1], START[2]),
+            errors: Errors::default(),
+        }
+    }
+}
+
+impl Motion {
+    /// A level drone at rest at `position_m`.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -76,18 +120,27 @@ impl Ekf {
             attitude: Turned::level(),
             world_from_body: Matrix3::identity(),
             rate_rad_s: Vector3::zeros(),
-            covariance: Covariance::new(START[0], START[1], START[2]),
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
-            errors: Errors::default(),
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
+            is_v2: sensors
+                .lighthouse
+                .stations
+                .iter()
+                .map(|s| s.generation == Generation::V2)
+                .collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
             trust: Trust {
-                acceleration: 0.5 * square(options.acceleration_noise_m_s2_sqrt_hz),
+                acceleration: [
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_m_s2_sqrt_hz,
+                    options.acceleration_noise_z_m_s2_sqrt_hz,
+                ]
+                .map(|density| 0.5 * square(density)),
                 rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
-                sweep: square(options.sweep_sigma_rad),
+                sweep: [options.sweep_v1_sigma_rad, options.sweep_sigma_rad].map(square),
                 position: square(options.position_sigma_m),
-                range: square(options.range_sigma_m),
+                range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
                 barometer: square(options.barometer_sigma_m),
                 gate_sq: square(options.gate_sigmas),
             },
@@ -95,8 +148,13 @@ impl Ekf {
     }
 
     /// Moves the state over a span with the mean of the body rates at its ends and the specific
-    /// force along it.
-    fn predict(&mut self, rate_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>, tick_s: f64) {
+    /// force along it; returns the acceleration.
+    pub(super) fn predict(
+        &mut self,
+        rate_rad_s: &Vector3<f64>,
+        force_m_s2: &Vector3<f64>,
+        tick_s: f64,
+    ) -> Vector3<f64> {
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
         let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
         let acceleration = midway.matrix() * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
@@ -106,33 +164,57 @@ impl Ekf {
         self.rate_rad_s = *rate_rad_s;
         self.span_s += tick_s;
         self.turn_rad += turn_rad;
+        acceleration
     }
 
-    fn carry_covariance(&mut self, force_m_s2: &Vector3<f64>) {
-        let lever = -self.world_from_body * force_m_s2.cross_matrix();
-        let Trust { acceleration, rate, .. } = self.trust;
-        self.covariance.carry(self.span_s, &lever, &self.turn_rad, acceleration, rate);
-        self.span_s = 0.0;
-        self.turn_rad = Vector3::zeros();
+    /// Whether the covariance is to be carried now: for a measurement, or after a while without.
+    pub(super) fn is_due(&self, measured: bool) -> bool {
+        measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    fn correct(&mut self, slope: Slope, innovation: f64, variance: f64) {
-        let gate_sq = self.trust.gate_sq;
-        self.covariance.correct(&mut self.errors, &slope, innovation, variance, gate_sq);
+    /// The span since the covariance was carried last; the next one begins.
+    pub(super) fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
+        self.world_from_body = self.attitude.matrix();
+        Span {
+            span_s: std::mem::take(&mut self.span_s),
+            lever: -self.world_from_body * force_m_s2.cross_matrix(),
+            turn_rad: std::mem::take(&mut self.turn_rad),
+        }
     }
 
-    fn correct_sweep(&mut self, sweep: &Sweep) {
+    /// Passes every measurement on, with what it was measured to where that is one thing.
+    #[inline(always)]
+    pub(super) fn residuals(
+        &self,
+        readings: &Readings<'_>,
+        mut each: impl FnMut(Residual, Option<Target>),
+    ) {
+        let mut other = |residual| each(residual, None);
+        readings.sweeps.iter().for_each(|sweep| self.sweep(sweep, &mut other));
+        for range in readings.ranges {
+            each(self.range(range), Some(Target::Anchor(range.anchor)));
+        }
+        let mut other = |residual| each(residual, None);
+        readings.position_m.iter().for_each(|position_m| self.position(position_m, &mut other));
+        let floor = readings.time_of_flight_m.and_then(|distance_m| self.distance(distance_m));
+        floor.into_iter().for_each(|residual| each(residual, Some(Target::Floor)));
+        let air = readings.barometer_m.map(|height_m| self.height(height_m));
+        air.into_iter().for_each(|residual| each(residual, Some(Target::Air)));
+    }
+
+    fn sweep(&self, sweep: &Sweep, each: &mut impl FnMut(Residual)) {
+        let variance = self.trust.sweep[usize::from(self.is_v2[sweep.station])];
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
             let place_m = self.position_m + self.world_from_body * lever;
             let crossing = self.stations[sweep.station].crossing(sweep.plane, &place_m);
             let position = crossing.slope_rad_m;
             let turn = lever.cross(&self.world_from_body.tr_mul(&position));
             let innovation = angle_rad - crossing.angle_rad;
-            self.correct(Slope { position, turn }, innovation, self.trust.sweep);
+            each(Residual { slope: Slope { position, turn }, innovation, variance });
         }
     }
 
-    fn correct_range(&mut self, range: &Range) {
+    pub(super) fn range(&self, range: &Range) -> Residual {
         let away = |anchor: usize| self.position_m - self.anchors_m[anchor];
         let mut position = away(range.anchor);
         let mut expected_m = position.norm();
@@ -142,78 +224,83 @@ impl Ekf {
             expected_m -= distance_m;
             position -= away / distance_m.max(f64::MIN_POSITIVE);
         }
-        let turn = Vector3::zeros();
-        self.correct(Slope { position, turn }, range.distance_m - expected_m, self.trust.range);
+        let slope = Slope { position, turn: Vector3::zeros() };
+        let variance = self.trust.range[usize::from(range.minus.is_none())];
+        Residual { slope, innovation: range.distance_m - expected_m, variance }
     }
 
-    fn correct_position(&mut self, position_m: &Vector3<f64>) {
+    fn position(&self, position_m: &Vector3<f64>, each: &mut impl FnMut(Residual)) {
         for axis in 0..3 {
             let mut position = Vector3::zeros();
             position[axis] = 1.0;
             let innovation = position_m[axis] - self.position_m[axis];
-            let turn = Vector3::zeros();
-            self.correct(Slope { position, turn }, innovation, self.trust.position);
+            let slope = Slope { position, turn: Vector3::zeros() };
+            each(Residual { slope, innovation, variance: self.trust.position });
         }
     }
 
-    fn correct_distance(&mut self, distance_m: f64) {
+    fn distance(&self, distance_m: f64) -> Option<Residual> {
         let r = &self.world_from_body;
         let cos_tilt = r[(2, 2)];
         if cos_tilt < LEAST_COS_TILT {
-            return;
+            return None;
         }
         let expected_m = self.position_m.z / cos_tilt;
         let position = Vector3::z() / cos_tilt;
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
         let sigma_m = time_of_flight_sigma_m(distance_m);
-        self.correct(Slope { position, turn }, distance_m - expected_m, sigma_m * sigma_m);
+        Some(Residual {
+            slope: Slope { position, turn },
+            innovation: distance_m - expected_m,
+            variance: sigma_m * sigma_m,
+        })
     }
 
-    fn correct_height(&mut self, height_m: f64) {
+    fn height(&self, height_m: f64) -> Residual {
         let slope = Slope { position: Vector3::z(), turn: Vector3::zeros() };
-        self.correct(slope, height_m - self.position_m.z, self.trust.barometer);
+        Residual { slope, innovation: height_m - self.position_m.z, variance: self.trust.barometer }
     }
 
-    /// Applies the corrections of this tick's measurements to the state.
-    fn settle(&mut self) {
-        let errors = std::mem::take(&mut self.errors);
+    /// Corrects the state.
+    pub(super) fn settle(&mut self, errors: &Errors) {
         self.position_m += errors.position_m;
         self.velocity_m_s += errors.velocity_m_s;
         self.attitude = self.attitude.by(&errors.turn_rad);
     }
-}
 
-impl Estimator for Ekf {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let force_m_s2 = &readings.specific_force_m_s2;
-        self.predict(&readings.rate_rad_s, force_m_s2, tick_s);
-        let measured = !readings.sweeps.is_empty()
-            || !readings.ranges.is_empty()
-            || readings.position_m.is_some()
-            || readings.time_of_flight_m.is_some()
-            || readings.barometer_m.is_some();
-        if !measured && self.span_s < LONGEST_SPAN_S {
-            return;
-        }
-        self.world_from_body = self.attitude.matrix();
-        self.carry_covariance(force_m_s2);
-        if !measured {
-            return;
-        }
-        readings.sweeps.iter().for_each(|sweep| self.correct_sweep(sweep));
-        readings.ranges.iter().for_each(|range| self.correct_range(range));
-        readings.position_m.iter().for_each(|position_m| self.correct_position(position_m));
-        readings.time_of_flight_m.iter().for_each(|distance_m| self.correct_distance(*distance_m));
-        readings.barometer_m.iter().for_each(|height_m| self.correct_height(*height_m));
-        self.settle();
-    }
-
-    fn state(&self) -> State {
+    /// All twelve states.
+    pub(super) fn state(&self) -> State {
         let (p, w) = (&self.position_m, &self.rate_rad_s);
         let world_from_body = self.attitude.matrix();
         let a = angles(&world_from_body);
         let v = world_from_body.tr_mul(&self.velocity_m_s);
         let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
         State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
+    }
+}
+
+impl Estimator for Ekf {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let Self { motion, covariance, errors } = self;
+        let force_m_s2 = &readings.specific_force_m_s2;
+        motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
+        let measured = readings.measures_place();
+        if !motion.is_due(measured) {
+            return;
+        }
+        let Span { span_s, lever, turn_rad } = motion.span(force_m_s2);
+        let Trust { acceleration, rate, gate_sq, .. } = motion.trust;
+        covariance.carry(span_s, &lever, &turn_rad, acceleration, rate);
+        if !measured {
+            return;
+        }
+        motion.residuals(readings, |Residual { slope, innovation, variance }, _| {
+            covariance.correct(errors, &slope, innovation, variance, gate_sq);
+        });
+        motion.settle(&std::mem::take(errors));
+    }
+
+    fn state(&self) -> State {
+        self.motion.state()
     }
 }

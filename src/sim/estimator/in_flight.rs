@@ -14,6 +14,7 @@ use crate::sim::options::{
     BarometerOptions, EkfOptions, EstimatorKind, HeightSensor, LighthouseOptions, Positioning,
     SensorOptions, UwbOptions,
 };
+use crate::sim::peers::Fleet;
 use crate::sim::sensors::Sensors;
 use crate::sim::vehicle::{GRAVITY_M_S2, RigidBody, State};
 use crate::sim::{Drone, SimOptions, fly};
@@ -60,12 +61,12 @@ fn follow(
     seconds: u32,
     mut show: impl FnMut(f64, &State, &Ekf),
 ) {
-    let mut readers = Sensors::new(sensors, RATE_HZ, seed, 0);
+    let mut readers = Sensors::new(sensors, RATE_HZ, seed, &Fleet::alone(0));
     let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
         let (state, force) = truth(time_s);
-        ekf.update(&readers.read(&RigidBody::from_state(&state), force), TICK_S);
+        ekf.update(&readers.read(&RigidBody::from_state(&state), force, &[]), TICK_S);
         show(time_s, &state, &ekf);
     }
 }
@@ -74,10 +75,13 @@ fn follow(
 fn honest(sensors: &SensorOptions) -> EkfOptions {
     EkfOptions {
         acceleration_noise_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
+        acceleration_noise_z_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
         rate_noise_rad_s_sqrt_hz: sensors.imu.gyro_noise_rad_s_sqrt_hz,
         sweep_sigma_rad: sensors.lighthouse.sweep_noise_rad[1],
+        sweep_v1_sigma_rad: sensors.lighthouse.sweep_noise_rad[0],
         position_sigma_m: sensors.gnss.noise_m,
         range_sigma_m: sensors.uwb.noise_m,
+        two_way_sigma_m: sensors.uwb.noise_m,
         barometer_sigma_m: sensors.barometer.noise_m,
         gate_sigmas: 8.0,
     }
@@ -132,11 +136,11 @@ fn the_filters_covariance_is_consistent_with_its_errors() {
 fn nees(truth: &State, ekf: &Ekf) -> f64 {
     let a = Attitude { yaw_rad: truth[3], pitch_rad: truth[4], roll_rad: truth[5] };
     let r = a.world_from_body();
-    let off = ekf.attitude.matrix().transpose() * r;
+    let off = ekf.motion.attitude.matrix().transpose() * r;
     let mut error = SVector::<f64, 9>::zeros();
-    let position = truth.fixed_rows::<3>(0) - ekf.position_m;
+    let position = truth.fixed_rows::<3>(0) - ekf.motion.position_m;
     error.fixed_rows_mut::<3>(0).copy_from(&position);
-    let velocity = r * truth.fixed_rows::<3>(6) - ekf.velocity_m_s;
+    let velocity = r * truth.fixed_rows::<3>(6) - ekf.motion.velocity_m_s;
     error.fixed_rows_mut::<3>(3).copy_from(&velocity);
     let turn = Vector3::new(
         off[(2, 1)] - off[(1, 2)],
@@ -172,7 +176,7 @@ fn outliers_are_rejected() {
         let options = EkfOptions { gate_sigmas: gate, ..honest(&sensors) };
         let mut square = 0.0;
         follow(&options, &sensors, 3, 20, |_, truth, ekf| {
-            square += (truth.fixed_rows::<3>(0) - ekf.position_m).norm_squared();
+            square += (truth.fixed_rows::<3>(0) - ekf.motion.position_m).norm_squared();
         });
         (square / f64::from(20 * RATE_HZ)).sqrt()
     };
@@ -251,19 +255,20 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers = Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, 0);
+        let mut readers =
+            Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, &Fleet::alone(0));
         let fixes = (0..5000)
-            .filter_map(|_| readers.read(&RigidBody::from_state(&state), force).position_m);
+            .filter_map(|_| readers.read(&RigidBody::from_state(&state), force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
-        let mut readers = Sensors::new(&sensors, RATE_HZ, seed, 0);
+        let mut readers = Sensors::new(&sensors, RATE_HZ, seed, &Fleet::alone(0));
         let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
-            ekf.update(&readers.read(&RigidBody::from_state(&state), force), TICK_S);
+            ekf.update(&readers.read(&RigidBody::from_state(&state), force, &[]), TICK_S);
             if tick >= 1000 && tick % 10 == 0 {
-                places.push(ekf.position_m);
+                places.push(ekf.motion.position_m);
             }
         }
         filter_m.push(rms_step(&places));

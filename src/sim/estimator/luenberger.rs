@@ -114,6 +114,7 @@ mod tests {
             position_m: Some(position_m),
             sweeps: &[],
             ranges: &[],
+            peer_ranges: &[],
             time_of_flight_m: None,
             barometer_m: None,
         }

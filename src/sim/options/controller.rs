@@ -12,6 +12,8 @@ settings! {
         lqr: LqrOptions = LqrOptions::default();
         /// The geometric controller.
         geometric: GeometricOptions = GeometricOptions::default();
+        /// The firmware's cascade of PID loops.
+        pid: PidOptions = PidOptions::default();
     }
 
     /// A controller.
@@ -55,6 +57,21 @@ settings! {
         "modeled" => Modeled,
         /// Immediate motors, as the reference team's design.
         "ignored" => Ignored,
+    }
+
+    /// The constants of the firmware's cascade that differ between its platforms; the others are
+    /// the same on all.
+    ///
+    /// Default: crazyflie-firmware `platform_defaults_cf2.h`, commit 0555cb1.
+    pub struct PidOptions {
+        /// Gains P, I, D of the roll and pitch rate loops, in the firmware's units (a command of
+        /// 65535 per °/s).
+        rate_pid: [f64; 3] = [250.0, 500.0, 2.5], in 0.0..=1e5;
+        /// Command with which the drone is thought to hover, of 65535 (`PID_VEL_THRUST_BASE`).
+        ///
+        /// The loops' integrals make up for the rest, which is why a heavy drone leaves the floor
+        /// late.
+        thrust_base: f64 = 36_000.0, in 0.0..=65_535.0;
     }
 
     /// Geometric controller.

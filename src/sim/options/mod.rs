@@ -7,12 +7,14 @@ mod sensors;
 mod vehicle;
 
 pub use self::controller::{
-    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
+    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag, PidOptions,
 };
-pub use self::observer::{EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions};
+pub use self::observer::{
+    CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
+};
 pub use self::sensors::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    Positioning, SensorOptions, Station, UwbOptions,
+    PeerOptions, Positioning, SensorOptions, Station, UwbOptions,
 };
 pub(super) use self::vehicle::GRAVITY_M_S2;
 pub use self::vehicle::{
@@ -101,12 +103,14 @@ impl RateOptions {
     /// Checks that slower loops run at whole ticks of faster ones.
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
-            ("attitude_hz", self.attitude_hz(), "control_hz", self.control_hz),
-            ("position_hz", self.position_hz(), "attitude_hz", self.attitude_hz()),
+            ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),
+            ("position_hz", self.position_hz, "attitude_hz", self.attitude_hz()),
             ("log_hz", self.log_hz, "control_hz", self.control_hz),
         ] {
-            if !fast_hz.is_multiple_of(slow_hz) {
-                let wanted = format!("a divisor of rates.{fast} = {fast_hz}");
+            // A loop that could run a whole number of times a tick runs once.
+            let capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
+            if !capped && !fast_hz.is_multiple_of(slow_hz) {
+                let wanted = format!("a divisor or a multiple of rates.{fast} = {fast_hz}");
                 let hint = "the firmware runs its loops at 1000, 500 and 100 Hz";
                 return Err(Error::input(format!("rates.{slow}"), slow_hz, wanted, hint));
             }
@@ -138,6 +142,7 @@ mod tests {
         );
         assert!(refused(|o| o.rates.log_hz = 300).starts_with("rates.log_hz"));
         assert!(refused(|o| o.rates.attitude_hz = 300).starts_with("rates.attitude_hz"));
+        assert!(refused(|o| o.rates.attitude_hz = 650).starts_with("rates.attitude_hz"));
         assert!(refused(|o| o.rates.position_hz = 99).starts_with("rates.position_hz"));
         assert!(
             refused(|o| o.controller.geometric.k_rate[2] = -1.0)

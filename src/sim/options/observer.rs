@@ -1,6 +1,6 @@
 //! Settings of the estimator: the section `observer` of a scene.
 
-use super::sensors::SensorOptions;
+use super::sensors::{Positioning, SensorOptions};
 use crate::error::{Error, Result};
 use crate::settings::settings;
 
@@ -13,6 +13,8 @@ settings! {
         luenberger: LuenbergerOptions = LuenbergerOptions::default();
         /// Extended Kalman filter.
         ekf: EkfOptions = EkfOptions::default();
+        /// The filter of a fleet, with the weights of `ekf`.
+        cooperative: CooperativeOptions = CooperativeOptions::default();
     }
 
     /// An estimator of the drone's motion.
@@ -21,8 +23,32 @@ settings! {
         "luenberger" => Luenberger,
         /// Extended Kalman filter, on any measurement.
         "ekf" => Ekf,
+        /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
+        /// ranges and messages.
+        "cooperative" => Cooperative,
         /// The true state.
         "truth" => Truth,
+    }
+
+    /// The filter of a fleet.
+    pub struct CooperativeOptions {
+        /// What the drones tell each other.
+        share: Share = Share::Measurements;
+        /// Standard deviation of the place where a drone starts, per axis.
+        start_sigma_m: f64 = 0.02, in 1e-4..=10.0;
+        /// Standard deviation of the tilt at the start, per axis.
+        start_tilt_rad: f64 = 0.02, in 1e-5..=1.0;
+    }
+
+    /// What the drones of a fleet tell each other.
+    pub enum Share {
+        /// Their motion, ranges and heights: every drone estimates all drones from them.
+        "measurements" => Measurements,
+        /// Their estimates. What two drones have in common is then counted twice: worse, for
+        /// comparison.
+        "estimates" => Estimates,
+        /// Nothing: every drone has its own anchors alone.
+        "nothing" => Nothing,
     }
 
     /// Luenberger observer, its gain by the dual regulator.
@@ -41,22 +67,30 @@ settings! {
     /// Extended Kalman filter: assumed errors of its sensors.
     ///
     /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
-    /// `tdoaEngine.h`): 0.5 m/s² and 0.1 rad/s a tick of 1 ms, which are densities of 0.022 and
-    /// 0.0045; sweeps 1 mrad, positions 1 cm, ranges 15 cm, air pressure 2 m. The gate is ours: at
+    /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
+    /// are densities of 0.022 (0.045) and 0.0045; sweeps 1 mrad (0.4 mrad of the first
+    /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
+    /// Commits 170923a, 71bf0d5 and 0cf8300. The gate is ours: at
     /// 5 the error in flight is a fifth larger.
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
         /// More follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.022, in 1e-6..=100.0;
+        /// The same along world z, where the propellers shake.
+        acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.045, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.0045, in 1e-7..=10.0;
-        /// Standard deviation of a sweep angle.
+        /// Standard deviation of a sweep angle of a second-generation station.
         sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0;
+        /// Standard deviation of a sweep angle of a first-generation station.
+        sweep_v1_sigma_rad: f64 = 0.0004, in 1e-6..=1.0;
         /// Standard deviation of a measured position per axis.
         position_sigma_m: f64 = 0.01, in 1e-5..=100.0;
-        /// Standard deviation of an ultra-wideband range.
+        /// Standard deviation of a difference of ultra-wideband ranges.
         range_sigma_m: f64 = 0.15, in 1e-4..=100.0;
+        /// Standard deviation of an ultra-wideband range by two-way ranging.
+        two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0;
         /// Standard deviation of a barometric height.
         ///
         /// That of the time-of-flight ranger follows its distance, as in the firmware.
@@ -72,15 +106,22 @@ settings! {
 impl ObserverOptions {
     /// Checks that the estimator can use the measurements of the sensors.
     pub(super) fn check_inputs(&self, sensors: &SensorOptions) -> Result<()> {
-        if self.kind != EstimatorKind::Luenberger || sensors.positioning.gives_positions() {
-            return Ok(());
-        }
+        let gives_positions = sensors.positioning.gives_positions();
+        let (found, wanted) = match self.kind {
+            EstimatorKind::Luenberger if !gives_positions => {
+                ("luenberger, which takes positions, with a positioning that gives none", "ekf")
+            }
+            EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
+                ("cooperative, which takes ranges to anchors and drones, without uwb-twr", "ekf")
+            }
+            _ => return Ok(()),
+        };
         Err(Error::input(
             "observer.kind",
-            "luenberger, which takes positions, with a positioning that gives none",
-            "ekf",
+            found,
+            wanted,
             "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
-             gnss",
+             gnss for luenberger, to uwb-twr for cooperative",
         ))
     }
 }

@@ -26,6 +26,8 @@ settings! {
         lighthouse: LighthouseOptions = LighthouseOptions::default();
         /// Ultra-wideband ranging.
         uwb: UwbOptions = UwbOptions::default();
+        /// Ranges and messages between the drones of a fleet.
+        peers: PeerOptions = PeerOptions::default();
         /// Barometer.
         barometer: BarometerOptions = BarometerOptions::default();
         /// Satellite navigation with a base station.
@@ -136,7 +138,12 @@ settings! {
             .into_iter()
             .flat_map(|[x, y]| [[x, y, 0.2], [x, y, 2.4]])
             .collect(), in -1e4..=1e4;
-        /// Ranges per second, over all anchors.
+        /// Anchors that each drone hears, by index: one list a drone.
+        ///
+        /// Empty: all drones hear all anchors.
+        heard: Vec<Vec<usize>> = Vec::new(), in 0.0..=63.0;
+        /// Ranges per second, over all anchors. Drones with the estimator `cooperative` share them:
+        /// over all their anchors and all pairs of drones.
         rate_hz: f64 = 180.0, in 1.0..=2000.0;
         /// White noise of a range, σ.
         noise_m: f64 = 0.06, in 0.0..=10.0;
@@ -146,6 +153,23 @@ settings! {
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
         /// Mean error of an outlier: too long for two-way ranging, either way for differences.
         outlier_m: f64 = 1.0, in 0.0..=1000.0;
+        /// Distance between the place where a drone starts and the one it is told, per axis, σ.
+        start_error_m: f64 = 0.0, in 0.0..=10.0;
+    }
+
+    /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
+    ///
+    /// A message holds the motion since the start as the inertial sensors have it, and the ranges
+    /// and heights measured since the last message: 24 bytes and 3 for each of them.
+    pub struct PeerOptions {
+        /// Whether the drones measure the distances between each other, as they do to anchors.
+        ranging: bool = false;
+        /// Messages per second of each drone.
+        rate_hz: f64 = 20.0, in 0.1..=500.0;
+        /// Share of messages that are lost, for each receiver on its own.
+        loss_frac: f64 = 0.0, in 0.0..=1.0;
+        /// Time that a message takes.
+        delay_s: f64 = 0.02, in 0.0..=10.0;
     }
 
     /// Barometer.
@@ -227,8 +251,44 @@ impl Described for Station {
 
 impl Positioning {
     /// Whether it gives positions, rather than angles or distances.
-    pub(in crate::sim) fn gives_positions(self) -> bool {
+    pub(crate) fn gives_positions(self) -> bool {
         matches!(self, Self::Position | Self::CrossingBeams | Self::Gnss)
+    }
+}
+
+impl UwbOptions {
+    /// The anchors that a drone hears, by index.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a drone that the list leaves out.
+    pub(in crate::sim) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
+        let found = usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone));
+        match found {
+            Some(heard) => Ok(heard.clone()),
+            None if self.heard.is_empty() => Ok((0..self.anchors_m.len()).collect()),
+            None => Err(Error::input(
+                "sensors.uwb.heard",
+                format!("{} lists, and a drone {}", self.heard.len(), drone + 1),
+                "a list for each drone, or none",
+                "list the anchors that each drone hears",
+            )),
+        }
+    }
+
+    /// Refuses two anchors at one place.
+    fn check_anchors(&self) -> Result<()> {
+        for (i, anchor) in self.anchors_m.iter().enumerate() {
+            if self.anchors_m[..i].contains(anchor) {
+                return Err(Error::input(
+                    format!("sensors.uwb.anchors_m[{i}]"),
+                    format!("{anchor:?}, the place of another anchor"),
+                    "each anchor once",
+                    "list every anchor at its own place",
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -287,6 +347,22 @@ impl SensorOptions {
         let hint = "the first generation takes turns: one or two stations; use v2 for more";
         check(&format!("{place}, generation v1"), n_v1, 0, 2, hint)?;
         let (place, n) = ("sensors.uwb.anchors_m", self.uwb.anchors_m.len());
-        check(place, n, anchors, MAX_ANCHORS, "list the places of the anchors")
+        check(place, n, anchors, MAX_ANCHORS, "list the places of the anchors")?;
+        if anchors == 0 {
+            return Ok(());
+        }
+        self.uwb.check_anchors()?;
+        for (drone, heard) in self.uwb.heard.iter().enumerate() {
+            let place = format!("sensors.uwb.heard[{drone}]");
+            check(&place, heard.len(), anchors, n, "list the anchors that the drone hears")?;
+            for (i, anchor) in heard.iter().enumerate() {
+                if *anchor >= n || heard[..i].contains(anchor) {
+                    let wanted = format!("each index once, from 0 to {}", n - 1);
+                    let hint = "indices count the list sensors.uwb.anchors_m from 0";
+                    return Err(Error::input(format!("{place}[{i}]"), anchor, wanted, hint));
+                }
+            }
+        }
+        Ok(())
     }
 }

@@ -18,10 +18,11 @@ use serde::Deserialize;
 use serde_saphyr::Spanned;
 
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::sim::options::{Generation, Station};
 
 /// Largest file that is read; sixteen stations take some 20 kB.
-const MAX_FILE_BYTES: u64 = 1 << 20;
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
 /// Most that a rotation matrix may be off: files carry single precision, and some are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
@@ -86,14 +87,7 @@ pub struct LighthouseConfig {
 /// [`Error::Io`] where the file cannot be read; [`Error::Input`] with the line where it is no such
 /// configuration, or a station's place or turn is impossible.
 pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
-    let unreadable = |source| Error::read(path, source);
-    let length = std::fs::metadata(path).map_err(unreadable)?.len();
-    let file = path.display().to_string();
-    if length > MAX_FILE_BYTES {
-        let wanted = format!("a Lighthouse configuration of at most {MAX_FILE_BYTES} bytes");
-        return Err(Error::input(file, format!("{length} bytes"), wanted, HINT));
-    }
-    parse(&std::fs::read_to_string(path).map_err(unreadable)?, &file)
+    parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
 /// Reads the text of a configuration; `file` is its name in messages.

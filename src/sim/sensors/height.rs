@@ -7,8 +7,8 @@ use crate::sim::options::{BarometerOptions, GnssOptions};
 
 /// Readings per second: Crazyswarm's and the firmware's ranger (`zranger2.c`), the firmware's
 /// barometer (`sensors_bmi088_bmp3xx.c`), and the lab's satellite receiver.
-const TIME_OF_FLIGHT_HZ: f64 = 40.0;
-const BAROMETER_HZ: f64 = 50.0;
+pub(in crate::sim) const TIME_OF_FLIGHT_HZ: f64 = 40.0;
+pub(in crate::sim) const BAROMETER_HZ: f64 = 50.0;
 const GNSS_HZ: f64 = 10.0;
 /// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;

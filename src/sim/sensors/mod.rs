@@ -25,13 +25,14 @@ use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
 use super::options::{HeightSensor, Positioning, SensorOptions};
+use super::peers::Fleet;
 use super::vehicle::RigidBody;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
-pub(super) use self::height::time_of_flight_sigma_m;
+pub(super) use self::height::{BAROMETER_HZ, TIME_OF_FLIGHT_HZ, time_of_flight_sigma_m};
 pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub(super) use self::station::StationPose;
-pub(super) use self::uwb::Range;
+pub(super) use self::uwb::{PeerRange, Range};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
@@ -48,10 +49,23 @@ pub(super) struct Readings<'a> {
     pub(super) sweeps: &'a [Sweep],
     /// Ultra-wideband ranges.
     pub(super) ranges: &'a [Range],
+    /// Ultra-wideband ranges to other drones.
+    pub(super) peer_ranges: &'a [PeerRange],
     /// Distance to the floor along the body's −z.
     pub(super) time_of_flight_m: Option<f64>,
     /// Height over the floor, from air pressure.
     pub(super) barometer_m: Option<f64>,
+}
+
+impl Readings<'_> {
+    /// Whether anything besides the inertial readings is due.
+    pub(super) fn measures_place(&self) -> bool {
+        !self.sweeps.is_empty()
+            || !self.ranges.is_empty()
+            || self.position_m.is_some()
+            || self.time_of_flight_m.is_some()
+            || self.barometer_m.is_some()
+    }
 }
 
 /// Sensors of one drone.
@@ -76,9 +90,28 @@ enum Locator {
 }
 
 impl Sensors {
-    /// Sensors of the drone with index `drone`, read `rate_hz` times a second.
-    pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, drone: u64) -> Self {
-        let noise = |sensor: &str| Noise::new(seed, drone, sensor);
+    /// Sensors of a drone, read `rate_hz` times a second.
+    ///
+    /// # Panics
+    ///
+    /// As `Uwb::new`.
+    pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, fleet: &Fleet) -> Self {
+        let drone = fleet.members[fleet.place].index;
+        // What is wrong with a room is the same for all drones in it: the places of stations and
+        // anchors, and what the solution for them bends.
+        let of_room = |sensor: &str| {
+            sensor == "lighthouse distortion"
+                || sensor.starts_with("uwb link")
+                || sensor.starts_with("station") && sensor.ends_with("pose")
+                || sensor.starts_with("station") && sensor.ends_with("distortion")
+        };
+        let stream = |drone: u64, sensor: &str| {
+            Noise::new(seed, if of_room(sensor) { 0 } else { drone }, sensor)
+        };
+        let noise = |sensor: &str| stream(drone, sensor);
+        let uwb = |differences| {
+            Box::new(Uwb::new(&options.uwb, differences, &options.peers, fleet, stream))
+        };
         let lighthouse = &options.lighthouse;
         let has = |sensor| options.heights.contains(&sensor);
         Self {
@@ -92,8 +125,8 @@ impl Sensors {
                     CrossingBeams::new(&lighthouse.stations),
                 ),
                 Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, noise)),
-                Positioning::UwbTwr => Locator::Uwb(Box::new(Uwb::new(&options.uwb, false, noise))),
-                Positioning::UwbTdoa => Locator::Uwb(Box::new(Uwb::new(&options.uwb, true, noise))),
+                Positioning::UwbTwr => Locator::Uwb(uwb(false)),
+                Positioning::UwbTdoa => Locator::Uwb(uwb(true)),
                 Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, noise))),
             },
             time_of_flight: has(HeightSensor::TimeOfFlight).then(|| TimeOfFlight::new(noise)),
@@ -113,11 +146,13 @@ impl Sensors {
         }
     }
 
-    /// Reads every sensor that is due, once a tick.
+    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
+    /// a drone alone needs none.
     pub(super) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
         specific_force_m_s2: Vector3<f64>,
+        fleet_m: &[Vector3<f64>],
     ) -> Readings<'a> {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
@@ -131,6 +166,7 @@ impl Sensors {
             position_m: None,
             sweeps: &[],
             ranges: &[],
+            peer_ranges: &[],
             time_of_flight_m: None,
             barometer_m: None,
         };
@@ -143,7 +179,9 @@ impl Sensors {
             Locator::Sweeps(lighthouse) => {
                 readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s);
             }
-            Locator::Uwb(uwb) => readings.ranges = uwb.read(&position_m, time_s),
+            Locator::Uwb(uwb) => {
+                (readings.ranges, readings.peer_ranges) = uwb.read(&position_m, fleet_m, time_s);
+            }
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         if let Some(sensor) = &mut self.time_of_flight {
@@ -190,9 +228,9 @@ mod tests {
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
         let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
-        let mut sensors = Sensors::new(options, 500, 1, 0);
+        let mut sensors = Sensors::new(options, 500, 1, &Fleet::alone(0));
         let read = |_| {
-            let r = sensors.read(&body, force);
+            let r = sensors.read(&body, force, &[]);
             Written {
                 inertial: [r.rate_rad_s, r.specific_force_m_s2],
                 position_m: r.position_m,
@@ -202,6 +240,23 @@ mod tests {
             }
         };
         (0..n).map(read).collect()
+    }
+
+    #[test]
+    fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
+        let at_m = Vector3::new(0.4, -0.1, 0.9);
+        let settled_m = |options: &SensorOptions, seed, drone| {
+            Sensors::new(options, 500, seed, &Fleet::alone(drone)).settled_m(at_m)
+        };
+        let options = SensorOptions::default();
+        assert_eq!(settled_m(&options, 1, 0), settled_m(&options, 1, 3), "one room");
+        assert_ne!(settled_m(&options, 1, 0), settled_m(&options, 2, 0), "another room");
+        let first = |drone| {
+            let mut sensors = Sensors::new(&options, 500, 1, &Fleet::alone(drone));
+            let body = RigidBody::at(at_m);
+            sensors.read(&body, Vector3::z() * 9.81, &[]).position_m
+        };
+        assert_ne!(first(0), first(1), "each has jitter of its own");
     }
 
     #[test]

@@ -1,0 +1,177 @@
+"""Fits the calibration to readings, and prints the tables of docs/calibration.md.
+
+    python3 fit.py READINGS.tsv FOLDER [--old OLD.tsv]        (in the repository; needs numpy)
+
+READINGS.tsv has a line for each photo: name, half (choose or test), kind, word shown, word expected, and of each
+reader what was read and how surely (sure, guess, no). FOLDER is what photos.py made: its verdicts are taken with the
+example `readings`, of the expected words and of words that differ from them in one letter. OLD.tsv holds verdicts of
+another program, with the columns of `readings verdicts`. To add readers, add columns to READINGS.tsv and their names
+to READERS; to refit, run this and copy the constants into src/score/calibration.rs.
+"""
+
+import argparse
+import csv
+import json
+import os
+import random
+import subprocess
+import tempfile
+
+import numpy as np
+
+READERS = ["a", "b"]
+
+# Of words with one wrong letter in the fit: they are as many as the right ones, and visitors see few of them.
+WEIGHT_OF_WRONG = 0.3
+
+KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]
+
+ALIKE = {"0": "O", "I": "1", "i": "1", "l": "1"}
+
+
+def folded(word):
+    return "".join(ALIKE.get(c, c.upper()) for c in word)
+
+
+def same(a, b):
+    return a.casefold() == b.casefold() or folded(a) == folded(b)
+
+
+def character_accuracy(a, b):
+    """1 less the edit distance by the length."""
+    a, b = folded(a), folded(b)
+    row = list(range(len(b) + 1))
+    for i, x in enumerate(a, 1):
+        row, last = [i] + row[1:], row
+        for j, y in enumerate(b, 1):
+            row[j] = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (x != y))
+    return max(0.0, 1 - row[-1] / max(len(b), 1))
+
+
+def auc(score, truth):
+    order = np.argsort(score, kind="stable")
+    ranks = np.empty(len(score))
+    ranks[order] = np.arange(len(score))
+    for value in np.unique(score):
+        ranks[score == value] = ranks[score == value].mean()
+    n, m = truth.sum(), (~truth).sum()
+    return (ranks[truth].mean() - (n - 1) / 2) / m if n and m else float("nan")
+
+
+def spearman(a, b):
+    rank = lambda x: np.array([(x < v).sum() + 0.5 * (x == v).sum() for v in x])
+    return np.corrcoef(rank(a), rank(b))[0, 1]
+
+
+def logistic(x, y, weight):
+    """Weights of a logistic regression with a slight pull to zero, by Newton's method."""
+    x = np.column_stack([np.ones(len(x)), x])
+    w = np.zeros(x.shape[1])
+    for _ in range(50):
+        p = 1 / (1 + np.exp(-np.clip(x @ w, -30, 30)))
+        slope = x.T @ (weight * (y - p)) - 1e-3 * w
+        bend = (x * (weight * p * (1 - p))[:, None]).T @ x + 1e-3 * np.eye(len(w))
+        w = w + np.linalg.solve(bend, slope)
+    return w
+
+
+def wrong_word(name, word):
+    """A word that differs in one letter, of the same kind and not of the same shape."""
+    rng = random.Random("wrong " + name)
+    at = rng.randrange(len(word))
+    kind = next((kind for kind in KINDS if word[at] in kind), None)
+    if kind is None:
+        return None
+    letter = rng.choice([c for c in kind if c != word[at] and not {c, word[at]} <= set("IlO01")])
+    return word[:at] + letter + word[at + 1:]
+
+
+def verdicts(folder, expected):
+    """Verdicts on the photos of a folder, if these words are expected."""
+    with tempfile.TemporaryDirectory() as other:
+        for name in ("photos", "scenes"):
+            os.symlink(os.path.abspath(os.path.join(folder, name)), os.path.join(other, name))
+        with open(os.path.join(other, "truth.json"), "w") as file:
+            json.dump({name: {"expected": word} for name, word in expected.items()}, file)
+        return read_verdicts(subprocess.run(
+            ["cargo", "run", "--release", "--quiet", "--example", "readings", "--", "verdicts", other],
+            check=True, capture_output=True, text=True).stdout)
+
+
+def read_verdicts(text):
+    found = {}
+    for line in text.splitlines():
+        name, word, readability, ln_p, read, rival, p, faithfulness, cap, blind = line.split("\t")
+        found[name] = {"word": word, "p": float(readability), "ln_p": np.array([float(x) for x in ln_p.split(",")]),
+                       "read": read, "rival": rival, "rival_p": float(p)}
+    return found
+
+
+def features(row):
+    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, how many letters."""
+    p = np.exp(row["ln_p"])
+    letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8)
+    rival = np.log(max(1 - row["rival_p"], 1e-9) / max(row["rival_p"], 1e-9))
+    return [letters.mean(), np.clip(rival, -9, 9), min(len(p), 8)]
+
+
+def rows_of(readings, verdicts):
+    rows = []
+    for reading in readings:
+        verdict = verdicts.get(reading["photo"])
+        if verdict is None:
+            continue
+        right = [same(reading[reader], verdict["word"]) for reader in READERS]
+        sure = [reading[reader + "_sure"] == "sure" for reader in READERS]
+        accuracy = np.mean([character_accuracy(reading[reader], verdict["word"]) for reader in READERS])
+        rows.append({**reading, **verdict, "both": all(right), "sure": all(right) and all(sure), "accuracy": accuracy})
+    return rows
+
+
+def table(name, rows, wrong):
+    p = np.array([row["p"] for row in rows])
+    sure, both = (np.array([row[key] for row in rows]) for key in ("sure", "both"))
+    right = np.mean([same(row["read"], row["word"]) for row in rows])
+    bins = [f"{p[m].mean():.2f} → {sure[m].mean():.2f} ({m.sum()})"
+            for low in np.arange(0, 1, 0.2) for m in [(p >= low) & (p < low + 0.2 + 1e-9 * (low > 0.7))] if m.any()]
+    # A verdict is legible from 0.7 on, and if no rival is likelier.
+    passed = [row["p"] >= 0.7 and row["rival_p"] <= 0.5 for row in wrong if not row["both"]]
+    print(f"{name}: {len(rows)} photos, both read {both.mean():.2f}, both sure {sure.mean():.2f}\n"
+          f"  words right {right:.3f}   AUC both {auc(p, both):.3f}, sure {auc(p, sure):.3f}\n"
+          f"  Brier sure {np.mean((p - sure) ** 2):.3f} (constant {sure.mean() * (1 - sure.mean()):.3f})   "
+          f"rank correlation {spearman(p, np.array([row['accuracy'] for row in rows])):.2f}\n"
+          f"  surely read below 0.3: {(p[sure] < 0.3).sum()} of {sure.sum()};  0.7 or more, not read by both: "
+          f"{(p[~both] >= 0.7).sum()};  wrong words legible: {sum(passed)} of {len(passed)}\n"
+          f"  readability → both sure: {';  '.join(bins)}")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("readings")
+    parser.add_argument("folder")
+    parser.add_argument("--old")
+    args = parser.parse_args()
+    readings = list(csv.DictReader(open(args.readings), delimiter="\t"))
+    expected = {row["photo"]: row["expected"] for row in readings if row["expected"]}
+    wrong = {row["photo"]: wrong_word(row["photo"], row["expected"]) for row in readings if row["kind"] == "photo"}
+    rows = rows_of(readings, verdicts(args.folder, expected))
+    wrong = rows_of(readings, verdicts(args.folder, {name: word for name, word in wrong.items() if word}))
+    of_half = lambda rows, half: [row for row in rows if row["half"] == half]
+    fit = of_half(rows, "choose"), of_half(wrong, "choose")
+    weights = logistic(np.array([features(row) for row in fit[0] + fit[1]]),
+                       np.array([float(row["sure"]) for row in fit[0] + fit[1]]),
+                       np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])))
+    print("constant, mean log-odds, rival, letters:", np.round(weights, 3))
+    for half in ("choose", "test"):
+        part = of_half(rows, half)
+        table(f"{half}, as shipped", part, of_half(wrong, half))
+        fitted = [[{**row, "p": 1 / (1 + np.exp(-weights[0] - weights[1:] @ features(row)))}
+                   for row in of_half(all_rows, half)] for all_rows in (rows, wrong)]
+        table(f"{half}, refitted", *fitted)
+        if args.old:
+            old = read_verdicts(open(args.old).read())
+            table(f"{half}, before", of_half(rows_of(readings, old), half), [])
+
+
+if __name__ == "__main__":
+    main()

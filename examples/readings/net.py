@@ -1,0 +1,86 @@
+"""The reader's net: a strip of light in, at every second column of pixels the logits of 62 characters, of no letter
+and of the blank out. Trained with connectionist temporal classification (Graves and others 2006), so that no letter
+needs a place of its own; stored as integers of 8 bits.
+"""
+
+import struct
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+# Kernel height and width, channels in and out, and how the rows are pooled after it.
+LAYERS = [(3, 3, 2, 12, (2, 2)), (3, 3, 12, 24, (2, 1)), (3, 3, 24, 40, (2, 1)), (3, 3, 40, 64, (1, 1)),
+          (5, 3, 64, 112, (1, 1)), (1, 5, 112, 96, (1, 1)), (1, 7, 96, 96, (1, 1)), (1, 1, 96, 64, (1, 1))]
+TOP = 6.0  # activations are clipped at this
+EPSILON = 1e-3
+
+
+class Net(nn.Module):
+    """Takes strips (batch, 2, rows, columns) from 0 to 1; gives logits (batch, columns / 2, classes)."""
+
+    def __init__(self):
+        super().__init__()
+        self.convs = nn.ModuleList(nn.Conv2d(ci, co, (kh, kw), bias=last, padding=(0 if kh == 5 else kh // 2, kw // 2))
+                                   for (kh, kw, ci, co, _), last in zip(LAYERS, [False] * 7 + [True]))
+        self.norms = nn.ModuleList(nn.BatchNorm2d(layer[3], eps=EPSILON, momentum=0.02) for layer in LAYERS[:-1])
+        for conv in self.convs:
+            nn.init.kaiming_normal_(conv.weight, nonlinearity="relu")
+        self.rounded = False  # weights and activations as integers of 8 bits have them, for the end of the training
+
+    def forward(self, x):
+        for conv, norm, layer in zip(self.convs, self.norms, LAYERS):
+            if self.rounded:
+                factor = norm.weight / torch.sqrt(norm.running_var + EPSILON)
+                weight = as_bytes(conv.weight * factor[:, None, None, None])
+                x = F.conv2d(x, weight, norm.bias - norm.running_mean * factor, padding=conv.padding)
+                x = x.clamp(0, TOP)
+                # Sums are rounded down in use.
+                x = x + (torch.floor(x * (255 / TOP)) * (TOP / 255) - x).detach()
+            else:
+                x = norm(conv(x)).clamp(0, TOP)
+            if layer[4] != (1, 1):
+                x = F.max_pool2d(x, layer[4])
+        last = self.convs[-1]
+        weight = as_bytes(last.weight) if self.rounded else last.weight
+        return F.conv2d(x, weight, last.bias)[:, :, 0].transpose(1, 2).float()
+
+
+def step_of(weight):
+    """A unit of an output channel's weights in integers."""
+    return weight.abs().amax((1, 2, 3), keepdim=True) / 127 + 1e-12
+
+
+def as_bytes(weight):
+    step = step_of(weight).detach()
+    return weight + (torch.round(weight / step) * step - weight).detach()
+
+
+def integers(net):
+    """The net in integers: weights of 8 bits per output channel, biases and multipliers of 32, as bytes.
+
+    Activations are bytes, 255 is TOP (the input: 1). A layer's output is
+    clamp((sum(weight * byte) + bias) * multiplier >> 24); of the last, logits in 1/256.
+    """
+    out = b""
+    for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
+        w, last = conv.weight.detach().double(), n == len(LAYERS) - 1
+        if last:
+            bias = conv.bias.detach().double()
+        else:
+            norm = net.norms[n]
+            factor = (norm.weight / torch.sqrt(norm.running_var + EPSILON)).detach().double()
+            bias = norm.bias.detach().double() - norm.running_mean.double() * factor
+            w = w * factor[:, None, None, None]
+        unit_in = (1.0 if n == 0 else TOP) / 255
+        unit_out = 1 / 256 if last else TOP / 255
+        step = step_of(w)
+        w8 = torch.round(w / step).to(torch.int8).numpy()
+        step = step[:, 0, 0, 0].numpy()
+        multiplier = np.round(step * unit_in / unit_out * 2 ** 24).astype(np.int32)
+        bias32 = np.round(bias.numpy() / (step * unit_in)).astype(np.int32)
+        # Output channel, kernel row, kernel column, input channel.
+        out += struct.pack("<5B", layer[0], layer[1], layer[2], layer[3], layer[4][0] * 16 + layer[4][1])
+        out += w8.transpose(0, 2, 3, 1).tobytes() + multiplier.tobytes() + bias32.tobytes()
+    return out

@@ -1,0 +1,117 @@
+//! The graphics driver, tried once in a process of its own: one that hangs or crashes must not take
+//! the program with it. The result is remembered for this driver.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::message;
+use crate::digest::sha256;
+use crate::expose::BackendChoice;
+
+/// Time after which a driver counts as hanging. A software driver on a busy machine compiles the
+/// shader in a few seconds.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Arguments of the process that tries the driver.
+const TRIAL: [&str; 2] = ["generate", "device"];
+
+/// Variables that choose a driver.
+const VARIABLES: [&str; 4] =
+    ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES", "VK_LOADER_DRIVERS_SELECT"];
+
+/// Folders of the lists of drivers.
+const FOLDERS: [&str; 3] =
+    ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
+
+/// The backend to expose on: the processor in place of a driver that hangs or crashes.
+pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
+    if choice != BackendChoice::Auto {
+        return choice;
+    }
+    let memory = memory();
+    let known = memory.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
+    let fault = known.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
+        let Ok(program) = std::env::current_exe() else { return String::new() };
+        let fault = fault(Command::new(program).args(TRIAL), PATIENCE).unwrap_or_default();
+        if let Some(path) = &memory {
+            // Without a memory the next run tries again.
+            let _ = path.parent().map(std::fs::create_dir_all);
+            let _ = std::fs::write(path, fault);
+        }
+        fault.to_owned()
+    });
+    if fault.is_empty() {
+        return choice;
+    }
+    let again =
+        memory.map_or(String::new(), |path| format!("; remove {} to try again", path.display()));
+    let text = format!("the graphics driver {fault}: the processor exposes, with the same bits");
+    message("note: ", &(text + &again));
+    BackendChoice::Cpu
+}
+
+/// What is wrong with a driver, seen from outside; a driver that is missing or says what it lacks
+/// is no fault.
+fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
+    let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = quiet.spawn().ok()?;
+    let begun = Instant::now();
+    while begun.elapsed() < patience {
+        match child.try_wait() {
+            Ok(Some(status)) => return status.code().is_none().then_some("crashes"),
+            Ok(None) => std::thread::sleep(Duration::from_millis(2)),
+            Err(_) => return None,
+        }
+    }
+    let _ = child.kill();
+    // A process that hangs within the kernel may not end; it is left behind.
+    let _ = child.try_wait();
+    Some("hangs")
+}
+
+/// The file that remembers the result for the present drivers.
+fn memory() -> Option<PathBuf> {
+    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+    let folder = variable("XDG_CACHE_HOME").map(PathBuf::from);
+    let folder = folder.or_else(|| Some(Path::new(&variable("HOME")?).join(".cache")))?;
+    let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
+    for name in VARIABLES {
+        drivers += &format!("\n{name}={:?}", variable(name));
+    }
+    drivers += &std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    for folder in FOLDERS {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut lists: Vec<String> = entries
+            .filter_map(|entry| Some((entry.path(), entry.metadata().ok()?)))
+            .map(|(path, list)| format!("\n{path:?} {} {:?}", list.len(), list.modified().ok()))
+            .collect();
+        lists.sort();
+        drivers.extend(lists);
+    }
+    let key = &sha256(drivers.as_bytes())[..16];
+    Some(folder.join("noctograph").join(format!("driver-{key}")))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_hangs_or_crashes_is_seen_and_one_that_is_missing_is_no_fault() {
+        let shell = |script: &str| {
+            let patience = Duration::from_secs(2);
+            fault(Command::new("sh").args(["-c", script]), patience)
+        };
+        assert_eq!(shell("exit 0"), None);
+        assert_eq!(shell("exit 2"), None, "no driver");
+        assert_eq!(shell("kill -SEGV $$"), Some("crashes"));
+        assert_eq!(shell("exec sleep 60"), Some("hangs"));
+    }
+
+    #[test]
+    fn what_was_chosen_by_name_is_not_tried() {
+        assert_eq!(tried(BackendChoice::Cpu), BackendChoice::Cpu);
+        assert_eq!(tried(BackendChoice::Wgpu), BackendChoice::Wgpu);
+    }
+}

@@ -1,0 +1,304 @@
+//! Compressed trajectory of the Crazyflie: Bézier curves of whole millimeters and milliseconds.
+//!
+//! Values are rounded to the nearest, and durations are differences of rounded times, so that
+//! neither positions nor times drift. (cflib's `CompressedSegment` truncates both: the same NOOR is
+//! off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of the
+//! design at both ends.
+
+use nalgebra::Vector3;
+
+use super::pieces::{Stretch, motion, pieces};
+use crate::error::{Error, Result};
+use crate::plan::Plan;
+
+mod form;
+
+use form::{Axis, END, Piece};
+
+/// Bytes of the trajectory memory (firmware `crtp_commander_high_level.h`,
+/// `TRAJECTORY_MEMORY_SIZE`).
+pub const MEMORY_BYTES: usize = 4096;
+/// Longest piece: the largest uint16, in s.
+const MAX_PIECE_S: f64 = 65.535;
+/// Largest coordinate: the largest int16, in m.
+const MAX_COORDINATE_M: f64 = 32.767;
+/// Distance that an axis may be off when it is left constant, m.
+const CONSTANT_M: f64 = 0.0005;
+/// Distance that an axis may be off when it is flown linearly, m.
+const LINEAR_M: f64 = 0.0008;
+/// A piece that is cubic on three axes.
+const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
+
+/// A trajectory as the drone stores it: a piece at least.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compressed {
+    pieces: Vec<Piece>,
+}
+
+impl Compressed {
+    /// Encodes the letters of a plan within a distance of its design.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a plan without letters; [`Error::Infeasible`] for one beyond ±32.767 m,
+    /// with setpoints more than 65.535 s apart, or longer than the memory.
+    pub fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+        let stretch = Stretch::new(plan)?;
+        let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
+        let bytes = trajectory.to_bytes().len();
+        if bytes <= MEMORY_BYTES {
+            return Ok(trajectory);
+        }
+        // Bytes and time as the pieces end; a run-out of one more piece ends each part.
+        let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
+        for piece in &trajectory.pieces {
+            used += piece.n_bytes();
+            if used > MEMORY_BYTES {
+                break;
+            }
+            until_s += piece.polynomials().duration_s;
+        }
+        let found = format!("{bytes} bytes compressed, the drone's memory holds {MEMORY_BYTES}");
+        let hint = "share the word among more drones, accept a larger distance from the design, or \
+                    send setpoints over the radio (script for cflib)";
+        Err(stretch.too_long(until_s, &found, hint))
+    }
+
+    /// Bytes of a plan within a distance of its design, whether or not they fit the memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::encode`], but for the length.
+    pub fn n_bytes(plan: &Plan, tolerance_m: f64) -> Result<usize> {
+        Ok(Self::of_any_length(&Stretch::new(plan)?, tolerance_m)?.to_bytes().len())
+    }
+
+    /// The same, whether or not it fits the memory.
+    pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
+        check_range(stretch)?;
+        let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoint(0).position_m[axis]));
+        let next = |from, to, before: &[Piece]| {
+            piece(stretch, from, to, before.last().map_or(start_mm, Piece::end_mm))
+        };
+        let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
+        Ok(Self { pieces })
+    }
+
+    /// Number of pieces.
+    #[must_use]
+    pub fn n_pieces(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Duration as flown, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.pieces.iter().map(|piece| piece.polynomials().duration_s).sum()
+    }
+
+    /// Largest distance from the design of its plan, m.
+    ///
+    /// # Panics
+    ///
+    /// For another plan than its own, without letters.
+    #[must_use]
+    pub fn worst_m(&self, plan: &Plan) -> f64 {
+        let stretch = Stretch::new(plan).expect("the plan of this trajectory");
+        stretch.worst_m(|time_s| self.motion(time_s)[0])
+    }
+
+    /// Its pieces as Bézier curves: duration in s, and four control points in m.
+    pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
+        let curve = |piece: &Piece| (piece.polynomials().duration_s, piece.curve_m());
+        self.pieces.iter().map(curve).collect()
+    }
+
+    /// Position, velocity and acceleration that the firmware's evaluation gives at a time since the
+    /// start, in m and s; the end stays.
+    #[must_use]
+    pub fn motion(&self, time_s: f64) -> [Vector3<f64>; 3] {
+        let pieces: Vec<_> = self.pieces.iter().map(Piece::polynomials).collect();
+        motion(&pieces, time_s)
+    }
+}
+
+/// The piece between two setpoints: on each axis the simplest form that is near enough.
+fn piece(stretch: &Stretch, from: usize, to: usize, start_mm: [i16; 3]) -> Piece {
+    let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 65 535")]
+    let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
+    let duration_s = f64::from(duration_ms) / 1000.0;
+    let (here, there) = (stretch.setpoint(from), stretch.setpoint(to));
+    let axis = |axis: usize| {
+        let end_mm = round_mm(there.position_m[axis]);
+        let forms = [(Axis::Constant, CONSTANT_M), (Axis::Linear(end_mm), LINEAR_M)];
+        let near = |(form, tolerance_m): &(Axis, f64)| {
+            let [start_m, slope_m_s, ..] = form.polynomial(start_mm[axis], duration_s);
+            stretch.check_times_s(from, to).all(|time_s| {
+                let line_m = start_m + slope_m_s * (time_s - stretch.time_s(from));
+                (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
+            })
+        };
+        let simple = forms.iter().find(|form| near(form)).map(|(form, _)| *form);
+        // From the rounded ends, so that the velocities at them are rounded once.
+        let third_s = duration_s / 3.0;
+        let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
+        simple.unwrap_or(Axis::Cubic([
+            round_mm(f64::from(start_mm[axis]) / 1000.0 + ahead_m),
+            round_mm(f64::from(end_mm) / 1000.0 - behind_m),
+            end_mm,
+        ]))
+    };
+    Piece { start_mm, duration_ms, axes: std::array::from_fn(axis) }
+}
+
+fn check_range(stretch: &Stretch) -> Result<()> {
+    for index in 0..=stretch.last() {
+        let setpoint = stretch.setpoint(index);
+        let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
+        if step_s > MAX_PIECE_S {
+            return Err(Error::Infeasible {
+                what: format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
+                hint: "plan setpoints at shorter intervals".into(),
+            });
+        }
+        if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
+            return Err(Error::Infeasible {
+                what: format!(
+                    "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
+                ),
+                hint: "write nearer to the origin, or smaller".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// A coordinate in whole millimeters; control points beyond the range saturate.
+fn round_mm(x_m: f64) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let mm = (x_m * 1000.0).round() as i16;
+    mm
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pieces::waves;
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, Setpoint, plan};
+
+    fn noor() -> Plan {
+        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+        plan(&strokes, &PlanOptions::even()).unwrap()
+    }
+
+    /// Largest speed and acceleration, sampled every ms.
+    fn sampled(trajectory: &Compressed) -> [f64; 2] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a minute")]
+        let n = (trajectory.duration_s() * 1000.0) as u32;
+        (0..n).fold([0.0; 2], |[v, a], ms| {
+            let [_, velocity, acceleration] = trajectory.motion(f64::from(ms) / 1000.0);
+            [f64::max(v, velocity.norm()), f64::max(a, acceleration.norm())]
+        })
+    }
+
+    #[test]
+    fn two_pieces_are_the_bytes_that_were_written_by_hand() {
+        let setpoint = |time_s, x, vx, z| Setpoint {
+            time_s,
+            position_m: Vector3::new(x, 0.0, z),
+            velocity_m_s: Vector3::new(vx, 0.0, 0.0),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        // At rest, then 0.1 m to the right at 0.2 m/s; z rises by 3 mm in a jump at the end.
+        let setpoints = vec![
+            setpoint(1.0, 0.0, 0.2, 0.5),
+            setpoint(1.5, 0.1, 0.0, 0.5),
+            setpoint(2.0, 0.1, 0.0, 0.5),
+        ];
+        let plan = Plan { setpoints, ..Plan::default() };
+        let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
+        let bytes = trajectory.to_bytes();
+        let want: Vec<u8> = [
+            &[0xCE, 0xFF, 0, 0, 0xF4, 1, 0, 0][..], // -50, 0, 500 mm, 0°: where the run-up begins
+            &[2, 0xF4, 1, 0xCE, 0xFF, 0xDF, 0xFF, 0, 0], // x cubic, 500 ms: -50, -33, 0 mm
+            &[1, 0xF4, 1, 100, 0],                  // x linear, 500 ms, to 100 mm
+            &[0, 0xE8, 3],                          // at rest, 1000 ms
+            &[0, 0, 0],
+        ]
+        .concat();
+        assert_eq!(bytes, want);
+        assert_eq!(Compressed::from_bytes(&bytes).unwrap(), trajectory);
+        let [position_m, velocity_m_s, _] = trajectory.motion(0.75);
+        assert!((position_m - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
+        assert!((velocity_m_s - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
+        assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn twenty_four_letters_fit_and_of_sixty_it_says_how_many() {
+        let plan_of = |word: &str| {
+            plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
+        };
+        let word = "NOCTOGRAPH".repeat(6);
+        Compressed::encode(&plan_of(&word[..24]), 0.002).unwrap();
+        let error = Compressed::encode(&plan_of(&word), 0.002).unwrap_err().to_string();
+        assert!(error.contains("of 60 letters fit"), "{error}");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(1000))]
+
+        #[test]
+        fn random_plans_are_decoded_within_tolerance_range_and_limits(
+            size_m in proptest::array::uniform3(0.2..0.6_f64),
+            speed_m_s in proptest::array::uniform3(0.02..1.0_f64),
+            phase in proptest::array::uniform3(0.0..std::f64::consts::TAU),
+            n in 20..120_u32,
+            step_s in 0.02..0.05_f64,
+            tolerance_m in 0.0025..0.01_f64,
+        ) {
+            let rate = std::array::from_fn(|axis| speed_m_s[axis] / size_m[axis]);
+            let plan = waves([size_m, rate, phase], n, step_s);
+            let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
+            let worst_m = trajectory.worst_m(&plan);
+            let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+            // The end of a piece is off by half a millisecond at most.
+            let late_m = 0.0005 * max_m_s;
+            proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
+            let [v, a] = sampled(&trajectory);
+            // Of 4000 such plans 14 are more than 5 % over, and none more than 9 %: whole
+            // millimeters leave no gentler pieces of a slow plan.
+            proptest::prop_assert!(v <= 1.15 * max_m_s && a <= 1.15 * max_m_s2, "{} {}", v, a);
+            proptest::prop_assert!(trajectory.pieces.iter().all(|p| p.duration_ms < 65_500));
+            let back = Compressed::from_bytes(&trajectory.to_bytes()).unwrap();
+            proptest::prop_assert_eq!(back, trajectory);
+        }
+    }
+
+    #[test]
+    fn noor_fits_the_memory_six_times_within_two_and_a_half_millimeters() {
+        let plan = noor();
+        let trajectory = Compressed::encode(&plan, 0.002).unwrap();
+        let (bytes, worst_m) = (trajectory.to_bytes().len(), trajectory.worst_m(&plan));
+        assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
+        let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+        let [v, a] = sampled(&trajectory);
+        assert!(v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2, "{v} m/s, {a} m/s²");
+    }
+
+    #[test]
+    fn what_does_not_fit_the_form_is_refused() {
+        let refused = |change: fn(&mut Setpoint)| {
+            let mut plan = noor();
+            plan.setpoints.iter_mut().for_each(change);
+            Compressed::encode(&plan, 0.002).unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));
+        assert!(refused(|s| s.letter = None).contains("no letter"));
+        assert!(refused(|s| s.time_s *= 2000.0).contains("65.535 s"));
+        assert!(refused(|s| s.position_m.z -= 1.0).contains("down to"));
+    }
+}

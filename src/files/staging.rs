@@ -1,0 +1,115 @@
+//! Staged files: under a temporary name until they are whole, and removed if their program was
+//! killed.
+//!
+//! A temporary file is locked while its program lives, so that the next program can tell one that
+//! was left behind. Where a file system has no locks, files that are left behind stay.
+
+use std::fs::{File, OpenOptions, Permissions};
+use std::io::Result;
+use std::path::Path;
+
+use tempfile::{Builder, NamedTempFile, TempDir};
+
+const PREFIX: &str = ".noctograph-";
+const SUFFIX: &str = ".tmp";
+
+/// Mode of a new file before the umask.
+#[cfg(unix)]
+fn mode(builder: &mut Builder<'_, '_>, mode: u32) {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(Permissions::from_mode(mode));
+}
+
+#[cfg(not(unix))]
+fn mode(_: &mut Builder<'_, '_>, _: u32) {}
+
+/// Makes a temporary file in a folder, with the mode of an ordinary file.
+pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
+    remove_leftovers(folder);
+    loop {
+        let mut builder = Builder::new();
+        builder.prefix(PREFIX).suffix(SUFFIX);
+        mode(&mut builder, 0o666);
+        let file = builder.tempfile_in(folder)?;
+        let _ = file.as_file().lock();
+        // Another program may have taken it for a leftover before it was locked.
+        if file.path().exists() {
+            return Ok(file);
+        }
+    }
+}
+
+/// Makes a temporary folder in a folder; it is locked as long as the file returned is open.
+pub(super) fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
+    remove_leftovers(folder);
+    loop {
+        let staging = Builder::new().prefix(PREFIX).suffix(SUFFIX).tempdir_in(folder)?;
+        let lock = locked(staging.path());
+        if staging.path().exists() {
+            return Ok((staging, lock));
+        }
+    }
+}
+
+/// Locks a folder until the file is closed, waiting for another program; `None` where the system
+/// has no such locks.
+pub(super) fn locked(folder: &Path) -> Option<File> {
+    File::open(folder).ok().filter(|folder| folder.lock().is_ok())
+}
+
+/// Removes temporary files that nothing holds any more.
+fn remove_leftovers(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let kind = entry.file_type();
+        let ours = name.starts_with(PREFIX) && name.ends_with(SUFFIX);
+        // Others, such as a pipe, could block when they are opened.
+        let (Ok(kind), true) = (kind, ours) else { continue };
+        if !kind.is_file() && !kind.is_dir() {
+            continue;
+        }
+        let path = entry.path();
+        if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+            // What cannot be removed does no harm.
+            let _ = if kind.is_dir() {
+                std::fs::remove_dir_all(&path)
+            } else {
+                std::fs::remove_file(&path)
+            };
+        }
+    }
+}
+
+/// What a new file finds at its place.
+pub(super) enum Place {
+    /// Nothing, or a regular file whose permissions it takes over.
+    Regular(Option<Permissions>),
+    /// A device, a pipe or a socket, open for writing: it is written to, never replaced.
+    Through(File),
+}
+
+impl Place {
+    /// Looks at a path, following links.
+    ///
+    /// # Errors
+    ///
+    /// A folder, and what may not be written.
+    pub(super) fn at(path: &Path) -> Result<Self> {
+        let there = match std::fs::metadata(path) {
+            Ok(there) => there,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Ok(Self::Regular(None));
+            }
+            Err(error) => return Err(error),
+        };
+        if there.is_dir() {
+            return Err(std::io::ErrorKind::IsADirectory.into());
+        }
+        let file = OpenOptions::new().write(true).open(path)?;
+        Ok(match there.is_file() {
+            true => Self::Regular(Some(there.permissions())),
+            false => Self::Through(file),
+        })
+    }
+}

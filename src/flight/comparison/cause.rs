@@ -1,0 +1,151 @@
+//! What explains most of the difference between two flights.
+
+use nalgebra::Vector3;
+
+use super::{FlightSample, mean};
+
+/// Time over which noise averages out and an error along the path does not, s: a stroke of 0.1 m.
+const SMOOTH_S: f64 = 0.5;
+
+/// A cause of the difference, by how much flight B is apart from A.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Discrepancy {
+    /// B is this late, s.
+    Lag(f64),
+    /// B is beside A by this, m.
+    Offset(Vector3<f64>),
+    /// B is this many times as large as A, less 1, about the middle of both.
+    Scale(f64),
+    /// B leaves A's path by this, m (root mean square), slowly enough to repeat.
+    Path(f64),
+    /// B shakes about its own path by this, m (root mean square).
+    Noise(f64),
+}
+
+/// The cause that explains the largest share of the mean square distance, each by itself, and that
+/// share; `None` where the flights do not differ.
+pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
+    let apart: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
+    let total = power(&apart);
+    if total == 0.0 {
+        return None;
+    }
+    let speeds: Vec<_> = (0..pairs.len()).map(|at| velocity(pairs, at)).collect();
+    let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
+    let arms: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
+    let offset = mean(apart.iter().copied());
+    let centered: Vec<_> = apart.iter().map(|d| d - offset).collect();
+    let (late_s, grown) = (-fit(&apart, &speeds), fit(&centered, &arms));
+    // What neither a shift, a lag nor a scale explains: its slow and its fast part.
+    let rest: Vec<_> = centered
+        .iter()
+        .zip(speeds.iter().zip(&arms))
+        .map(|(d, (v, arm))| d + v * late_s - arm * grown)
+        .collect();
+    let slow = smoothed(pairs, &rest);
+    let fast: Vec<_> = rest.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
+    let explained = |parts: &[Vector3<f64>], by: f64| by * by * power(parts) / total;
+    let causes = [
+        (Discrepancy::Lag(late_s), explained(&speeds, late_s)),
+        (Discrepancy::Offset(offset), offset.norm_squared() / total),
+        (Discrepancy::Scale(grown), explained(&arms, grown)),
+        (Discrepancy::Path(power(&slow).sqrt()), power(&slow) / total),
+        (Discrepancy::Noise(power(&fast).sqrt()), power(&fast) / total),
+    ];
+    let largest = causes.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    largest.map(|(cause, share)| (cause, share.min(1.0)))
+}
+
+/// Mean square length.
+fn power(vectors: &[Vector3<f64>]) -> f64 {
+    mean(vectors.iter().map(|v| v.component_mul(v))).sum()
+}
+
+/// The factor of `along` that comes closest to `vectors`.
+fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
+    let (dot, square) = vectors
+        .iter()
+        .zip(along)
+        .fold((0.0, 0.0), |(dot, square), (v, a)| (dot + v.dot(a), square + a.norm_squared()));
+    if square > 0.0 { dot / square } else { 0.0 }
+}
+
+/// Velocity of A at a sample, m/s.
+fn velocity(pairs: &[[FlightSample; 2]], at: usize) -> Vector3<f64> {
+    let [before, after] =
+        [at.saturating_sub(1), (at + 1).min(pairs.len() - 1)].map(|index| &pairs[index][0]);
+    let lasts_s = after.time_s - before.time_s;
+    if lasts_s > 0.0 { (after.position_m - before.position_m) / lasts_s } else { Vector3::zeros() }
+}
+
+/// The mean over [`SMOOTH_S`] around each sample.
+fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let time_s = |index: usize| pairs[index][0].time_s;
+    let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());
+    let mut around = |at: usize| {
+        while to < values.len() && time_s(to) <= time_s(at) + SMOOTH_S / 2.0 {
+            sum += values[to];
+            to += 1;
+        }
+        while time_s(from) < time_s(at) - SMOOTH_S / 2.0 {
+            sum -= values[from];
+            from += 1;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "samples of a flight")]
+        let n = (to - from) as f64;
+        sum / n
+    };
+    (0..values.len()).map(&mut around).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::comparison::{Alignment, ComparisonOptions, compare};
+    use crate::flight::tracking::Part;
+    use crate::flight::tracking::constructed::{flight, square};
+
+    /// The first cause of a flight of the square that is changed at each time.
+    fn of(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
+        let a = flight(0.01, 16.0, square, square);
+        let b = flight(0.01, 16.0, change, square);
+        let (part, alignment) = (Part::All, Alignment::Offset(0.0));
+        let options = ComparisonOptions { part, alignment, ..Default::default() };
+        compare(&a, &b, &options).unwrap().first.unwrap()
+    }
+
+    #[test]
+    fn each_cause_is_found_with_its_amount() {
+        let (lag, share) = of(|t| square((t - 0.1).max(0.0)));
+        assert!(
+            matches!(lag, Discrepancy::Lag(s) if (s - 0.1).abs() < 0.01) && share > 0.9,
+            "{lag:?}"
+        );
+        let aside = Vector3::new(0.03, 0.0, -0.04);
+        let (offset, share) = of(|t| square(t) + aside);
+        assert!(
+            matches!(offset, Discrepancy::Offset(m) if (m - aside).norm() < 1e-9),
+            "{offset:?}"
+        );
+        assert!(share > 0.99, "{share}");
+        let middle = Vector3::new(0.2, 0.0, 0.7);
+        let (scale, share) = of(|t| middle + (square(t) - middle) * 1.05);
+        assert!(matches!(scale, Discrepancy::Scale(s) if (s - 0.05).abs() < 1e-3), "{scale:?}");
+        assert!(share > 0.99, "{share}");
+        let swing = |period_s: f64, t: f64| {
+            Vector3::new(0.0, 0.0, 0.02) * libm::sin(std::f64::consts::TAU * t / period_s)
+        };
+        let (noise, share) = of(|t| square(t) + swing(0.05, t));
+        assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
+        assert!(share > 0.9, "{share}");
+        let (path, share) = of(|t| square(t) + swing(2.9, t));
+        assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
+        assert!(share > 0.8, "{share}");
+    }
+
+    #[test]
+    fn equal_flights_have_no_cause() {
+        let a = flight(0.01, 4.0, square, square);
+        assert_eq!(compare(&a, &a, &ComparisonOptions::default()).unwrap().first, None);
+    }
+}

@@ -1,0 +1,170 @@
+//! Characters and the net's classes: which classes count as a character.
+//!
+//! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the cases
+//! of a letter, O and 0, I and l and 1, a letter with and without its accent, and Cyrillic and Greek
+//! letters of the shape of a Latin one.
+
+use super::net::N_CLASSES;
+
+/// The net's characters, from class 1 on.
+const CHARACTERS: &[u8; 62] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
+
+/// Names of letters and digits, cases aside.
+pub(super) const NAMES: &[u8; 36] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+
+/// A set of classes, one bit for each.
+pub(super) type Classes = u64;
+
+/// Nothing between two letters.
+pub(super) const BLANK: Classes = 1;
+
+/// Light that is no letter.
+pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
+
+/// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.
+const SHAPES: [&str; 24] = [
+    "AÀÁÂÃÄÅĀĂĄǍАΑ",
+    "BßВΒ",
+    "CÇĆĈĊČСϹ",
+    "DĎĐÐ",
+    "EÈÉÊËĒĔĖĘĚЕЁΕ",
+    "GĜĞĠĢ",
+    "HĤĦНΗ",
+    "IÌÍÎÏĨĪĬĮİІЇΙ",
+    "JĴЈ",
+    "KĶКΚ",
+    "LĹĻĽĿŁ",
+    "MМΜ",
+    "NÑŃŅŇΝ",
+    "OÒÓÔÕÖØŌŎŐОΟ",
+    "PРΡ",
+    "RŔŖŘ",
+    "SŚŜŞŠȘЅ",
+    "TŢŤŦȚТΤ",
+    "UÙÚÛÜŨŪŬŮŰŲ",
+    "VѴ",
+    "WŴ",
+    "XХΧ",
+    "YÝŶŸУΥ",
+    "ZŹŻŽΖ",
+];
+
+/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B (Unicode).
+const LATIN_WITH_MARKS: core::ops::RangeInclusive<char> = '\u{c0}'..='\u{24f}';
+
+/// The Latin letter or digit of a character's shape, in its case; `None` where there is none.
+pub(super) fn latin(character: char) -> Option<char> {
+    if character.is_ascii_alphanumeric() {
+        return Some(character);
+    }
+    // Small Greek nu looks like v, not like its capital.
+    if character == 'ν' {
+        return Some('v');
+    }
+    let mut upper = character.to_uppercase();
+    let capital = if character == 'ß' { 'ß' } else { upper.next()? };
+    let shape = SHAPES.iter().find(|shape| shape.contains(capital))?.chars().next()?;
+    Some(if character.is_lowercase() { shape.to_ascii_lowercase() } else { shape })
+}
+
+/// The class of a character of the net.
+pub(super) fn class_of(character: char) -> Option<usize> {
+    CHARACTERS.iter().position(|known| char::from(*known) == character).map(|at| at + 1)
+}
+
+/// The classes that count as a character; `None` for one that the net does not know. A letter with a
+/// mark may also be no letter to the net: it was trained without marks.
+pub(super) fn classes_of(character: char) -> Option<Classes> {
+    let mark = if LATIN_WITH_MARKS.contains(&character) { NO_LETTER } else { 0 };
+    let character = latin(character)?;
+    let classes = match character {
+        'O' | 'o' | '0' => set_of("Oo0"),
+        'I' | '1' => set_of("Iil1"),
+        'l' => set_of("lLI1"),
+        _ => bit(character.to_ascii_uppercase()) | bit(character.to_ascii_lowercase()),
+    };
+    Some(classes | mark)
+}
+
+/// The classes whose shape is that of a character alone, whatever its size.
+pub(super) fn alike(character: char) -> Classes {
+    match character {
+        'O' | 'o' | '0' => set_of("Oo0"),
+        'I' | 'l' | '1' => set_of("Il1"),
+        _ if "CcKkPpSsUuVvWwXxZz".contains(character) => {
+            bit(character.to_ascii_uppercase()) | bit(character.to_ascii_lowercase())
+        }
+        _ => bit(character),
+    }
+}
+
+/// A letter in the case of another one.
+pub(super) fn in_case_of(letter: char, other: char) -> char {
+    if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
+}
+
+/// Names with their classes: no class twice, and none of `taken`. Where a letter and a digit share
+/// all classes, the digit is named if `digits_first`.
+pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
+    let (letters, digits) = NAMES.split_at(26);
+    let order = if digits_first { [digits, letters] } else { [letters, digits] };
+    let mut names = Vec::new();
+    for name in order.into_iter().flatten().map(|name| char::from(*name)) {
+        let own = classes_of(name).expect("the net knows its names") & !taken;
+        taken |= own;
+        if own != 0 {
+            names.push((name, own));
+        }
+    }
+    names
+}
+
+/// Whether each character of a text may be that of another one.
+pub(super) fn same_shapes(a: &[Classes], b: &[Classes]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a & b != 0)
+}
+
+/// Classes of a character of a reading; `?` is what is no letter.
+pub(super) fn seen_as(character: char) -> Classes {
+    classes_of(character).unwrap_or(NO_LETTER)
+}
+
+fn bit(character: char) -> Classes {
+    class_of(character).map_or(0, |class| 1 << class)
+}
+
+fn set_of(characters: &str) -> Classes {
+    characters.chars().fold(0, |set, character| set | bit(character))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_shapes_are_one_class_and_foreign_letters_have_none() {
+        for same in ["Oo0ОοØ", "I1", "SsЅŠ", "AaАàΑ", "eëЕ", "Hн", "Bß", "Xχх"] {
+            let mut classes = same.chars().map(|character| classes_of(character).unwrap());
+            let first = classes.next().unwrap();
+            assert!(first != 0 && classes.all(|other| other & !NO_LETTER == first), "{same}");
+        }
+        for foreign in "ЖΩ漢!-.⇧æ".chars() {
+            assert_eq!(classes_of(foreign), None, "{foreign}");
+        }
+        assert_eq!((latin('é'), latin('ν'), latin('Ø')), (Some('e'), Some('v'), Some('O')));
+    }
+
+    #[test]
+    fn no_class_has_two_names() {
+        for digits_first in [false, true] {
+            let taken = classes_of('T').unwrap();
+            let names = names(taken, digits_first);
+            let all = names.iter().fold(0, |all, (name, own)| {
+                assert_eq!((all | taken) & own, 0, "{name}");
+                all | own
+            });
+            assert_eq!(all | taken, !(BLANK | NO_LETTER), "each class has a name");
+            assert_eq!(names.iter().any(|(name, _)| *name == '0'), digits_first);
+        }
+    }
+}

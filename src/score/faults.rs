@@ -1,0 +1,162 @@
+//! Faults of a letter: missing strokes, stray light and its kind, shift, glow.
+
+use super::bend::Bent;
+use super::causes::{Cause, CauseKind, Known, MissingRun};
+use super::gaps::{Gap, Stray};
+use super::mending::Mending;
+use super::page::LetterPage;
+use super::reader::Reader;
+use super::segment::distance;
+use super::sketch::Sketch;
+use super::{PEN_H, PX_PER_H};
+
+/// A cap height in pixels.
+const H_PX: f64 = PX_PER_H as f64;
+
+/// Letters farther from their place than this are shifted: 0.06 H, two pixels of a page. Clean
+/// letters are found within one.
+const SHIFTED_PX: f64 = 0.06 * H_PX;
+
+/// Stray light leads along a dark way where this share of it is within `NEAR_WAY_PX`.
+const ALONG_WAY: f64 = 0.6;
+
+/// How near: 0.15 H.
+const NEAR_WAY_PX: f64 = 0.15 * H_PX;
+
+/// Light this far below or above the letters comes from the floor or goes there: 0.12 H.
+const OUTSIDE_PX: f64 = 0.12 * H_PX;
+
+/// Spots are shorter and thicker than this: 0.35 H, and four pens.
+const SPOT_PX: [f64; 2] = [0.35 * H_PX, 4.0 * PEN_H * H_PX];
+
+/// Lines wider than this glow: 0.16 H, more than twice the pen.
+const GLOWING_PX: f64 = 0.16 * H_PX;
+
+/// Mean distance of a letter's light from its strokes from which it is a fault: 0.05 H.
+const OFF_PATH_PX: f64 = 0.05 * H_PX;
+
+/// A fault, and how it is taken out of a picture, where it can be.
+pub(super) type Found = (Cause, Option<Mending>);
+
+impl Reader {
+    /// The faults of a letter.
+    pub(super) fn faults(
+        &self,
+        index: usize,
+        sketch: &Sketch,
+        (gaps, strays): (Vec<Gap>, Vec<Stray>),
+        known: &Known,
+    ) -> Vec<Found> {
+        let page = &self.pages[index];
+        let mut found: Vec<Found> =
+            gaps.into_iter().map(|gap| missing_run(index, page, gap)).collect();
+        found.extend(strays.into_iter().map(|stray| self.stray(index, stray, sketch, known)));
+        found.extend(displaced(index, page, sketch));
+        found.extend(off_path(index, page, sketch));
+        if sketch.trace.thickness() > GLOWING_PX {
+            let length_mm = Some(1000.0 * sketch.trace.thickness() * page.grid.pitch_m);
+            let glow = Cause { length_mm, ..cause(CauseKind::Glow, Some(index)) };
+            found.push((glow, Some(Mending::Redraw)));
+        }
+        found
+    }
+
+    /// Light beside the strokes, with its kind.
+    fn stray(&self, index: usize, stray: Stray, sketch: &Sketch, known: &Known) -> Found {
+        let kind = self.kind_of(index, &stray, sketch);
+        let page = &self.pages[index];
+        let length_m = stray.points.len() as f64 * page.grid.pitch_m;
+        let speed_m_s = known.speed_m_s.filter(|speed| *speed > 0.0);
+        let delay_s = speed_m_s.filter(|_| kind == CauseKind::LitTransit).map(|v| length_m / v);
+        let cause = Cause {
+            length_mm: Some(1000.0 * length_m),
+            at_m: middle_m(page, &stray.points),
+            lamp_delay_s: delay_s,
+            ..cause(kind, Some(index))
+        };
+        (cause, Some(Mending::Erase(stray.points)))
+    }
+
+    /// The kind of stray light, by its place and shape.
+    fn kind_of(&self, index: usize, stray: &Stray, sketch: &Sketch) -> CauseKind {
+        let n_points = stray.points.len() as f64;
+        let share = |holds: &dyn Fn(&[f64; 2]) -> bool| {
+            stray.points.iter().filter(|point| holds(point)).count() as f64 / n_points
+        };
+        let [left, top, right, bottom] = self.pages[index].cell();
+        let [first, last] = [index == 0, index + 1 == self.pages.len()];
+        let outside = share(&|[x, y]| {
+            *y > bottom + OUTSIDE_PX
+                || *y < top - OUTSIDE_PX
+                || (first && *x < left - OUTSIDE_PX)
+                || (last && *x > right + OUTSIDE_PX)
+        });
+        match () {
+            () if outside > 0.5 => CauseKind::Streak,
+            () if share(&|point| distance(*point, &sketch.ways) <= NEAR_WAY_PX) >= ALONG_WAY => {
+                CauseKind::LitTransit
+            }
+            () if n_points < SPOT_PX[0] && stray.thick_px > SPOT_PX[1] => CauseKind::DwellBlob,
+            () if share(&|[x, _]| (!first && *x < left) || (!last && *x > right)) > 0.5 => {
+                CauseKind::Overlap
+            }
+            () => CauseKind::OtherStray,
+        }
+    }
+}
+
+/// A part of a stroke without light.
+fn missing_run(index: usize, page: &LetterPage, gap: Gap) -> Found {
+    let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
+    let cause = Cause {
+        length_mm: Some(to_mm - from_mm),
+        at_m: middle_m(page, &gap.points),
+        missing: Some(MissingRun { stroke: gap.stroke, from_mm, to_mm }),
+        ..cause(CauseKind::MissingRun, Some(index))
+    };
+    (cause, Some(Mending::Draw(gap.points)))
+}
+
+/// A letter beside its place.
+fn displaced(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
+    let [right, down] = sketch.shift.map(|px| px as f64);
+    let away_px = libm::hypot(right, down);
+    let length_mm = Some(1000.0 * away_px * page.grid.pitch_m);
+    (away_px >= SHIFTED_PX).then(|| {
+        let cause = Cause { length_mm, ..cause(CauseKind::Shifted, Some(index)) };
+        (cause, Some(Mending::Move(sketch.shift)))
+    })
+}
+
+/// A letter with light beside its strokes, apart from its shift.
+fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
+    let Bent { intended, found, off_px, .. } = &sketch.bent;
+    (*off_px > OFF_PATH_PX).then(|| {
+        let length_mm = Some(1000.0 * off_px * page.grid.pitch_m);
+        let pairs = intended.iter().flatten().zip(found.iter().flatten());
+        let lit = pairs.filter(|(_, found)| sketch.trace.is_drawn(**found));
+        let cause = Cause { length_mm, ..cause(CauseKind::OffPath, Some(index)) };
+        (cause, Some(Mending::Straighten(lit.map(|(intended, _)| *intended).collect())))
+    })
+}
+
+/// The middle of points of a page, in the plane of the word.
+fn middle_m(page: &LetterPage, points: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let n_points = points.len() as f64;
+    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n_points;
+    (!points.is_empty()).then(|| page.to_plane([mean(0), mean(1)]))
+}
+
+/// A fault of a kind, without measures.
+pub(super) fn cause(kind: CauseKind, letter: Option<usize>) -> Cause {
+    Cause {
+        kind,
+        letter,
+        length_mm: None,
+        at_m: None,
+        missing: None,
+        lamp_delay_s: None,
+        reads_as: None,
+        gain: None,
+    }
+}

@@ -1,0 +1,168 @@
+//! The net: from a strip of light to the logits of every character at every second column.
+//!
+//! Layers of convolution in integers: bytes for light and activations, weights of 8 bits, sums of 32,
+//! one multiplier per channel. Integers have the same sums on every machine. The architecture, the
+//! training and the file format are in `examples/readings/net.py` and `train.py`.
+
+use std::sync::LazyLock;
+
+use super::strip::{HEIGHT, Strip};
+
+/// The trained weights.
+const WEIGHTS: &[u8] = include_bytes!("weights.bin");
+
+/// Classes of the last layer: the blank, 62 characters, and no letter.
+pub(super) const N_CLASSES: usize = 64;
+
+/// Columns of a strip for one column of logits.
+pub(super) const COLUMN_PX: usize = 2;
+
+/// A unit of logits.
+const LOGIT: f64 = 1.0 / 256.0;
+
+/// The net of this program.
+static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
+
+/// A convolution, then a maximum over rows and columns.
+struct Layer {
+    /// Kernel: rows and columns.
+    kernel: [usize; 2],
+    /// Channels in and out.
+    channels: [usize; 2],
+    /// Rows and columns of which the maximum is kept.
+    pool: [usize; 2],
+    /// By output channel, kernel row, kernel column and input channel.
+    weights: Vec<i16>,
+    multipliers: Vec<i32>,
+    biases: Vec<i32>,
+}
+
+/// Activations, row by row, the channels of a pixel together.
+struct Map {
+    height: usize,
+    width: usize,
+    channels: usize,
+    values: Vec<i16>,
+}
+
+/// Logits of each class at every second column of a strip.
+pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
+    let values = strip.bytes().map(i16::from).collect();
+    let mut map = Map { height: HEIGHT, width: strip.width, channels: 2, values };
+    let (last, layers) = NET.split_last().expect("the net has layers");
+    for layer in layers {
+        map = layer.activations(&map).pooled(layer.pool);
+    }
+    let logits = |sums: &[i32]| std::array::from_fn(|class| f64::from(sums[class]) * LOGIT);
+    last.sums(&map).chunks_exact(N_CLASSES).map(logits).collect()
+}
+
+/// Reads the layers from the file.
+fn layers(mut bytes: &[u8]) -> Vec<Layer> {
+    let mut layers = Vec::new();
+    while let Some((head, rest)) = bytes.split_at_checked(5) {
+        let [kh, kw, ci, co, pool] = [0, 1, 2, 3, 4].map(|at| usize::from(head[at]));
+        let (weights, rest) = rest.split_at(kh * kw * ci * co);
+        let (multipliers, rest) = rest.split_at(4 * co);
+        let (biases, rest) = rest.split_at(4 * co);
+        let integers =
+            |bytes: &[u8]| bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
+        layers.push(Layer {
+            kernel: [kh, kw],
+            channels: [ci, co],
+            pool: [pool / 16, pool % 16],
+            weights: weights.iter().map(|byte| i16::from(byte.cast_signed())).collect(),
+            multipliers: integers(multipliers),
+            biases: integers(biases),
+        });
+        bytes = rest;
+    }
+    layers
+}
+
+impl Layer {
+    /// Scaled sums, row by row. Columns are padded with zeros, and rows unless the kernel is as high as the map.
+    fn sums(&self, map: &Map) -> Vec<i32> {
+        let [kh, kw] = self.kernel;
+        let [ci, co] = self.channels;
+        assert_eq!(map.channels, ci, "each layer takes what the one before it makes");
+        let above = if kh == map.height { 0 } else { kh / 2 };
+        let (height, run) = (map.height + 2 * above + 1 - kh, kw * ci);
+        // A row of the map between columns of zeros.
+        let beside = kw / 2 * ci;
+        let row_length = map.width * ci;
+        let mut rows = vec![vec![0_i16; row_length + 2 * beside]; map.height + 2 * above];
+        for (row, values) in rows[above..].iter_mut().zip(map.values.chunks_exact(row_length)) {
+            row[beside..beside + row_length].copy_from_slice(values);
+        }
+        let mut sums = vec![0; height * map.width * co];
+        let mut patch = vec![0_i16; kh * run];
+        for (y, sums) in sums.chunks_exact_mut(map.width * co).enumerate() {
+            for (x, sums) in sums.chunks_exact_mut(co).enumerate() {
+                for (part, row) in patch.chunks_exact_mut(run).zip(&rows[y..y + kh]) {
+                    part.copy_from_slice(&row[x * ci..x * ci + run]);
+                }
+                for (channel, (sum, weights)) in
+                    sums.iter_mut().zip(self.weights.chunks_exact(kh * run)).enumerate()
+                {
+                    let products =
+                        patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
+                    let total = i64::from(products.sum::<i32>() + self.biases[channel]);
+                    let scaled = (total * i64::from(self.multipliers[channel])) >> 24;
+                    *sum = i32::try_from(scaled).expect("logits are small");
+                }
+            }
+        }
+        sums
+    }
+
+    /// The sums clamped to bytes.
+    fn activations(&self, map: &Map) -> Map {
+        let sums = self.sums(map);
+        #[expect(clippy::cast_possible_truncation, reason = "a byte")]
+        let values: Vec<i16> = sums.iter().map(|sum| (*sum).clamp(0, 255) as i16).collect();
+        let channels = self.channels[1];
+        Map { height: values.len() / channels / map.width, width: map.width, channels, values }
+    }
+}
+
+impl Map {
+    /// Maxima over blocks of rows and columns; what is left over is dropped.
+    fn pooled(self, [rows, columns]: [usize; 2]) -> Self {
+        if [rows, columns] == [1, 1] {
+            return self;
+        }
+        let (height, width, channels) = (self.height / rows, self.width / columns, self.channels);
+        let mut values = vec![0_i16; height * width * channels];
+        for (at, pixel) in values.chunks_exact_mut(channels).enumerate() {
+            let (y, x) = (at / width * rows, at % width * columns);
+            for (row, column) in (0..rows).flat_map(|r| (0..columns).map(move |c| (y + r, x + c))) {
+                let from = &self.values[(row * self.width + column) * channels..][..channels];
+                pixel.iter_mut().zip(from).for_each(|(most, value)| *most = (*most).max(*value));
+            }
+        }
+        Self { height, width, channels, values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::digest::fnv_1a;
+
+    /// Of the logits of the pattern below, with the weights of this program.
+    const LOGITS_FNV_1A: u64 = 16_997_627_008_258_219_347;
+
+    #[test]
+    fn logits_are_the_same_integers_on_every_machine() {
+        let width = 60;
+        let light = |step: usize| -> Vec<f32> {
+            (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
+        };
+        let logits = logits(&Strip { width, bright: light(7), pure: light(13) });
+        assert_eq!(logits.len(), width / COLUMN_PX);
+        let bytes: Vec<u8> =
+            logits.iter().flatten().flat_map(|logit| logit.to_le_bytes()).collect();
+        assert_eq!(fnv_1a(bytes), LOGITS_FNV_1A, "other weights, or other arithmetic");
+    }
+}

@@ -1,0 +1,154 @@
+//! Blind recognition: the text of a photo, without knowledge of the word.
+//!
+//! Lines of writing are found by their ink, cut out as strips at several sizes, and read by the net as
+//! capitals, small letters, capitalized, digits, or capitals mixed with digits; the likeliest wins.
+//! Accents and punctuation are not read.
+
+use serde::Serialize;
+
+use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of};
+use super::columns::Columns;
+use super::line::{InkColor, InkRule, Line};
+use super::net;
+use super::search::{Symbols, search};
+use crate::error::Result;
+use crate::photo::Photo;
+
+/// Sizes at which a line is tried: cap height by the height of most letters. Small letters are two
+/// thirds of a capital.
+const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
+
+/// ln of the frequency of words by kind of characters against words of capitals: capitals, small
+/// letters, capitalized, digits, capitals and digits.
+const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
+
+/// Mean share of the letters from which a line is clear.
+const LEAST_SHARE: f64 = 0.6;
+
+/// Mean of ln p over the letters from which other rules for ink are not tried.
+const SURE: f64 = -0.1;
+
+/// Text of a photo.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reading {
+    /// The text, line by line; empty where nothing is written.
+    pub text: String,
+    /// Letter by letter, from left to right and line by line.
+    pub letters: Vec<ReadLetter>,
+}
+
+/// A letter that was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReadLetter {
+    /// The letter.
+    pub letter: char,
+    /// Its share in the choice among all, 0 to 1.
+    pub p: f64,
+    /// Its box along the middles of its strokes: left, top, right, bottom, in pixels of the photo.
+    pub box_px: [f64; 4],
+}
+
+impl Reading {
+    /// Whether letters are read, and read clearly on average.
+    pub(super) fn is_clear(&self) -> bool {
+        is_clear(&self.letters)
+    }
+}
+
+fn is_clear(letters: &[ReadLetter]) -> bool {
+    let sum: f64 = letters.iter().map(|letter| letter.p).sum();
+    !letters.is_empty() && sum >= LEAST_SHARE * letters.len() as f64
+}
+
+/// A line as it was read.
+struct ReadLine {
+    letters: Vec<ReadLetter>,
+    /// Mean of ln p over the letters.
+    ln_p: f64,
+}
+
+/// Reads a photo.
+///
+/// # Errors
+///
+/// None so far.
+pub fn read(photo: &Photo) -> Result<Reading> {
+    let rules = [0.95, 0.6].into_iter().flat_map(|full_rank| {
+        [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank })
+    });
+    let worth =
+        |lines: &[ReadLine]| lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
+    let mut lines: Vec<ReadLine> = Vec::new();
+    for rule in rules {
+        let found = Line::find_all(photo, rule);
+        let read: Vec<ReadLine> = found.iter().filter_map(read_line).collect();
+        if lines.is_empty() || worth(&read) > worth(&lines) {
+            lines = read;
+        }
+        if worth(&lines) > SURE {
+            break;
+        }
+    }
+    if lines.len() > 1 {
+        let top = worth(&lines);
+        lines
+            .retain(|line| line.ln_p >= top || (line.letters.len() > 1 && is_clear(&line.letters)));
+    }
+    let texts: Vec<String> = lines
+        .iter()
+        .map(|line| line.letters.iter().map(|letter| letter.letter).collect())
+        .collect();
+    let letters = lines.into_iter().flat_map(|line| line.letters).collect();
+    Ok(Reading { text: texts.join("\n"), letters })
+}
+
+/// Reads a line at the size at which it is clearest; `None` where it has no letters.
+fn read_line(line: &Line) -> Option<ReadLine> {
+    let tried = SIZES.iter().filter_map(|size| {
+        let cap_px = size * line.letter_px;
+        let (strip, left_px, pitch_px) = line.strip(cap_px);
+        let columns = Columns::from_logits(&net::logits(&strip));
+        let (text, ln_p) = spell(&columns)?;
+        Some((text, ln_p, columns, left_px, pitch_px))
+    });
+    let best = tried.reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let (text, ln_p, columns, left_px, pitch_px) = best?;
+    let seen = |c: char| classes_of(c).unwrap_or(NO_LETTER);
+    let word: Vec<Classes> = text.chars().map(seen).collect();
+    let digits: Vec<bool> = text.chars().map(|c| c.is_ascii_digit()).collect();
+    let choices = columns.choices(&word, &digits);
+    let middles: Vec<f64> = columns
+        .middles(&word)
+        .into_iter()
+        .map(|column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px)
+        .collect();
+    let letters = text.chars().zip(line.boxes(&middles)).zip(choices);
+    let letters =
+        letters.map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px });
+    Some(ReadLine { letters: letters.collect(), ln_p })
+}
+
+/// The likeliest text of some columns, and the mean of ln p over its letters.
+fn spell(columns: &Columns) -> Option<(String, f64)> {
+    // In a word of one kind, each character stands for those of its shape.
+    let kind = |from: char, to: char| -> Vec<(char, Classes)> {
+        (from..=to).map(|character| (character, alike(character))).collect()
+    };
+    let own = |character: char| Some((character, 1 << class_of(character)?));
+    let [capitals, small, digits] = [kind('A', 'Z'), kind('a', 'z'), kind('0', '9')];
+    let mixed: Vec<_> = ('A'..='Z').chain('0'..='9').filter_map(own).collect();
+    let kinds: [(&Symbols, &Symbols); 5] = [
+        (&capitals, &capitals),
+        (&small, &small),
+        (&capitals, &small),
+        (&digits, &digits),
+        (&mixed, &mixed),
+    ];
+    let tried = kinds.iter().zip(LN_FREQUENCY).filter_map(|((first, rest), ln_frequency)| {
+        let (text, ln_p) = search(columns, first, rest).into_iter().next()?;
+        let n_letters = text.chars().count() as f64;
+        let has_letter = text.chars().any(|c| c != '?');
+        has_letter.then(|| (text, (ln_p + ln_frequency) / n_letters))
+    });
+    tried.reduce(|a, b| if b.1 > a.1 { b } else { a })
+}

@@ -1,0 +1,97 @@
+//! A strip: one line of writing, upright and of fixed size, as the net reads it.
+
+use super::color;
+use super::light::{Light, Rgb, luminance};
+use super::plane::{Grid, Placed};
+use super::raster::{Raster, narrow, whole};
+use super::view::View;
+
+/// Pixels to a cap height.
+pub(super) const CAP_PX: usize = 22;
+
+/// Rows of a strip.
+pub(super) const HEIGHT: usize = 40;
+
+/// Row of the capitals' upper ends; their feet are at row 30.
+pub(super) const HEAD_ROW: usize = 8;
+
+/// Columns beside the first and the last letter.
+pub(super) const MARGIN_PX: usize = 13;
+
+/// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
+const BESIDE_PX: f64 = 2.2;
+
+/// A line of writing: light from 0 to 1.
+#[derive(Clone, Debug)]
+pub(super) struct Strip {
+    /// Columns: an even number.
+    pub(super) width: usize,
+    /// How bright the light looks.
+    pub(super) bright: Vec<f32>,
+    /// Light in the color of the strokes.
+    pub(super) pure: Vec<f32>,
+}
+
+impl Strip {
+    /// The strip that a photo shows at a grid of [`HEIGHT`] rows.
+    pub(super) fn cut(
+        grid: &Grid,
+        light: &Light,
+        view: &View,
+        placed: &Placed,
+        ink_color: Rgb,
+        full_light: f32,
+    ) -> Self {
+        let pure = color::pure(ink_color);
+        let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
+        let both =
+            grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
+        Self {
+            width: grid.width,
+            bright: both.iter().map(|light| exposed(light[0])).collect(),
+            pure: both.iter().map(|light| exposed(light[1])).collect(),
+        }
+    }
+
+    /// Takes away the light between two ends, in the plane of the word, and a little beside them:
+    /// punctuation is not read.
+    pub(super) fn darken(&mut self, own: &Grid, [left_m, right_m]: [f64; 2]) {
+        let column = |x_m: f64| whole(((x_m - own.left_m) / own.pitch_m).max(0.0)).min(self.width);
+        let beside_m = BESIDE_PX * own.pitch_m;
+        let columns = column(left_m - beside_m)..column(right_m + beside_m);
+        for channel in [&mut self.bright, &mut self.pure] {
+            for row in channel.chunks_exact_mut(self.width) {
+                row[columns.clone()].fill(0.0);
+            }
+        }
+    }
+
+    /// Adds to the light what a picture of a part of the same plane has more than another, or less.
+    pub(super) fn change(&mut self, own: &Grid, part: &Grid, before: &Raster, after: &Raster) {
+        let ratio = own.pitch_m / part.pitch_m;
+        let [left, top] =
+            [(own.left_m - part.left_m) / part.pitch_m, (part.top_m - own.top_m) / part.pitch_m];
+        let per_area = narrow(1.0 / (ratio * ratio));
+        let mut change = after.clone();
+        change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
+        for at in 0..self.width * HEIGHT {
+            let x = left + ratio * (at % self.width) as f64;
+            let y = top + ratio * (at / self.width) as f64;
+            let more = change.sum([x, x + ratio], [y, y + ratio]) * per_area;
+            for channel in [&mut self.bright, &mut self.pure] {
+                channel[at] = (channel[at] + more).clamp(0.0, 1.0);
+            }
+        }
+    }
+
+    /// The net's input: both channels of each pixel, as square roots.
+    pub(super) fn bytes(&self) -> impl Iterator<Item = u8> {
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
+        #[expect(clippy::cast_sign_loss, reason = "0 to 255")]
+        let byte = |light: f32| (255.0 * light.sqrt()).round() as u8;
+        self.bright
+            .iter()
+            .zip(&self.pure)
+            .flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
+    }
+}

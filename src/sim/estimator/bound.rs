@@ -1,0 +1,289 @@
+//! Bound of Cramér and Rao for the positions of drones that fly their plans on ultra-wideband ranges.
+//!
+//! In: plans and a drone. Out: [`Bound`], the standard deviation of each drone's position over time
+//! that no unbiased estimator beats. Method: the covariance of the filter with its slopes taken at
+//! the truth (the posterior bound: Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46,
+//! 1998), driven by the noise of the inertial sensors and corrected by each range and height when it
+//! is due. Drones with the estimator `cooperative` share the air and hear each other without loss.
+//! Noise is white here: biases of links, which decide in many rooms, and outliers come on top.
+
+use nalgebra::Vector3;
+
+use super::covariance::{Covariance, Slope};
+use super::ekf::{START, Span};
+use super::joint::{Joint, Part};
+use crate::error::{Error, Result};
+use crate::plan::Plan;
+use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SimOptions};
+use crate::sim::sensors::{BAROMETER_HZ, TIME_OF_FLIGHT_HZ, time_of_flight_sigma_m};
+use crate::sim::vehicle::GRAVITY_M_S2;
+
+/// Steps a second, unless ranges come faster.
+const RATE_HZ: f64 = 100.0;
+/// Least noise of a range.
+const LEAST_SIGMA_M: f64 = 1e-4;
+/// Margin of the box in which a further anchor is tried, around anchors and word.
+const MARGIN_M: f64 = 0.2;
+/// Places of a further anchor along x, y and z.
+const TRIED: [u32; 3] = [5, 5, 3];
+
+/// The bound along the flight of one drone.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Bound {
+    /// Times, rising.
+    pub time_s: Vec<f64>,
+    /// Standard deviation of the position over all three axes, at each time.
+    pub sigma_m: Vec<f64>,
+    /// The letter that is being written with light, at each time.
+    pub letter: Vec<Option<usize>>,
+}
+
+/// A link in the round.
+#[derive(Clone, Copy)]
+enum Turn {
+    Anchor { drone: usize, anchor: usize, minus: Option<usize> },
+    Drones(usize, usize),
+}
+
+/// The bounds of drones that fly their plans.
+///
+/// # Errors
+///
+/// As [`SimOptions::check`], and [`Error::Input`] for a positioning without ultra-wideband ranges.
+pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
+    options.check()?;
+    let ranges = matches!(options.sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
+    if !ranges {
+        let found = options.sensors.positioning.name();
+        let hint = "set sensors.positioning = \"uwb-twr\" or \"uwb-tdoa\"";
+        return Err(Error::input("sensors.positioning", found, "ultra-wideband ranges", hint));
+    }
+    let together = options.observer.kind == EstimatorKind::Cooperative;
+    if together {
+        return along(plans, 0, options);
+    }
+    let mut all = Vec::new();
+    for (drone, plan) in plans.iter().enumerate() {
+        all.extend(along(&[*plan], drone as u64, options)?);
+    }
+    Ok(all)
+}
+
+/// The bounds of drones that share the air; the first has the index `first`.
+fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
+    let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
+    let anchors_m: Vec<Vector3<f64>> = uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
+    let turns = turns(plans.len(), first, options)?;
+    let cooperative = &options.observer.cooperative;
+    let start = match options.observer.kind {
+        EstimatorKind::Cooperative => {
+            Covariance::new(cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad)
+        }
+        _ => Covariance::new(START[0], START[1], START[2]),
+    };
+    let mut joint = Joint::new(vec![start; plans.len()]);
+    let mut found = vec![Bound::default(); plans.len()];
+    let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
+    let square = |x: f64| x * x;
+    let acceleration = [0.5 * square(sensors.imu.accelerometer_noise_m_s2_sqrt_hz); 3];
+    let rate = 0.5 * square(sensors.imu.gyro_noise_rad_s_sqrt_hz);
+    let variance = square(uwb.noise_m.max(LEAST_SIGMA_M));
+    let heights =
+        [(HeightSensor::TimeOfFlight, TIME_OF_FLIGHT_HZ), (HeightSensor::Barometer, BAROMETER_HZ)];
+    let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
+    let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
+    let (mut measured, mut read) = (0_u32, [0_u32; 2]);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+    let steps = (end_s / step_s) as u32;
+    for step in 0..=steps {
+        let time_s = f64::from(step) * step_s;
+        let places: Vec<Vector3<f64>> = plans.iter().map(|plan| plan.design_m(time_s)).collect();
+        for (drone, plan) in plans.iter().enumerate() {
+            let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
+            let lever = -(moving + Vector3::z() * GRAVITY_M_S2).cross_matrix();
+            let span = Span { span_s: step_s, lever, turn_rad: Vector3::zeros() };
+            joint.carry(drone, &span, acceleration, rate);
+        }
+        let away = |drone: usize, anchor: usize| {
+            let away_m = places[drone] - anchors_m[anchor];
+            away_m / away_m.norm().max(f64::MIN_POSITIVE)
+        };
+        let part = |drone, position| Part::now(drone, Slope { position, turn: Vector3::zeros() });
+        while f64::from(measured) <= time_s * uwb.rate_hz {
+            let turn = turns[measured as usize % turns.len()];
+            measured += 1;
+            match turn {
+                Turn::Anchor { drone, anchor, minus } => {
+                    let minus = minus.map_or(Vector3::zeros(), |minus| away(drone, minus));
+                    let slope = part(drone, away(drone, anchor) - minus);
+                    joint.correct(&[slope], 0.0, variance, f64::INFINITY);
+                }
+                Turn::Drones(i, j) => {
+                    let away_m = places[i] - places[j];
+                    let unit = away_m / away_m.norm().max(f64::MIN_POSITIVE);
+                    let slopes = [part(i, unit), part(j, -unit)];
+                    joint.correct(&slopes, 0.0, variance, f64::INFINITY);
+                }
+            }
+        }
+        for ((sensor, rate_hz), read) in heights.iter().zip(&mut read) {
+            if !sensors.heights.contains(sensor) || f64::from(*read) > time_s * rate_hz {
+                continue;
+            }
+            *read += 1;
+            for (drone, place_m) in places.iter().enumerate() {
+                let sigma_m = match sensor {
+                    HeightSensor::TimeOfFlight => time_of_flight_sigma_m(place_m.z),
+                    HeightSensor::Barometer => sensors.barometer.noise_m.max(LEAST_SIGMA_M),
+                };
+                let slope = part(drone, Vector3::z());
+                joint.correct(&[slope], 0.0, square(sigma_m), f64::INFINITY);
+            }
+        }
+        for (drone, plan) in plans.iter().enumerate() {
+            if time_s > plan.duration_s() {
+                continue;
+            }
+            let row = plan.setpoints.partition_point(|s| s.time_s <= time_s).saturating_sub(1);
+            let bound = &mut found[drone];
+            bound.time_s.push(time_s);
+            bound.sigma_m.push(joint.own[drone].pp.trace().max(0.0).sqrt());
+            bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
+        }
+    }
+    Ok(found)
+}
+
+/// All links in their order.
+fn turns(n_drones: usize, first: u64, options: &SimOptions) -> Result<Vec<Turn>> {
+    let sensors = &options.sensors;
+    let differences = sensors.positioning == Positioning::UwbTdoa;
+    let mut turns = Vec::new();
+    for drone in 0..n_drones {
+        let heard = sensors.uwb.heard_by(first + drone as u64)?;
+        for (i, anchor) in heard.iter().enumerate() {
+            let minus = differences.then(|| heard[(i + 1) % heard.len()]);
+            turns.push(Turn::Anchor { drone, anchor: *anchor, minus });
+        }
+    }
+    for i in 0..n_drones {
+        for j in (i + 1..n_drones).filter(|_| sensors.peers.ranging) {
+            turns.push(Turn::Drones(i, j));
+        }
+    }
+    Ok(turns)
+}
+
+/// Root mean square of bounds over the lit strokes, or over one letter.
+#[must_use]
+pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
+    let (mut square, mut n) = (0.0, 0_u32);
+    for bound in bounds {
+        for (sigma_m, written) in bound.sigma_m.iter().zip(&bound.letter) {
+            if written.is_some() && (letter.is_none() || *written == letter) {
+                square += sigma_m * sigma_m;
+                n += 1;
+            }
+        }
+    }
+    (n > 0).then(|| (square / f64::from(n)).sqrt())
+}
+
+/// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most, and
+/// that bound. Tried are places in the box around anchors and word.
+///
+/// # Errors
+///
+/// As [`bounds`].
+pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
+    let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
+    let anchors = options.sensors.uwb.anchors_m.iter().map(|anchor| Vector3::from(*anchor));
+    let all: Vec<Vector3<f64>> = setpoints.chain(anchors).collect();
+    let extent = |pick: fn(f64, f64) -> f64, start: f64| {
+        all.iter().fold(Vector3::repeat(start), |a, b| a.zip_map(b, pick))
+    };
+    let low_m = extent(f64::min, f64::INFINITY).add_scalar(-MARGIN_M);
+    let high_m = extent(f64::max, f64::NEG_INFINITY).add_scalar(MARGIN_M);
+    let mut best = ([0.0; 3], f64::INFINITY);
+    for i in 0..TRIED.iter().product() {
+        let k = [i % TRIED[0], i / TRIED[0] % TRIED[1], i / (TRIED[0] * TRIED[1])];
+        let place_m = std::array::from_fn(|axis| {
+            let share = f64::from(k[axis]) / f64::from(TRIED[axis] - 1);
+            // Anchors stand on the floor at lowest.
+            (low_m[axis] + share * (high_m[axis] - low_m[axis]))
+                .max([f64::MIN, f64::MIN, 0.1][axis])
+        });
+        let mut with = options.clone();
+        let uwb = &mut with.sensors.uwb;
+        if uwb.anchors_m.contains(&place_m) {
+            continue;
+        }
+        let n = uwb.anchors_m.len();
+        uwb.anchors_m.push(place_m);
+        uwb.heard.iter_mut().for_each(|heard| heard.push(n));
+        let sigma_m = writing_sigma_m(&bounds(plans, &with)?, None).unwrap_or(f64::INFINITY);
+        if sigma_m < best.1 {
+            best = (place_m, sigma_m);
+        }
+    }
+    Ok(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Setpoint;
+    use crate::sim::SensorOptions;
+
+    fn hover(place_m: [f64; 3], end_s: f64) -> Plan {
+        let setpoint = |time_s| Setpoint {
+            time_s,
+            position_m: Vector3::from(place_m),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: Some(0),
+        };
+        let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
+        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], lights, ..Plan::default() }
+    }
+
+    fn options(anchors_m: &[[f64; 3]]) -> SimOptions {
+        let mut options = SimOptions::default();
+        options.sensors = SensorOptions::ideal();
+        options.sensors.positioning = Positioning::UwbTwr;
+        options.sensors.uwb.anchors_m = anchors_m.to_vec();
+        options.sensors.uwb.noise_m = 0.06;
+        options.observer.kind = EstimatorKind::Cooperative;
+        options
+    }
+
+    #[test]
+    fn a_drone_that_surely_stands_still_averages_its_ranges() {
+        // Without motion noise and with a start known to 10 m and no tilt, the bound along the axis
+        // of one anchor is 1/√(1/σ0² + n/σ²).
+        let mut options = options(&[[3.0, 0.0, 1.0], [0.0, 3.0, 1.0], [0.0, 0.0, 4.0]]);
+        options.observer.cooperative.start_sigma_m = 10.0;
+        options.observer.cooperative.start_tilt_rad = 1e-5;
+        let plan = hover([0.0, 0.0, 1.0], 1.0);
+        let bound = bounds(&[&plan], &options).unwrap().remove(0);
+        // Velocity is known to 1 cm/s: at 0.1 s it has moved by less than the ranges tell.
+        let at = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
+        let n = f64::from((bound.time_s[at] * 180.0) as u32 + 1) / 3.0;
+        let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();
+        let found_m = bound.sigma_m[at];
+        assert!((found_m / want_m - 1.0).abs() < 0.05, "{found_m} m of {want_m} m");
+    }
+
+    #[test]
+    fn two_anchors_leave_a_direction_open_and_the_best_third_closes_it() {
+        let mut options = options(&[[3.0, 0.0, 1.0], [-3.0, 0.5, 1.0]]);
+        options.sensors.imu.accelerometer_noise_m_s2_sqrt_hz = 0.02;
+        let plan = hover([0.0, 0.0, 1.0], 20.0);
+        let two_m = writing_sigma_m(&bounds(&[&plan], &options).unwrap(), Some(0)).unwrap();
+        let (place_m, three_m) = one_more_anchor(&[&plan], &options).unwrap();
+        assert!(three_m < 0.8 * two_m, "{three_m} m after {two_m} m, at {place_m:?}");
+        options.sensors.positioning = Positioning::Gnss;
+        options.observer.kind = EstimatorKind::Ekf;
+        assert!(bounds(&[&plan], &options).unwrap_err().to_string().contains("gnss"));
+    }
+}

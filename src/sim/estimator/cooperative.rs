@@ -1,0 +1,454 @@
+//! Extended Kalman filter of one drone over all drones of its fleet.
+//!
+//! Its own nine errors are those of [`Ekf`](super::ekf::Ekf), and so is its arithmetic as long as it
+//! is alone. Of every other drone it keeps position, velocity and the tilt of its dead reckoning, at
+//! the time of the last message: a message moves them on by the motion that it tells (which is why a
+//! lost one costs nothing but time), and its ranges and heights correct them. A range between two
+//! drones waits until the messages have caught up with it, and is held against the places at its
+//! own time: both are reckoned back from the present estimates along the told motion. Every
+//! measurement is thus used once in each drone's filter, and what the drones' errors have in common
+//! is in the filter's covariance.
+//!
+//! A link that the gate refuses five times in a row is believed again, with the variance that it
+//! asks for: a filter that is wrong cannot lock the truth out.
+//!
+//! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
+//! Robotics and Automation 18(5), 2002 (one filter over all robots); A. Howard, M. J. Mataric, G. S.
+//! Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
+//!
+//! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
+//! motion between a range and the present is neglected: below 1 mm for a quarter of a second.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Estimator;
+use super::covariance::{Covariance, Slope};
+use super::ekf::{Motion, Residual, START, Span};
+use super::joint::{Joint, Part};
+use crate::sim::options::{ObserverOptions, SensorOptions, Share};
+use crate::sim::peers::{Fleet, Message, Reckoning, Target, ToldHeight, ToldRange};
+use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
+use crate::sim::vehicle::{GRAVITY_M_S2, State};
+
+/// Index of the variance of two-way ranging.
+const TWO_WAY: usize = 1;
+/// Refusals of one link in a row after which it is believed again.
+const MOST_REFUSALS: u32 = 5;
+/// Ranges that have waited longer for messages are forgotten.
+const LONGEST_WAIT_S: f64 = 2.0;
+/// Between two messages further apart, the motion is not interpolated: curves of letters bend.
+const LONGEST_GAP_S: f64 = 0.3;
+/// Distance from a message within which its motion is used in any case.
+const NEAR_S: f64 = 0.05;
+/// Messages of each drone that are kept.
+const MESSAGES_KEPT: usize = 64;
+/// Keys of ranges between two other drones that are kept, so that none is used twice.
+const RANGES_KEPT: usize = 256;
+
+/// The filter.
+#[derive(Debug)]
+pub(super) struct Cooperative {
+    own: Motion,
+    /// The attitude, velocity and position by inertial sensors alone, which the others are told.
+    alone: Motion,
+    /// Velocity and position by inertial sensors with the estimated attitude.
+    reckoned: Reckoning,
+    /// Of this drone (0) and of the others in the order of `peers`.
+    joint: Joint,
+    peers: Vec<Peer>,
+    place: usize,
+    share: Share,
+    force_m_s2: Vector3<f64>,
+    ticks: u32,
+    /// Consecutive refusals of each link.
+    refused: BTreeMap<(usize, Target), u32>,
+    /// What the next message will hold.
+    ranges: Vec<ToldRange>,
+    heights: Vec<ToldHeight>,
+    /// Ranges to other drones that wait for their messages, with the motion at their time.
+    waiting: Vec<(usize, f64, Reckoning)>,
+    /// Ranges between two others that wait.
+    between: Vec<(usize, ToldRange)>,
+    /// Ranges between two others that were used: time and places.
+    used: VecDeque<(f64, usize, usize)>,
+}
+
+/// Another drone at the time of its last message.
+#[derive(Debug)]
+struct Peer {
+    place: usize,
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+    /// Rotation vector, in the world, from its dead reckoning to the truth.
+    tilt_rad: Vector3<f64>,
+    told: VecDeque<Reckoning>,
+}
+
+/// A place in the past as a function of a drone's present errors.
+struct Past {
+    position_m: Vector3<f64>,
+    /// Time since.
+    span_s: f64,
+    /// Integral of the specific force since, world frame.
+    force_m_s: Vector3<f64>,
+}
+
+impl Cooperative {
+    pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
+        let own_m = fleet.members[fleet.place].told_m;
+        let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
+        let peer = |(place, member): (usize, &crate::sim::peers::Member)| Peer {
+            place,
+            position_m: member.told_m,
+            velocity_m_s: Vector3::zeros(),
+            tilt_rad: Vector3::zeros(),
+            told: [Reckoning::default()].into(),
+        };
+        let start = &options.cooperative;
+        let block = Covariance::new(start.start_sigma_m, START[1], start.start_tilt_rad);
+        Self {
+            own: Motion::new(&options.ekf, sensors, own_m),
+            alone: Motion::new(&options.ekf, sensors, Vector3::zeros()),
+            reckoned: Reckoning::default(),
+            joint: Joint::new(vec![block; fleet.members.len()]),
+            peers: others.map(peer).collect(),
+            place: fleet.place,
+            share: start.share,
+            force_m_s2: Vector3::z() * GRAVITY_M_S2,
+            ticks: 0,
+            refused: BTreeMap::new(),
+            ranges: Vec::new(),
+            heights: Vec::new(),
+            waiting: Vec::new(),
+            between: Vec::new(),
+            used: VecDeque::new(),
+        }
+    }
+
+    /// Carries the covariance of this drone to the present.
+    fn carry_own(&mut self) {
+        let span = self.own.span(&self.force_m_s2);
+        let trust = self.own.trust;
+        self.joint.carry(0, &span, trust.acceleration, trust.rate);
+    }
+
+    /// Applies the corrections to all drones.
+    fn settle(&mut self) {
+        self.own.settle(&self.joint.take(0));
+        for (k, peer) in self.peers.iter_mut().enumerate() {
+            let errors = self.joint.take(k + 1);
+            peer.position_m += errors.position_m;
+            peer.velocity_m_s += errors.velocity_m_s;
+            peer.tilt_rad += errors.turn_rad;
+        }
+    }
+
+    /// Keeps what was measured at this tick for the next message and for those of the others.
+    fn note(&mut self, readings: &Readings<'_>) {
+        let time_s = self.reckoned.time_s;
+        for range in readings.ranges {
+            let target = Target::Anchor(range.anchor);
+            self.ranges.push(ToldRange { time_s, target, distance_m: range.distance_m });
+        }
+        for range in readings.peer_ranges {
+            let (target, distance_m) = (Target::Drone(range.drone), range.distance_m);
+            self.ranges.push(ToldRange { time_s, target, distance_m });
+            self.waiting.push((range.drone, distance_m, self.reckoned));
+        }
+        self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
+        if let Some(distance_m) = readings.time_of_flight_m {
+            let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
+            let sigma_m = time_of_flight_sigma_m(distance_m) * cos_tilt;
+            let height_m = distance_m * cos_tilt;
+            let (target, variance) = (Target::Floor, sigma_m * sigma_m);
+            self.heights.push(ToldHeight { time_s, target, height_m, variance });
+        }
+        if let Some(height_m) = readings.barometer_m {
+            let variance = self.own.trust.barometer;
+            let target = Target::Air;
+            self.heights.push(ToldHeight { time_s, target, height_m, variance });
+        }
+    }
+
+    /// Moves another drone on to the time of its message.
+    fn carry_peer(&mut self, k: usize, now: Reckoning) {
+        let peer = &mut self.peers[k];
+        let before = *peer.told.back().expect("never empty");
+        let span_s = now.time_s - before.time_s;
+        let gained_m_s = now.velocity_m_s - before.velocity_m_s;
+        let moved_m = now.position_m - before.position_m - before.velocity_m_s * span_s;
+        let force_m_s = gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s);
+        let turned_m_s = peer.tilt_rad.cross(&force_m_s);
+        peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+        peer.velocity_m_s += gained_m_s + turned_m_s;
+        peer.told.push_back(now);
+        if peer.told.len() > MESSAGES_KEPT {
+            peer.told.pop_front();
+        }
+        let lever = -force_m_s.cross_matrix() / span_s;
+        let trust = self.own.trust;
+        let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
+        self.joint.carry(k + 1, &span, trust.acceleration, trust.rate);
+    }
+
+    /// A scalar measurement on a link, through the gate.
+    fn correct(&mut self, link: (usize, Target), parts: &[Part], innovation: f64, variance: f64) {
+        let gate_sq = self.own.trust.gate_sq;
+        let refused = self.refused.entry(link).or_default();
+        through_gate(&mut self.joint, refused, parts, innovation, variance, gate_sq);
+    }
+
+    /// Place of another drone at a time up to its last message.
+    fn past_of_peer(&self, k: usize, time_s: f64) -> Option<Past> {
+        let peer = &self.peers[k];
+        let now = peer.told.back()?;
+        let then = interpolated(&peer.told, time_s)?;
+        Some(past(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
+    }
+
+    /// Takes in a range of another drone to an anchor, or a height.
+    fn correct_peer(&mut self, k: usize, told: &Message) {
+        let drone = k + 1;
+        let range_variance = self.own.trust.range[TWO_WAY];
+        for range in &told.ranges {
+            let Target::Anchor(anchor) = range.target else { continue };
+            let anchor_m = self.own.anchors_m.get(anchor).copied();
+            let past = self.past_of_peer(k, range.time_s);
+            let Some((anchor_m, past)) = anchor_m.zip(past) else { continue };
+            let (direction, expected_m) = toward(&(past.position_m - anchor_m));
+            let part = past.part(drone, direction, None);
+            let link = (told.from, range.target);
+            self.correct(link, &[part], range.distance_m - expected_m, range_variance);
+        }
+        for height in &told.heights {
+            let Some(past) = self.past_of_peer(k, height.time_s) else { continue };
+            let part = past.part(drone, Vector3::z(), None);
+            let innovation = height.height_m - past.position_m.z;
+            let link = (told.from, height.target);
+            self.correct(link, &[part], innovation, height.variance);
+        }
+    }
+
+    /// Takes in the ranges of this drone to another one up to its last message; those that the
+    /// other's motion does not reach are kept. `estimate` stands for the other where the drones
+    /// share estimates: its place and the variance along a direction.
+    fn correct_waiting(&mut self, k: usize, told: &Message) {
+        let waiting = std::mem::take(&mut self.waiting);
+        for (place, distance_m, then) in waiting {
+            if place != told.from || then.time_s > told.motion.time_s {
+                self.waiting.push((place, distance_m, then));
+                continue;
+            }
+            let own = &self.own;
+            let no_tilt = Vector3::zeros();
+            let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.reckoned, &then);
+            let world_from_body = own.world_from_body;
+            let link = (self.place, Target::Drone(place));
+            let variance = own.trust.range[TWO_WAY];
+            if self.share == Share::Estimates {
+                let (position_m, velocity_m_s, covariance) = told.estimate;
+                let there_m = position_m - velocity_m_s * (told.motion.time_s - then.time_s);
+                let (direction, expected_m) = toward(&(here.position_m - there_m));
+                let theirs = direction.dot(&(covariance * direction));
+                let part = here.part(0, direction, Some(&world_from_body));
+                self.correct(link, &[part], distance_m - expected_m, variance + theirs);
+            } else if let Some(there) = self.past_of_peer(k, then.time_s) {
+                let (direction, expected_m) = toward(&(here.position_m - there.position_m));
+                let parts = [
+                    here.part(0, direction, Some(&world_from_body)),
+                    there.part(k + 1, -direction, None),
+                ];
+                self.correct(link, &parts, distance_m - expected_m, variance);
+            }
+        }
+    }
+
+    /// Takes in ranges between two others that both their messages have reached.
+    fn correct_between(&mut self, told: &Message) {
+        for range in &told.ranges {
+            let Target::Drone(other) = range.target else { continue };
+            if other != self.place {
+                self.between.push((told.from, *range));
+            }
+        }
+        let between = std::mem::take(&mut self.between);
+        for (from, range) in between {
+            let Target::Drone(other) = range.target else { continue };
+            let key = (range.time_s, from.min(other), from.max(other));
+            let block = |place| self.peers.iter().position(|peer| peer.place == place);
+            let Some((i, j)) = block(from).zip(block(other)) else { continue };
+            if self.used.contains(&key) || range.time_s < told.motion.time_s - LONGEST_WAIT_S {
+                continue;
+            }
+            let last_s = |k: usize| self.peers[k].told.back().map_or(0.0, |told| told.time_s);
+            if range.time_s > last_s(i).min(last_s(j)) {
+                self.between.push((from, range));
+                continue;
+            }
+            self.used.push_back(key);
+            if self.used.len() > RANGES_KEPT {
+                self.used.pop_front();
+            }
+            let pasts = self.past_of_peer(i, range.time_s).zip(self.past_of_peer(j, range.time_s));
+            let Some((one, two)) = pasts else { continue };
+            let (direction, expected_m) = toward(&(one.position_m - two.position_m));
+            let parts = [one.part(i + 1, direction, None), two.part(j + 1, -direction, None)];
+            let link = (key.1, Target::Drone(key.2));
+            let variance = self.own.trust.range[TWO_WAY];
+            self.correct(link, &parts, range.distance_m - expected_m, variance);
+        }
+    }
+}
+
+impl Estimator for Cooperative {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let force_m_s2 = readings.specific_force_m_s2;
+        self.force_m_s2 = force_m_s2;
+        let acceleration = self.own.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        let reckoned = &mut self.reckoned;
+        reckoned.time_s = f64::from(self.ticks) * tick_s;
+        reckoned.position_m += (reckoned.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        reckoned.velocity_m_s += acceleration * tick_s;
+        self.ticks += 1;
+        if !self.peers.is_empty() {
+            self.note(readings);
+        }
+        let measured = readings.measures_place();
+        if !self.own.is_due(measured) {
+            return;
+        }
+        self.carry_own();
+        if !measured {
+            return;
+        }
+        let Self { own, joint, refused, place, .. } = self;
+        let gate_sq = own.trust.gate_sq;
+        own.residuals(readings, |Residual { slope, innovation, variance }, target| {
+            let part = [Part::now(0, slope)];
+            let target = target.expect("ranges and heights only");
+            let refused = refused.entry((*place, target)).or_default();
+            through_gate(joint, refused, &part, innovation, variance, gate_sq);
+        });
+        self.settle();
+    }
+
+    fn state(&self) -> State {
+        self.own.state()
+    }
+
+    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
+        Some(self.joint.own[0].pp)
+    }
+
+    fn tell(&mut self) -> Option<Message> {
+        if self.share == Share::Nothing {
+            return None;
+        }
+        Some(Message {
+            from: self.place,
+            motion: Reckoning {
+                time_s: self.reckoned.time_s,
+                velocity_m_s: self.alone.velocity_m_s,
+                position_m: self.alone.position_m,
+            },
+            ranges: std::mem::take(&mut self.ranges),
+            heights: std::mem::take(&mut self.heights),
+            estimate: (self.own.position_m, self.own.velocity_m_s, self.joint.own[0].pp),
+        })
+    }
+
+    fn hear(&mut self, told: &Message) {
+        let Some(k) = self.peers.iter().position(|peer| peer.place == told.from) else { return };
+        let last_s = self.peers[k].told.back().map_or(0.0, |told| told.time_s);
+        if told.motion.time_s <= last_s {
+            return;
+        }
+        self.carry_own();
+        if self.share == Share::Measurements {
+            self.carry_peer(k, told.motion);
+            self.correct_peer(k, told);
+            self.correct_between(told);
+        }
+        self.correct_waiting(k, told);
+        self.settle();
+    }
+}
+
+impl Past {
+    /// The slope of a measurement along a direction at this place. The tilt of this drone is in its
+    /// body's frame, those of others are in the world's.
+    fn part(
+        &self,
+        drone: usize,
+        direction: Vector3<f64>,
+        world_from_body: Option<&Matrix3<f64>>,
+    ) -> Part {
+        let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
+        let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
+        let slope = Slope { position: direction, turn };
+        Part { drone, slope, velocity: direction * -self.span_s }
+    }
+}
+
+/// Takes a measurement in unless the gate refuses it; after five refusals in a row it is believed
+/// with the variance that it asks for.
+fn through_gate(
+    joint: &mut Joint,
+    refused: &mut u32,
+    parts: &[Part],
+    innovation: f64,
+    variance: f64,
+    gate_sq: f64,
+) {
+    let locked_out = *refused >= MOST_REFUSALS;
+    let variance = if locked_out { variance.max(innovation * innovation) } else { variance };
+    let taken = joint.correct(parts, innovation, variance, gate_sq);
+    *refused = if taken { 0 } else { *refused + 1 };
+}
+
+/// The place at the time `then`, of a drone that is now at `position_m`.
+fn past(
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+    tilt_rad: Vector3<f64>,
+    now: &Reckoning,
+    then: &Reckoning,
+) -> Past {
+    let span_s = now.time_s - then.time_s;
+    let gained_m_s = now.velocity_m_s - then.velocity_m_s;
+    let moved_m = now.position_m - then.position_m - then.velocity_m_s * span_s;
+    let force_m_s = gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s);
+    let turned_m_s = tilt_rad.cross(&force_m_s);
+    let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
+    let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+    Past { position_m: position_m - since_m, span_s, force_m_s }
+}
+
+/// The motion at a time between two messages: the cubic with their places and velocities.
+fn interpolated(told: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
+    let after = told.partition_point(|t| t.time_s < time_s);
+    let (a, b) = (told.get(after.checked_sub(1)?)?, told.get(after)?);
+    let h = b.time_s - a.time_s;
+    let from_end_s = (time_s - a.time_s).min(b.time_s - time_s);
+    if h > LONGEST_GAP_S && from_end_s > NEAR_S {
+        return None;
+    }
+    let s = (time_s - a.time_s) / h;
+    let step_m = b.position_m - a.position_m;
+    let (va, vb) = (a.velocity_m_s * h, b.velocity_m_s * h);
+    let (c2, c3) = (step_m * 3.0 - va * 2.0 - vb, va + vb - step_m * 2.0);
+    Some(Reckoning {
+        time_s,
+        position_m: a.position_m + (va + (c2 + c3 * s) * s) * s,
+        velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
+    })
+}
+
+/// Unit vector and length.
+fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
+    let length_m = away_m.norm();
+    (away_m / length_m.max(f64::MIN_POSITIVE), length_m)
+}

@@ -1,0 +1,74 @@
+//! Anchors from the file that cfclient saves: YAML, an index with x, y and z in meters each.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+
+/// Largest file that is read.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+#[derive(Deserialize)]
+struct Place {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+/// Reads the places of the anchors, in the order of their indices.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the file cannot be read; [`Error::Input`] with its line where it is broken,
+/// and for indices that do not count from 0.
+pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
+    let unreadable = |source| Error::read(path, source);
+    if std::fs::metadata(path).map_err(unreadable)?.len() > MAX_FILE_BYTES {
+        let place = path.display().to_string();
+        return Err(Error::input(place, "more than a megabyte", "a few anchors", HINT));
+    }
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    parse(&text).map_err(|error| error.in_file(path))
+}
+
+const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
+
+fn parse(yaml: &str) -> Result<Vec<[f64; 3]>> {
+    let places: BTreeMap<usize, Place> = serde_saphyr::from_str(yaml).map_err(|error| {
+        let text = error.to_string();
+        let found = text.lines().next().unwrap_or_default().to_owned();
+        Error::input("anchors", found, "anchors with x, y and z", HINT)
+    })?;
+    for (index, (anchor, place)) in places.iter().enumerate() {
+        if *anchor != index {
+            let wanted = format!("anchor {index}");
+            return Err(Error::input("anchors", format!("anchor {anchor}"), wanted, HINT));
+        }
+        for value in [place.x, place.y, place.z] {
+            crate::error::within(&format!("anchors, anchor {anchor}"), value, -1e4, 1e4)?;
+        }
+    }
+    Ok(places.into_values().map(|place| [place.x, place.y, place.z]).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_of_cfclient_is_read_and_a_broken_one_refused() {
+        let file = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
+        assert_eq!(parse(file).unwrap(), [[0.99, 1.49, 1.8], [0.99, 3.29, 1.8]]);
+        for (broken, wanted) in [
+            (file.replace("1:\n", "2:\n"), "anchor 2"),
+            (file.replace("z: 1.8", "z: much"), "anchors"),
+            (file.replace("  x: 0.99\n", ""), "anchors"),
+            (file.replace("1.49", ".nan"), "NaN"),
+        ] {
+            let error = parse(&broken).unwrap_err();
+            assert!(error.to_string().contains(wanted), "{error}");
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Localization of drones from ranges, apart from any controller: the observer of two drones that
+//! share an anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
+//! ([`share_left`], [`observability`]), and the filter without a local region that they wished for
+//! ([`Enlarged`], handed over to [`Positions`]). Both need the motion; [`locate`] turns the ranges of
+//! a log into positions without it.
+//!
+//! The filter that flies is the estimator `cooperative`.
+
+mod anchors;
+mod enlarged;
+mod observer;
+mod region;
+mod smoother;
+
+pub use anchors::read_anchors;
+pub use enlarged::{Enlarged, Positions};
+pub use observer::{FiveRanges, SharedAnchorObserver};
+pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
+pub use smoother::{LocateOptions, Located, RangeSample, locate};
+
+/// What a range is measured between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// A drone and an anchor.
+    Anchor {
+        /// Index of the drone.
+        drone: usize,
+        /// Index of the anchor.
+        anchor: usize,
+    },
+    /// Two drones.
+    Drones(usize, usize),
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::Link;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::{PlanOptions, fleet};
+    use crate::random::split_mix;
+
+    /// Each drone's own anchor, then the shared one.
+    pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [
+        ("good", [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4]]),
+        ("wall", [[-2.5, 2.5, 0.2], [2.5, 2.5, 0.4], [0.0, 2.5, 2.4]]),
+        ("line", [[-2.5, 2.5, 2.0], [2.5, 2.5, 2.0], [0.0, 2.5, 2.0]]),
+        ("huddle", [[-0.5, 2.5, 1.5], [0.5, 2.5, 1.7], [0.0, 2.2, 2.2]]),
+    ];
+
+    pub(super) const FIVE_LINKS: [Link; 5] = [
+        Link::Anchor { drone: 0, anchor: 0 },
+        Link::Anchor { drone: 0, anchor: 2 },
+        Link::Anchor { drone: 1, anchor: 1 },
+        Link::Anchor { drone: 1, anchor: 2 },
+        Link::Drones(0, 1),
+    ];
+
+    /// The designs of two drones that write NOOR.
+    pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {
+        let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+        let plans = fleet(&strokes, &PlanOptions { drones: 2, ..PlanOptions::even() }).unwrap();
+        move |drone, time_s| plans[drone].design_m(time_s)
+    }
+
+    /// Random numbers of a seed.
+    pub(super) struct Random(pub(super) u64);
+
+    impl Random {
+        fn uniform(&mut self) -> f64 {
+            self.0 = split_mix(self.0);
+            #[expect(clippy::cast_precision_loss, reason = "a random number")]
+            let number = (self.0 >> 11) as f64 / 9_007_199_254_740_992.0;
+            number
+        }
+
+        pub(super) fn normal(&mut self) -> f64 {
+            let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
+            radius * libm::cos(std::f64::consts::TAU * self.uniform())
+        }
+
+        pub(super) fn vector(&mut self) -> Vector3<f64> {
+            Vector3::from_fn(|_, _| self.normal())
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! The observer of two drones that share an anchor, as its authors left it.
+//!
+//! Drone i hears an anchor a_i of its own and the shared anchor a_3, and both the range q between
+//! them. From squared ranges, with C_i = a_3 − a_i:
+//!
+//! ```text
+//! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
+//! y_2  = d_13² + d_23² − q² − 2 |a_3|²   = 2 p_1ᵀ p_2 − 2 a_3ᵀ (p_1 + p_2)
+//! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i) + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
+//! ```
+//!
+//! With V = ½|p̃_1|² + ½μ|p̃_2|² its rate is a quadratic form that is at best negative
+//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
+//! uses three of the five ranges: at an instant they fix three of six coordinates.
+
+use nalgebra::Vector3;
+
+/// The observer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SharedAnchorObserver {
+    /// The anchor that each drone alone hears.
+    pub own_m: [Vector3<f64>; 2],
+    /// The anchor that both hear.
+    pub shared_m: Vector3<f64>,
+    /// Gains γ_i, 1/(m² s).
+    pub gains: [f64; 2],
+}
+
+/// The five ranges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiveRanges {
+    /// Of each drone to its own anchor.
+    pub own_m: [f64; 2],
+    /// Of each drone to the shared anchor.
+    pub shared_m: [f64; 2],
+    /// Between the drones.
+    pub between_m: f64,
+}
+
+impl SharedAnchorObserver {
+    /// The true ranges of drones at two places.
+    #[must_use]
+    pub fn ranges(&self, places_m: &[Vector3<f64>; 2]) -> FiveRanges {
+        FiveRanges {
+            own_m: [0, 1].map(|i| (places_m[i] - self.own_m[i]).norm()),
+            shared_m: places_m.map(|p| (p - self.shared_m).norm()),
+            between_m: (places_m[0] - places_m[1]).norm(),
+        }
+    }
+
+    /// The outputs y_11, y_12 and y_2.
+    #[must_use]
+    pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
+        let square = |x: f64| x * x;
+        let shared_sq = self.shared_m.norm_squared();
+        let [one, two] = [0, 1].map(|i| {
+            square(ranges.own_m[i]) - square(ranges.shared_m[i]) + shared_sq
+                - self.own_m[i].norm_squared()
+        });
+        let [d13, d23] = ranges.shared_m;
+        [one, two, square(d13) + square(d23) - square(ranges.between_m) - 2.0 * shared_sq]
+    }
+
+    /// Rates of the estimates, less the velocities of the drones.
+    #[must_use]
+    pub fn corrections(
+        &self,
+        estimates_m: &[Vector3<f64>; 2],
+        outputs: &[f64; 3],
+    ) -> [Vector3<f64>; 2] {
+        let [p1, p2] = estimates_m;
+        let shared = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
+        [0, 1].map(|i| {
+            let c = self.shared_m - self.own_m[i];
+            let own = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
+            (c * own + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
+        })
+    }
+
+    /// Rate of V = ½|p̃_1|² + ½μ|p̃_2|²: the quadratic form, and the extra terms.
+    #[must_use]
+    pub fn lyapunov_rate(
+        &self,
+        places_m: &[Vector3<f64>; 2],
+        estimates_m: &[Vector3<f64>; 2],
+        weight: f64,
+    ) -> [f64; 2] {
+        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
+        let true_r = places_m.map(|p| p - self.shared_m);
+        let believed_r = estimates_m.map(|p| p - self.shared_m);
+        let (mut quadratic, mut extra) = (0.0, 0.0);
+        for i in 0..2 {
+            let j = 1 - i;
+            let gain = 2.0 * self.gains[i] * if i == 0 { 1.0 } else { weight };
+            let own = (self.shared_m - self.own_m[i]).dot(&error[i]);
+            let other = true_r[j].dot(&error[i]);
+            let mixed = believed_r[j].dot(&error[i]) * believed_r[i].dot(&error[j]);
+            quadratic -= gain * (own * own + other * other + mixed);
+            extra += gain * error[0].dot(&error[1]) * other;
+        }
+        [quadratic, extra]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::localization::tests::Random;
+
+    #[test]
+    fn outputs_are_linear_and_bilinear_in_the_places_to_rounding() {
+        let mut random = Random(1);
+        for _ in 0..100 {
+            let mut place = || random.vector();
+            let (own_m, shared_m) = ([place(), place()], place());
+            let observer = SharedAnchorObserver { own_m, shared_m, gains: [0.3, 0.7] };
+            let p = [place(), place()];
+            let found = observer.outputs(&observer.ranges(&p));
+            let want = [
+                2.0 * (shared_m - own_m[0]).dot(&p[0]),
+                2.0 * (shared_m - own_m[1]).dot(&p[1]),
+                2.0 * p[0].dot(&p[1]) - 2.0 * shared_m.dot(&(p[0] + p[1])),
+            ];
+            for (found, want) in found.iter().zip(want) {
+                assert!((found - want).abs() < 1e-12 * (1.0 + want.abs()), "{found} {want}");
+            }
+            let rates = observer.corrections(&p, &found);
+            assert!(rates[0].norm() + rates[1].norm() < 1e-11, "the truth is at rest");
+        }
+    }
+
+    #[test]
+    fn the_lyapunov_rate_is_the_difference_quotient() {
+        let mut random = Random(2);
+        for _ in 0..100 {
+            let mut place = || random.vector();
+            let (own_m, shared_m) = ([place(), place()], place());
+            let observer = SharedAnchorObserver { own_m, shared_m, gains: [0.3, 0.7] };
+            let (p, e, weight) = ([place(), place()], [place(), place()], 1.3);
+            let rates = observer.corrections(&e, &observer.outputs(&observer.ranges(&p)));
+            let function = |h: f64| {
+                let square = |i: usize| (p[i] - e[i] - rates[i] * h).norm_squared();
+                0.5 * square(0) + 0.5 * weight * square(1)
+            };
+            let want = (function(1e-5) - function(-1e-5)) / 2e-5;
+            let [quadratic, extra] = observer.lyapunov_rate(&p, &e, weight);
+            let found = quadratic + extra;
+            assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
+        }
+    }
+}

@@ -1,0 +1,520 @@
+//! Whole flights from range logs: a filter forward, a smoother backward, linearized anew until it
+//! rests.
+//!
+//! In: anchors, ranges. Out: [`Located`]. Each drone moves with a constant velocity but for white
+//! acceleration noise; no motion sensor is needed. The forward pass is an extended Kalman filter
+//! (position and velocity of all drones), the backward pass that of Rauch, Tung and Striebel (AIAA
+//! Journal 3(8), 1965); repeated with slopes at the smoothed places it is Gauss and Newton's method
+//! on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute.
+//! It starts from the place that fits the first second best.
+//!
+//! A link that the gate refuses five times in a row is believed again, as in flight.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::Link;
+use super::enlarged::slope;
+use crate::error::{Error, Result};
+
+/// Ranges closer in time share one state.
+const STEP_S: f64 = 0.01;
+/// Ranges of this time after the first give the place at the start.
+const START_S: f64 = 1.0;
+/// σ of the velocity at the start, and least σ of the place.
+const START_SPEED_M_S: f64 = 0.5;
+const START_SIGMA_M: f64 = 0.05;
+/// Most passes, and the change at which they end.
+const MAX_PASSES: usize = 8;
+const RESTS_M: f64 = 1e-4;
+const MOST_REFUSALS: u32 = 5;
+/// Starts of the static fit, around the middle of the anchors, in shares of their extent.
+const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
+const FIT_STEPS: usize = 40;
+/// Thickness of a set of anchors below which it counts as a plane.
+const PLANE_M: f64 = 0.05;
+
+/// One range of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeSample {
+    /// When.
+    pub time_s: f64,
+    /// Between what.
+    pub link: Link,
+    /// Measured distance.
+    pub distance_m: f64,
+}
+
+/// How a log is turned into positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocateOptions {
+    /// Standard deviation of a range.
+    pub range_sigma_m: f64,
+    /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother and lags in curves.
+    pub acceleration_m_s2_sqrt_hz: f64,
+    /// Standard deviations of its innovation beyond which a range is rejected.
+    pub gate_sigmas: f64,
+    /// Whether later ranges improve earlier positions; otherwise as in flight.
+    pub smooth: bool,
+}
+
+impl Default for LocateOptions {
+    fn default() -> Self {
+        Self { range_sigma_m: 0.1, acceleration_m_s2_sqrt_hz: 1.0, gate_sigmas: 4.0, smooth: true }
+    }
+}
+
+/// Positions of all drones over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Located {
+    /// Times, rising.
+    pub time_s: Vec<f64>,
+    /// Positions: for each drone one at each time.
+    pub position_m: Vec<Vec<Vector3<f64>>>,
+    /// Their covariances.
+    pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
+    /// Mean normalized innovation squared of the forward pass: 1 where noise and motion are right.
+    pub nis: f64,
+    /// Share of ranges that the gate refused.
+    pub refused_frac: f64,
+    /// What the ranges leave open.
+    pub warnings: Vec<String>,
+}
+
+/// State after a step: before and after its ranges.
+struct Step {
+    time_s: f64,
+    predicted: (DVector<f64>, DMatrix<f64>),
+    state: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+/// Turns the ranges of `n_drones` into positions.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a range that is no distance, and for a link without its end;
+/// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open.
+pub fn locate(
+    anchors_m: &[Vector3<f64>],
+    n_drones: usize,
+    samples: &[RangeSample],
+    options: &LocateOptions,
+) -> Result<Located> {
+    let mut samples = checked(anchors_m, n_drones, samples)?;
+    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let (start_m, start_m2) = start(anchors_m, n_drones, &samples, options.range_sigma_m)?;
+    let mut warnings = Vec::new();
+    if thickness_m(anchors_m) < PLANE_M && n_drones * anchors_m.len() > 0 {
+        warnings
+            .push("the anchors lie in a plane: the mirror image behind it fits as well".to_owned());
+    }
+    let (mut steps, mut nis, mut refused) =
+        forward(anchors_m, &samples, options, (&start_m, &start_m2), None);
+    let mut smoothed = None;
+    if options.smooth {
+        for _ in 0..MAX_PASSES {
+            let next = backward(&steps)?;
+            let moved_m = smoothed.as_ref().map_or(f64::INFINITY, |before: &Vec<_>| {
+                let pairs = before.iter().zip(&next);
+                let moved = |(a, b): (&(DVector<f64>, _), &(DVector<f64>, _))| (&a.0 - &b.0).amax();
+                pairs.map(moved).fold(0.0, f64::max)
+            });
+            smoothed = Some(next);
+            if moved_m < RESTS_M {
+                break;
+            }
+            let about: Vec<DVector<f64>> =
+                smoothed.iter().flatten().map(|(state, _)| state.clone()).collect();
+            let start = (&start_m, &start_m2);
+            (steps, ..) = forward(anchors_m, &samples, options, start, Some(&about));
+        }
+    }
+    if !nis.is_finite() {
+        (nis, refused) = (0.0, 1.0);
+    }
+    let ends: Vec<(DVector<f64>, DMatrix<f64>)> = smoothed.unwrap_or_else(|| {
+        steps.iter().map(|step| (step.state.clone(), step.covariance.clone())).collect()
+    });
+    let position = |drone: usize| {
+        let place = |(state, _): &(DVector<f64>, _)| state.fixed_rows::<3>(6 * drone).into_owned();
+        ends.iter().map(place).collect()
+    };
+    let covariance = |drone: usize| {
+        let block =
+            |(_, p): &(_, DMatrix<f64>)| p.fixed_view::<3, 3>(6 * drone, 6 * drone).into_owned();
+        ends.iter().map(block).collect()
+    };
+    Ok(Located {
+        time_s: steps.iter().map(|step| step.time_s).collect(),
+        position_m: (0..n_drones).map(position).collect(),
+        covariance_m2: (0..n_drones).map(covariance).collect(),
+        nis,
+        refused_frac: refused,
+        warnings,
+    })
+}
+
+fn checked(
+    anchors_m: &[Vector3<f64>],
+    n_drones: usize,
+    samples: &[RangeSample],
+) -> Result<Vec<RangeSample>> {
+    for sample in samples {
+        let place = format!("range at {:.3} s", sample.time_s);
+        if !(sample.distance_m > 0.0 && sample.distance_m < 1e4 && sample.time_s.is_finite()) {
+            let hint = "leave out rows without a measurement";
+            return Err(Error::input(place, sample.distance_m, "a distance above 0 m", hint));
+        }
+        let (known, found) = match sample.link {
+            Link::Anchor { drone, anchor } => (
+                drone < n_drones && anchor < anchors_m.len(),
+                format!("anchor {anchor} of drone {}", drone + 1),
+            ),
+            Link::Drones(i, j) => {
+                (i < n_drones && j < n_drones && i != j, format!("drones {} and {}", i + 1, j + 1))
+            }
+        };
+        if !known {
+            let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
+            let hint = "list every anchor, and give a log of every drone";
+            return Err(Error::input(place, found, wanted, hint));
+        }
+    }
+    Ok(samples.to_vec())
+}
+
+/// The distance of the farthest anchor from the plane that fits best.
+fn thickness_m(anchors_m: &[Vector3<f64>]) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
+    let middle_m = anchors_m.iter().sum::<Vector3<f64>>() / anchors_m.len().max(1) as f64;
+    let spread: Matrix3<f64> =
+        anchors_m.iter().map(|a| (a - middle_m) * (a - middle_m).transpose()).sum();
+    let eigen = spread.symmetric_eigen();
+    let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    anchors_m.iter().map(|a| (a - middle_m).dot(&normal).abs()).fold(0.0, f64::max)
+}
+
+/// The places that fit the first second best, drones at rest, and their covariance.
+fn start(
+    anchors_m: &[Vector3<f64>],
+    n_drones: usize,
+    samples: &[RangeSample],
+    sigma_m: f64,
+) -> Result<(DVector<f64>, DMatrix<f64>)> {
+    let n = 3 * n_drones;
+    let first_s = samples.first().map_or(0.0, |first| first.time_s);
+    let mut links: BTreeMap<[usize; 3], (Link, f64, f64)> = BTreeMap::new();
+    for sample in samples.iter().filter(|s| s.time_s <= first_s + START_S) {
+        let (link, key) = match sample.link {
+            Link::Anchor { drone, anchor } => (sample.link, [0, drone, anchor]),
+            Link::Drones(i, j) => (Link::Drones(i.min(j), i.max(j)), [1, i.min(j), i.max(j)]),
+        };
+        let mean = links.entry(key).or_insert((link, 0.0, 0.0));
+        (mean.1, mean.2) = (mean.1 + sample.distance_m, mean.2 + 1.0);
+    }
+    if links.len() < n {
+        return Err(Error::Infeasible {
+            what: format!(
+                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges alone \
+                 leave the places open",
+                links.len()
+            ),
+            hint: "three anchors a drone, or more drones that range to each other, are needed; a \
+                   drone that flies with its motion sensors does with fewer"
+                .into(),
+        });
+    }
+    let low = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::INFINITY, f64::min);
+    let high = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::NEG_INFINITY, f64::max);
+    let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low(axis) + high(axis)));
+    let reach_m = (0..3).map(|axis| high(axis) - low(axis)).fold(1.0, f64::max);
+    let residuals = |p: &DVector<f64>| -> (DMatrix<f64>, DVector<f64>) {
+        let mut slopes = DMatrix::zeros(links.len(), n);
+        let mut left = DVector::zeros(links.len());
+        for (row, (link, sum, count)) in links.values().enumerate() {
+            let (h, expected_m) = slope(*link, anchors_m, p);
+            slopes.set_row(row, &h.transpose());
+            left[row] = sum / count - expected_m;
+        }
+        (slopes, left)
+    };
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    for k in 0..27_usize {
+        let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
+        let mut p = DVector::from_fn(n, |i, _| {
+            // Drones apart from each other, or their range has no direction.
+            #[expect(clippy::cast_precision_loss, reason = "a few drones")]
+            let apart = 0.05 * (i / 3) as f64;
+            middle[i % 3] + reach_m * (share[i % 3] + apart)
+        });
+        let mut damping = 1e-2;
+        let mut cost = residuals(&p).1.norm_squared();
+        for _ in 0..FIT_STEPS {
+            let (slopes, left) = residuals(&p);
+            let mut normal = slopes.transpose() * &slopes;
+            for i in 0..n {
+                normal[(i, i)] += damping;
+            }
+            let Some(step) = normal.cholesky().map(|c| c.solve(&(slopes.transpose() * left)))
+            else {
+                break;
+            };
+            let next = &p + step;
+            let next_cost = residuals(&next).1.norm_squared();
+            if next_cost < cost {
+                (p, cost, damping) = (next, next_cost, (damping * 0.2).max(1e-12));
+            } else {
+                damping *= 5.0;
+            }
+        }
+        if best.as_ref().is_none_or(|(least, _)| cost < *least - 1e-9) {
+            best = Some((cost, p));
+        }
+    }
+    let (_, p) = best.expect("there are starts");
+    let slopes = residuals(&p).0;
+    let information = slopes.transpose() * slopes;
+    let eigen = information.clone().symmetric_eigen();
+    if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
+        return Err(Error::Infeasible {
+            what:
+                "the links leave a direction open at the start: the anchors lie in a line, or in a \
+                   plane with the drone"
+                    .into(),
+            hint: "place an anchor off that line or plane".into(),
+        });
+    }
+    let variance = (sigma_m * sigma_m).max(START_SIGMA_M * START_SIGMA_M);
+    let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
+    let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
+    let at = |i: usize| 6 * (i / 3) + i % 3;
+    for i in 0..n {
+        state[at(i)] = p[i];
+        covariance[(at(i) + 3, at(i) + 3)] = START_SPEED_M_S * START_SPEED_M_S;
+        for j in 0..n {
+            covariance[(at(i), at(j))] = places[(i, j)];
+        }
+    }
+    Ok((state, covariance))
+}
+
+/// The filter forward, its slopes at its own estimates or at the given ones; with its mean normalized
+/// innovation squared and the share that was refused.
+fn forward(
+    anchors_m: &[Vector3<f64>],
+    samples: &[RangeSample],
+    options: &LocateOptions,
+    (state, covariance): (&DVector<f64>, &DMatrix<f64>),
+    about: Option<&[DVector<f64>]>,
+) -> (Vec<Step>, f64, f64) {
+    let (mut x, mut p) = (state.clone(), covariance.clone());
+    let n_drones = x.len() / 6;
+    let variance = options.range_sigma_m * options.range_sigma_m;
+    let gate = options.gate_sigmas * options.gate_sigmas;
+    let mut refusals: BTreeMap<[usize; 3], u32> = BTreeMap::new();
+    let (mut steps, mut nis, mut taken, mut refused) = (Vec::<Step>::new(), 0.0, 0.0, 0.0);
+    let mut k = 0;
+    while k < samples.len() {
+        let time_s = samples[k].time_s;
+        let span_s = steps.last().map_or(0.0, |last| time_s - last.time_s);
+        let (phi, noise) = motion(n_drones, span_s, options.acceleration_m_s2_sqrt_hz);
+        x = &phi * x;
+        p = &phi * p * phi.transpose() + noise;
+        let predicted = (x.clone(), p.clone());
+        let here = about.and_then(|about| about.get(steps.len()));
+        while k < samples.len() && samples[k].time_s < time_s + STEP_S {
+            let sample = samples[k];
+            k += 1;
+            let places =
+                |x: &DVector<f64>| DVector::from_fn(3 * n_drones, |i, _| x[6 * (i / 3) + i % 3]);
+            let at = here.unwrap_or(&x);
+            let (short, expected_m) = slope(sample.link, anchors_m, &places(at));
+            let mut h = DVector::zeros(x.len());
+            for i in 0..3 * n_drones {
+                h[6 * (i / 3) + i % 3] = short[i];
+            }
+            let innovation = sample.distance_m - expected_m - h.dot(&(&x - at));
+            let a = &p * &h;
+            let spread = h.dot(&a);
+            let key = match sample.link {
+                Link::Anchor { drone, anchor } => [0, drone, anchor],
+                Link::Drones(i, j) => [1, i, j],
+            };
+            let in_a_row = refusals.entry(key).or_default();
+            let mut r = variance;
+            if *in_a_row >= MOST_REFUSALS {
+                r = r.max(innovation * innovation);
+            }
+            if innovation * innovation > gate * (spread + r) {
+                *in_a_row += 1;
+                refused += 1.0;
+                continue;
+            }
+            *in_a_row = 0;
+            let s = spread + r;
+            nis += innovation * innovation / s;
+            taken += 1.0;
+            x.axpy(innovation / s, &a, 1.0);
+            p.ger(-1.0 / s, &a, &a, 1.0);
+        }
+        steps.push(Step { time_s, predicted, state: x.clone(), covariance: p.clone() });
+    }
+    (steps, nis / taken, refused / (taken + refused))
+}
+
+/// Transition of positions and velocities over a span, and the covariance of its noise.
+fn motion(n_drones: usize, span_s: f64, density: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    let n = 6 * n_drones;
+    let (mut phi, mut noise) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
+    let q = 0.5 * density * density;
+    for i in (0..n).filter(|i| i % 6 < 3) {
+        phi[(i, i + 3)] = span_s;
+        noise[(i, i)] = q * span_s * span_s * span_s / 3.0;
+        noise[(i, i + 3)] = q * span_s * span_s / 2.0;
+        noise[(i + 3, i)] = noise[(i, i + 3)];
+        noise[(i + 3, i + 3)] = q * span_s;
+    }
+    (phi, noise)
+}
+
+/// Smoothed states and covariances.
+fn backward(steps: &[Step]) -> Result<Vec<(DVector<f64>, DMatrix<f64>)>> {
+    let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = Vec::with_capacity(steps.len());
+    for (k, step) in steps.iter().enumerate().rev() {
+        let Some(((x_after, p_after), after)) = found.last().zip(steps.get(k + 1)) else {
+            found.push((step.state.clone(), step.covariance.clone()));
+            continue;
+        };
+        let (phi, _) = motion(step.state.len() / 6, after.time_s - step.time_s, 0.0);
+        let (x_predicted, p_predicted) = &after.predicted;
+        let Some(inverse) = p_predicted.clone().cholesky() else {
+            return Err(Error::Infeasible {
+                what: format!("the filter has lost its covariance at {:.2} s", after.time_s),
+                hint: "raise the noise of the ranges or the acceleration".into(),
+            });
+        };
+        let gain = inverse.solve(&(phi * &step.covariance)).transpose();
+        let x = &step.state + &gain * (x_after - x_predicted);
+        let p = &step.covariance + &gain * (p_after - p_predicted) * gain.transpose();
+        found.push((x, p));
+    }
+    found.reverse();
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::localization::tests::Random;
+
+    fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
+        let all = [
+            [-2.5, -2.5, 2.4],
+            [2.5, -2.5, 0.2],
+            [0.5, 2.5, 2.4],
+            [-2.5, 2.5, 0.2],
+            [2.5, 2.5, 2.4],
+            [0.0, -2.5, 0.2],
+        ];
+        all[..n].iter().map(|a| Vector3::from(*a)).collect()
+    }
+
+    fn place(drone: usize, time_s: f64) -> Vector3<f64> {
+        let phase = [0.0, 1.9][drone];
+        let wave = |rate: f64| libm::sin(rate * time_s + phase);
+        Vector3::new(0.8 * wave(0.7), 0.4 * wave(1.1), 1.0 + 0.4 * wave(0.9))
+    }
+
+    /// Ranges of `end_s` at 100 a second over the links in turn.
+    fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
+        let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
+        let sample = |k: u32| {
+            let (time_s, link) = (f64::from(k) * 0.01, links[k as usize % links.len()]);
+            let true_m = match link {
+                Link::Anchor { drone, anchor } => (place(drone, time_s) - anchors_m[anchor]).norm(),
+                Link::Drones(i, j) => (place(i, time_s) - place(j, time_s)).norm(),
+            };
+            RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
+        };
+        (0..end_s * 100).map(sample).collect()
+    }
+
+    fn to_anchors(drone: usize, anchors: impl IntoIterator<Item = usize>) -> Vec<Link> {
+        anchors.into_iter().map(|anchor| Link::Anchor { drone, anchor }).collect()
+    }
+
+    fn rmse_m(found: &Located) -> f64 {
+        let (mut square, mut n) = (0.0, 0.0);
+        for (drone, places) in found.position_m.iter().enumerate() {
+            for (time_s, found_m) in found.time_s.iter().zip(places).filter(|(t, _)| **t > 1.0) {
+                square += (found_m - place(drone, *time_s)).norm_squared();
+                n += 1.0;
+            }
+        }
+        f64::sqrt(square / n)
+    }
+
+    #[test]
+    fn smoothing_halves_the_error_of_filtering_and_both_know_their_own() {
+        let samples = log(&to_anchors(0, 0..6), 6, 0.06, 40);
+        let run = |smooth| {
+            let options = LocateOptions { range_sigma_m: 0.06, smooth, ..Default::default() };
+            locate(&anchors_m(6), 1, &samples, &options).unwrap()
+        };
+        let (filtered, smoothed) = (run(false), run(true));
+        let (filtered_m, smoothed_m) = (rmse_m(&filtered), rmse_m(&smoothed));
+        println!("filtered {filtered_m:.4} m, smoothed {smoothed_m:.4} m, NIS {}", filtered.nis);
+        assert!(smoothed_m < 0.7 * filtered_m && filtered_m < 0.08, "{smoothed_m} {filtered_m}");
+        assert!((0.7..1.2).contains(&filtered.nis), "NIS {}", filtered.nis);
+        let sigma_m = smoothed.covariance_m2[0][2000].trace().sqrt();
+        assert!((0.5..2.0).contains(&(smoothed_m / sigma_m)), "{smoothed_m} m, σ {sigma_m} m");
+    }
+
+    #[test]
+    fn two_drones_with_three_anchors_each_and_their_range_are_located_together() {
+        let mut links = to_anchors(0, 0..3);
+        links.extend(to_anchors(1, 0..3));
+        links.push(Link::Drones(0, 1));
+        let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
+        let found = locate(&anchors_m(3), 2, &log(&links, 3, 0.06, 40), &options).unwrap();
+        assert!(rmse_m(&found) < 0.12, "{} m", rmse_m(&found));
+    }
+
+    #[test]
+    fn strays_are_refused_and_a_moved_link_is_believed_again() {
+        let mut samples = log(&to_anchors(0, 0..6), 6, 0.03, 30);
+        samples.iter_mut().step_by(37).for_each(|s| s.distance_m += 2.0);
+        let options = LocateOptions { range_sigma_m: 0.03, ..Default::default() };
+        let found = locate(&anchors_m(6), 1, &samples, &options).unwrap();
+        assert!(rmse_m(&found) < 0.06, "{} m", rmse_m(&found));
+        assert!((0.02..0.05).contains(&found.refused_frac), "{}", found.refused_frac);
+    }
+
+    #[test]
+    fn logs_that_leave_places_open_are_refused_with_the_reason() {
+        let options = LocateOptions::default();
+        let refused = |anchors: &[Vector3<f64>], n, samples: &[RangeSample]| {
+            locate(anchors, n, samples, &options).unwrap_err().to_string()
+        };
+        let two = log(&to_anchors(0, 0..2), 6, 0.0, 2);
+        assert!(refused(&anchors_m(6), 1, &two).contains("2 links"), "too few");
+        let mut line = anchors_m(3);
+        (line[0], line[1], line[2]) = (Vector3::x(), Vector3::x() * 2.0, Vector3::x() * 3.0);
+        let three = log(&to_anchors(0, 0..3), 6, 0.0, 2);
+        assert!(refused(&line, 1, &three).contains("direction open"), "a line");
+        for distance_m in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+            let mut broken = three.clone();
+            broken[7].distance_m = distance_m;
+            assert!(refused(&anchors_m(6), 1, &broken).contains("range at 0.070 s"));
+        }
+        let stranger = log(&to_anchors(0, 0..6), 6, 0.0, 2);
+        assert!(refused(&anchors_m(4), 1, &stranger).contains("anchor 4 of drone 1"));
+        assert!(refused(&anchors_m(4), 1, &[]).contains("0 links"));
+        let flat: Vec<Vector3<f64>> =
+            anchors_m(6).iter().map(|a| Vector3::new(a.x, a.y, 2.4)).collect();
+        let warned = locate(&flat, 1, &log(&to_anchors(0, 0..6), 6, 0.0, 2), &options);
+        assert!(warned.is_ok_and(|found| found.warnings[0].contains("mirror image")));
+    }
+}

@@ -1,0 +1,186 @@
+//! Drones that fly together: who they are, and the messages between them.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::noise::Noise;
+use super::options::{PeerOptions, Positioning, SimOptions};
+
+/// The drones that fly together, in the order of their plans, as one of them knows them.
+#[derive(Clone, Debug)]
+pub(super) struct Fleet {
+    pub(super) members: Vec<Member>,
+    /// Which of them this is.
+    pub(super) place: usize,
+}
+
+/// A drone of a fleet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Member {
+    /// Index of its noise and of its anchors.
+    pub(super) index: u64,
+    /// Where it is told to start: the true place but for an error.
+    pub(super) told_m: Vector3<f64>,
+}
+
+impl Fleet {
+    /// A drone alone, at the origin.
+    #[cfg(test)]
+    pub(super) fn alone(index: u64) -> Self {
+        Self { members: vec![Member { index, told_m: Vector3::zeros() }], place: 0 }
+    }
+}
+
+impl Member {
+    /// A drone that truly starts at `start_m`.
+    pub(super) fn new(options: &SimOptions, seed: u64, index: u64, start_m: Vector3<f64>) -> Self {
+        let sensors = &options.sensors;
+        let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
+        let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
+        let told_m = match error_m > 0.0 {
+            true => start_m + Noise::new(seed, index, "start").normals() * error_m,
+            false => start_m,
+        };
+        Self { index, told_m }
+    }
+}
+
+/// What a distance was measured to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Target {
+    /// An anchor, by index.
+    Anchor(usize),
+    /// A drone, by its place in the fleet.
+    Drone(usize),
+    /// The floor, by time of flight.
+    Floor,
+    /// The floor, by air pressure.
+    Air,
+}
+
+/// A range in a message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ToldRange {
+    pub(super) time_s: f64,
+    pub(super) target: Target,
+    pub(super) distance_m: f64,
+}
+
+/// A height over the floor in a message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ToldHeight {
+    pub(super) time_s: f64,
+    /// [`Target::Floor`] or [`Target::Air`].
+    pub(super) target: Target,
+    pub(super) height_m: f64,
+    pub(super) variance: f64,
+}
+
+/// The motion since the start by inertial sensors alone. A lost message costs no more than time:
+/// the next one holds the motion since the last that was heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Reckoning {
+    pub(super) time_s: f64,
+    pub(super) velocity_m_s: Vector3<f64>,
+    pub(super) position_m: Vector3<f64>,
+}
+
+/// What a drone tells the others.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Message {
+    /// Place of the sender in the fleet.
+    pub(super) from: usize,
+    pub(super) motion: Reckoning,
+    /// Since the last message.
+    pub(super) ranges: Vec<ToldRange>,
+    pub(super) heights: Vec<ToldHeight>,
+    /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
+    pub(super) estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
+}
+
+/// The air between the drones.
+#[derive(Debug)]
+pub(super) struct Air {
+    options: PeerOptions,
+    /// Of each pair of a sender and a receiver, by their places.
+    luck: Vec<Vec<Noise>>,
+    /// Messages on their way with the time of arrival and the receiver, in the order of sending.
+    under_way: VecDeque<(f64, usize, Message)>,
+    sent: u32,
+}
+
+impl Air {
+    /// The air between drones with these indices.
+    pub(super) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
+        let luck = |from: &u64| {
+            let to = |to: &u64| Noise::new(seed, *from, &format!("message loss to {to}"));
+            indices.iter().map(to).collect()
+        };
+        Self {
+            options: options.clone(),
+            luck: indices.iter().map(luck).collect(),
+            under_way: VecDeque::new(),
+            sent: 0,
+        }
+    }
+
+    /// Whether messages are due by `time_s`; they count as sent.
+    pub(super) fn is_due(&mut self, time_s: f64) -> bool {
+        let due = f64::from(self.sent) <= time_s * self.options.rate_hz;
+        self.sent += u32::from(due);
+        due
+    }
+
+    /// Sends a message to all others; each hears it or not.
+    pub(super) fn send(&mut self, message: &Message) {
+        let arrives_s = message.motion.time_s + self.options.delay_s;
+        for (to, luck) in self.luck[message.from].iter_mut().enumerate() {
+            if luck.uniform() >= self.options.loss_frac && to != message.from {
+                self.under_way.push_back((arrives_s, to, message.clone()));
+            }
+        }
+    }
+
+    /// The next message that has arrived by `time_s`, and its receiver.
+    pub(super) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
+        let (arrives_s, ..) = self.under_way.front()?;
+        (*arrives_s <= time_s).then(|| self.under_way.pop_front()).flatten().map(|m| (m.1, m.2))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(from: usize, time_s: f64) -> Message {
+        Message {
+            from,
+            motion: Reckoning { time_s, ..Reckoning::default() },
+            ranges: Vec::new(),
+            heights: Vec::new(),
+            estimate: (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros()),
+        }
+    }
+
+    #[test]
+    fn messages_arrive_late_and_as_often_as_stated() {
+        let options = PeerOptions { loss_frac: 0.3, delay_s: 0.05, ..PeerOptions::default() };
+        let mut air = Air::new(&options, 1, &[0, 1, 2]);
+        let mut heard = [0; 3];
+        for k in 0..4000_u32 {
+            let time_s = f64::from(k) * 0.05;
+            assert!(air.is_due(time_s), "twenty a second");
+            assert!(!air.is_due(time_s), "and no more");
+            air.send(&message(0, time_s));
+            assert_eq!(air.arrived(time_s + 0.049), None, "not yet");
+            while let Some((to, told)) = air.arrived(time_s + 0.0501) {
+                assert_eq!((told.from, told.motion.time_s), (0, time_s));
+                heard[to] += 1;
+            }
+        }
+        assert_eq!(heard[0], 0, "not to itself");
+        assert!(heard[1..].iter().all(|n| (2700..2900).contains(n)), "{heard:?} of 4000");
+        assert_ne!(heard[1], heard[2], "each has its own luck");
+    }
+}

@@ -1,0 +1,321 @@
+//! The readers, each with good files to begin with.
+
+use std::path::{Path, PathBuf};
+
+use noctograph::camera::CameraOptions;
+use noctograph::flight::{Flight, FlightSample};
+use noctograph::letters::{LetterOptions, Strokes, draw, write};
+use noctograph::light::{LightOptions, LightTrace, light};
+use noctograph::logs::{ImportOptions, import};
+use noctograph::photo::Photo;
+use noctograph::plan::{Plan, PlanOptions, plan};
+use noctograph::scene::{NamedScene, Scene};
+use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
+use noctograph::study::{Conditions, Store, Study, Sweep};
+
+/// A reader of files.
+pub(crate) struct Reader {
+    pub(crate) name: &'static str,
+    /// Name of the file, whose ending may decide how it is read.
+    pub(crate) file: &'static str,
+    /// Reads a file, which is there as bytes as well; whether it is accepted.
+    pub(crate) read: fn(&Path, &[u8]) -> bool,
+    good: fn() -> Vec<Vec<u8>>,
+}
+
+/// A file to begin with.
+pub(crate) struct Seed {
+    pub(crate) name: String,
+    pub(crate) bytes: Vec<u8>,
+    /// Whether it must be accepted; past failures must only do no harm.
+    pub(crate) good: bool,
+}
+
+impl Reader {
+    /// The good files, and those on which the reader failed once.
+    pub(crate) fn seeds(&self) -> Vec<Seed> {
+        let good = (self.good)().into_iter().enumerate();
+        let good = good.map(|(n, bytes)| Seed { name: format!("good {n}"), bytes, good: true });
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds").join(self.name);
+        let entries = std::fs::read_dir(folder).into_iter().flatten();
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        let failed = paths.into_iter().map(|path| Seed {
+            bytes: std::fs::read(&path).unwrap(),
+            name: path.display().to_string(),
+            good: false,
+        });
+        good.chain(failed).collect()
+    }
+}
+
+fn text(bytes: &[u8]) -> Option<&str> {
+    std::str::from_utf8(bytes).ok()
+}
+
+fn log(path: &Path, _: &[u8]) -> bool {
+    import(path, &ImportOptions::default()).is_ok()
+}
+
+fn drawing(path: &Path, _: &[u8]) -> bool {
+    draw(path, &LetterOptions::default()).is_ok()
+}
+
+fn word(path: &Path, _: &[u8]) -> bool {
+    let font = path.display().to_string();
+    let options = LetterOptions { font, ..LetterOptions::default() };
+    write("AO", &options).is_ok_and(finite)
+}
+
+fn finite(strokes: Strokes) -> bool {
+    let steps = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
+    let whole = steps.flat_map(|step| [step.from_m, step.to_m]).flatten().all(f64::is_finite);
+    assert!(whole, "every stroke has a place");
+    true
+}
+
+/// A flight's light too: it is where a time without end would cost.
+fn flight(_: &Path, bytes: &[u8]) -> bool {
+    let Ok(flight) = Flight::parse_csv(bytes, "flight.csv") else { return false };
+    let _ = light(&flight, &LightOptions::default(), 0, 0);
+    true
+}
+
+fn photo(path: &Path, _: &[u8]) -> bool {
+    Photo::read(path).is_ok()
+}
+
+fn embedded(path: &Path, _: &[u8]) -> bool {
+    let Ok((photo, _)) = Photo::read_with_notes(path) else { return false };
+    photo.scene_toml.is_some_and(|toml| Scene::parse(&toml, "photo.png").is_ok())
+}
+
+/// All readers.
+pub(crate) fn all() -> Vec<Reader> {
+    let reader = |name, file, read, good| Reader { name, file, read, good };
+    vec![
+        reader(
+            "scene",
+            "scene.toml",
+            |_, b| text(b).is_some_and(|t| Scene::parse(t, "s").is_ok()),
+            scenes,
+        ),
+        reader("strokes", "font.strokes", word, || {
+            vec![file("fonts/simplex.strokes"), file("fonts/ae483.strokes")]
+        }),
+        reader("typeface", "font.ttf", word, || vec![file("fonts/Roboto-Thin.ttf")]),
+        reader("svg", "a.svg", drawing, || SVG.map(|svg| svg.as_bytes().to_vec()).to_vec()),
+        reader("handwriting", "a.json", drawing, || vec![PAGE.into()]),
+        reader("inkml", "a.inkml", drawing, || vec![INK.into()]),
+        reader("log-json", "log.json", log, || vec![log_json()]),
+        reader("log-cfclient", "log.csv", log, || vec![CFCLIENT.into()]),
+        reader("log-usd", "log00", log, || vec![log_usd(1), log_usd(2)]),
+        reader("log-csv", "log.csv", log, || vec![PLAIN.into(), RANGES.into()]),
+        reader("flight", "flight.csv", flight, || vec![flight_csv()]),
+        reader("plan", "plan.csv", |_, b| Plan::parse_csv(b, "p").is_ok(), || vec![plan_csv()]),
+        reader(
+            "light",
+            "light.csv",
+            |_, b| LightTrace::parse_csv(b, "l").is_ok(),
+            || vec![LIGHT.into()],
+        ),
+        reader("png", "photo.png", photo, pngs),
+        reader("jpeg", "photo.jpg", photo, || vec![jpeg()]),
+        reader(
+            "exif",
+            "photo.jpg",
+            |p, _| CameraOptions::default().taken_as(p).is_ok(),
+            || vec![jpeg()],
+        ),
+        reader("embedded", "photo.png", embedded, || vec![shot()]),
+        reader("store", "flights.jsonl", |p, _| Store::read(p).is_ok(), || vec![STORE.into()]),
+        reader("sweep", "sweep.json", |p, _| Sweep::read(p).is_ok(), || vec![sweep()]),
+        reader(
+            "lighthouse",
+            "lh.yaml",
+            |p, _| read_lighthouse_config(p).is_ok(),
+            || vec![LIGHTHOUSE.into()],
+        ),
+    ]
+}
+
+fn file(path: &str) -> Vec<u8> {
+    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+}
+
+fn scenes() -> Vec<Vec<u8>> {
+    let small = "word = \"NO\"\n[plan]\nstyle = \"even\"\n[[sensors.lighthouse.stations]]\nposition_m = [1.0, 2.0, 3.0]\n\
+                 [camera.framing]\nkind = \"fixed\"\nposition_m = [0.0, -3.0, 1.0]\n";
+    vec![Scene::default().to_toml().into_bytes(), small.into()]
+}
+
+fn planned() -> Plan {
+    plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::default()).unwrap()
+}
+
+fn plan_csv() -> Vec<u8> {
+    let mut csv = Vec::new();
+    planned().write_csv(&mut csv).unwrap();
+    csv
+}
+
+fn flown() -> Flight {
+    let mut options = SimOptions::default();
+    options.rates.log_hz = 10;
+    fly(&planned(), &Drone::new(&options, 1), &mut |_| {}).unwrap()
+}
+
+fn flight_csv() -> Vec<u8> {
+    let mut csv = Vec::new();
+    flown().write_csv(&mut csv).unwrap();
+    csv
+}
+
+type Variable = (&'static str, fn(&FlightSample) -> f64);
+
+const VARIABLES: [Variable; 6] = [
+    ("stateEstimate.x", |s| s.position_m.x),
+    ("stateEstimate.y", |s| s.position_m.y),
+    ("stateEstimate.z", |s| s.position_m.z),
+    ("stateEstimate.yaw", |s| s.attitude.yaw_rad),
+    ("ctrltarget.x", |s| s.design_m.x),
+    ("motor.m1", |s| s.motors[0].round()),
+];
+
+fn log_json() -> Vec<u8> {
+    let flight = flown();
+    let stamps: Vec<f64> = flight.samples.iter().map(|s| (1e3 * s.time_s).round()).collect();
+    let variables = VARIABLES.map(|(name, value)| {
+        let data: Vec<f64> = flight.samples.iter().map(value).collect();
+        format!("\"{name}\": {{\"time\": {stamps:?}, \"data\": {data:?}}}")
+    });
+    format!("{{{}}}", variables.join(",\n")).into_bytes()
+}
+
+fn log_usd(version: u16) -> Vec<u8> {
+    let mut bytes = vec![0xBC];
+    bytes.extend(version.to_le_bytes());
+    bytes.extend(1_u16.to_le_bytes());
+    bytes.extend(7_u16.to_le_bytes());
+    bytes.extend(b"fixed\0");
+    bytes.extend(u16::try_from(VARIABLES.len()).unwrap().to_le_bytes());
+    VARIABLES.iter().for_each(|(name, _)| bytes.extend(format!("{name}(f)\0").as_bytes()));
+    for sample in &flown().samples {
+        bytes.extend(7_u16.to_le_bytes());
+        let ms = (1e3 * sample.time_s) as u32;
+        match version {
+            1 => bytes.extend(ms.to_le_bytes()),
+            _ => bytes.extend((u64::from(ms) * 1000).to_le_bytes()),
+        }
+        VARIABLES.iter().for_each(|(_, value)| bytes.extend((value(sample) as f32).to_le_bytes()));
+    }
+    let crc = crc32fast::hash(&bytes);
+    bytes.extend(crc.to_le_bytes());
+    bytes
+}
+
+/// Pictures of every color type, small.
+fn pngs() -> Vec<Vec<u8>> {
+    use png::{BitDepth, ColorType};
+    let kinds = [
+        (ColorType::Rgb, BitDepth::Eight),
+        (ColorType::Rgba, BitDepth::Sixteen),
+        (ColorType::Grayscale, BitDepth::Two),
+        (ColorType::Indexed, BitDepth::Eight),
+    ];
+    let encode = |(color, depth)| {
+        let mut file = Vec::new();
+        let mut info = png::Info::with_size(9, 7);
+        (info.color_type, info.bit_depth) = (color, depth);
+        info.palette = (color == ColorType::Indexed).then(|| vec![7; 768].into());
+        let n = info.raw_bytes() - 7;
+        let encoder = png::Encoder::with_info(&mut file, info).unwrap();
+        encoder.write_header().unwrap().write_image_data(&vec![85; n]).unwrap();
+        file
+    };
+    kinds.into_iter().map(encode).chain([shot()]).collect()
+}
+
+/// A photo with its scene, as `preview` writes it.
+fn shot() -> Vec<u8> {
+    let (width_px, height_px) = (16, 9);
+    let scene_toml = Some("word = \"NO\"\nseed = 7\n[camera]\niso = 200\n".to_owned());
+    let photo = Photo { width_px, height_px, rgb8: vec![9; 16 * 9 * 3], scene_toml };
+    let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
+    let mut file = Vec::new();
+    let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
+    photo.write_png(&mut file, Some(&camera), &notes).unwrap();
+    file
+}
+
+/// A JPEG of 16 × 16 pixels with the EXIF of a camera.
+fn jpeg() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let gray: Vec<u8> = (0..=255).collect();
+    let encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
+    image::ImageEncoder::write_image(encoder, &gray, 16, 16, image::ExtendedColorType::L8).unwrap();
+    let png = shot();
+    let at = png.windows(4).position(|kind| kind == b"eXIf").unwrap();
+    let length = u32::from_be_bytes(png[at - 4..at].try_into().unwrap()) as usize;
+    let exif = [b"Exif\0\0", &png[at + 4..at + 4 + length]].concat();
+    let length = u16::try_from(exif.len() + 2).unwrap().to_be_bytes();
+    bytes.splice(2..2, [&[0xff, 0xe1][..], &length, &exif].concat());
+    bytes
+}
+
+fn sweep() -> Vec<u8> {
+    let study = Study {
+        contenders: vec![NamedScene::new("team", Scene::default())],
+        words: vec![("I".to_owned(), 2)],
+        conditions: Conditions::default(),
+        seed: 1,
+    };
+    Sweep::new(study).unwrap().to_json().into_bytes()
+}
+
+const SVG: [&str; 2] = [
+    "<svg xmlns='http://www.w3.org/2000/svg' xmlns:xlink='http://www.w3.org/1999/xlink' viewBox='0 0 60 60'>
+    <style>path { stroke: red } .a, #b { fill: none }</style><defs><path id='a' class='a'
+    d='M0,0 C10,20 30-40 50,5 Q1,2 3,4 A5 6 30 0 1 9,9 Z'/></defs>
+    <g transform='rotate(30 5 5) skewX(10) matrix(1,0,0,1,5,5)' style='stroke:#f00;stroke-width:2'>
+    <use xlink:href='#a' x='5'/><ellipse cx='5' cy='7' rx='3' ry='4'/><polygon points='0,0 5,5 9,0'/></g>
+    <marker id='m'><path d='M0 0h3'/></marker><polyline points='1 1 9 3' marker-end='url(#m)'
+    stroke='red' stroke-dasharray='2 1'/><clipPath id='c'><rect width='9' height='9'/></clipPath></svg>",
+    "<!DOCTYPE svg [<!ENTITY ns 'http://www.w3.org/2000/svg'>]><svg xmlns='&ns;' width='9' height='9'>
+    <path d='M0 0h9v9' stroke='red'/></svg>",
+];
+
+const PAGE: &str = "{\"strokes\": [[[0, 0, 1], [10, 10, 1.5]], [[5, 0, 3], [5, 10, 4]], \
+                    [[7, 7, 5]]], \"y\": \"down\", \"other\": null}";
+
+const INK: &str = "<ink xmlns='http://www.w3.org/2003/InkML'><definitions><context><traceFormat>
+    <channel name='X' type='decimal'/><channel name='Y' type='decimal' orientation='-ve'/>
+    <channel name='F'/><channel name='T' units='ms'/></traceFormat></context></definitions>
+    <traceGroup><trace>0 0 7 0, 10 0 7 500</trace><trace type='penUp'>1 1 1 600</trace>
+    <trace id='b' continuation='begin'>0 5 9 0700, 5'5\"9 800</trace>
+    <trace continuation='end' priorRef='#b'>10 5 9 900</trace></traceGroup></ink>";
+
+const CFCLIENT: &str = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z,stateEstimate.yaw\n\
+                        1000,0.0,0.1,0.2,0.5\n1100,0.1,0.1,0.3,0.5\n1200,0.2,0.1,0.4,0.6\n\
+                        1300,0.3,0.1,0.5,0.6\n1400,0.4,0.1,0.6,0.7\n";
+
+const PLAIN: &str = "# t;x;y;z;yaw;pitch;roll;battery\n0.0;0;0;0.1;0;0;0;4.2\n0.1;0.1;0;0.2;0;0;0;4.1\n\
+                     0.2;0.2;0;0.3;0;0;0;4.1\n0.3;0.3;0;0.4;0;0;0;4.0\n";
+
+const RANGES: &str =
+    "t,x,y,z,range0,range1\n0.0,0,0,1,1.0,2.0\n0.1,0.1,0,1,1.1,2.1\n0.2,0.2,0,1,1.2,2.2\n";
+
+const LIGHT: &str = "t,x,y,z,r,g,b,u\n0,0,0,1,0,0,0,9\n0.5,0.1,0,1,1,0.5,0,9\n1,0.2,0,1,0.5,0.25,0,9\n\
+                     1.5,0.3,0,1,0,0,0,9\n2,0.4,0,1,0,0,0,9\n2.5,0.5,0,1,0,0,2,9\n3,0.6,0,1,0,1,0,9\n";
+
+const STORE: &str = "{\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\",\"seed\":1,\"read\":\"NOOR\",\
+    \"all_read\":true,\"legible\":true,\"probability\":0.9,\"log_odds\":2.2,\"similarity\":0.8,\"contour_m\":0.04,\
+    \"lag_s\":0.5,\"rmse_x_m\":0.1,\"rmse_y_m\":0.03,\"rmse_z_m\":0.07,\"drift_y_m\":0.1,\"tilt_rad\":0.2,\
+    \"saturated_frac\":0.0,\"duration_s\":58.2,\"energy_j\":700.0,\"lost\":null}\n\
+    {\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\",\"seed\":2,\"read\":\"????\",\"all_read\":false,\
+    \"legible\":false,\"probability\":0.0,\"log_odds\":-10.0,\"similarity\":0.0,\"lost\":\"it turns over\"}\n";
+
+const LIGHTHOUSE: &str = "type: lighthouse_system_configuration\nversion: '1'\nsystemType: 2\ngeos:\n  0:\n\
+    \x20   origin: [-2.0, -2.0, 2.2]\n    rotation: [[0.65, -0.7071, 0.2785], [0.65, 0.7071, 0.2785], \
+    [-0.3939, 0.0, 0.9191]]\ncalibs:\n  0:\n    sweeps:\n    - {phase: 0.0, tilt: 0.05, curve: 0.1, gibmag: 0.0, \
+    gibphase: 1.0, ogeemag: 0.1, ogeephase: 2.0}\n    - {phase: 0.0, tilt: -0.05, curve: 0.1, gibmag: 0.0, gibphase: 1.0}\n";

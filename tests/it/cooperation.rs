@@ -1,0 +1,228 @@
+//! Two drones that share a word and three anchors.
+
+use std::fmt::Write;
+
+use noctograph::flight::{ESTIMATE_NEES, Flight};
+use noctograph::scene::Scene;
+use noctograph::shoot::Shoot;
+use noctograph::sim::{Drone, fly_fleet};
+
+use crate::cli::{fails, noctograph, run_json};
+
+/// Root mean square of the position's error over lit samples after 2 s, and the mean NEES.
+fn errors(flights: &[Flight]) -> (f64, f64) {
+    let (mut square, mut nees, mut n) = (0.0, 0.0, 0.0);
+    for flight in flights {
+        let light = flight.lights.values().next().unwrap();
+        for (i, sample) in flight.samples.iter().enumerate() {
+            if sample.time_s > 2.0 && light[i] > 0.0 {
+                square += (sample.estimate_m - sample.position_m).norm_squared();
+                nees += flight.extra[ESTIMATE_NEES][i];
+                n += 1.0;
+            }
+        }
+    }
+    ((square / n).sqrt(), nees / n)
+}
+
+/// Error and NEES of the seeds of a scene.
+fn flown(scene: &str, settings: &[(&str, &str)], seeds: std::ops::Range<u64>) -> (f64, f64) {
+    let mut scene = Scene::find(scene, settings).unwrap().scene;
+    let (mut square, mut nees, mut all) = (0.0, 0.0, Vec::new());
+    let n = seeds.clone().count() as f64;
+    let shoot = Shoot::new(scene.clone()).unwrap();
+    for seed in seeds {
+        scene.seed = seed;
+        let shoot = Shoot { scene: scene.clone(), ..shoot.clone() };
+        let (error_m, one) = errors(&shoot.fly(&|_, _| {}).unwrap());
+        square += error_m * error_m / n;
+        nees += one / n;
+        all.push(error_m);
+    }
+    all.sort_by(f64::total_cmp);
+    println!("{settings:?}: {:.4} m, NEES {nees:.3}, {all:.4?}", square.sqrt());
+    (square.sqrt(), nees)
+}
+
+const FIVE_LINKS: &str = "two-drones-three-anchors";
+const FLOOR: &str = "two-drones-three-anchors-and-floor";
+
+#[test]
+fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
+    // docs/cooperative.md, measured over 16 seeds; here six, with room for chance.
+    let barometer =
+        [("sensors.heights", "[\"barometer\"]"), ("sensors.barometer.drift_m_sqrt_s", "0.0")];
+    let lossy = [("sensors.peers.loss_frac", "0.5")];
+    let all = [("sensors.uwb.heard", "[]")];
+    for (scene, settings, most_m) in [
+        (FIVE_LINKS, [].as_slice(), 0.20),
+        (FLOOR, &[], 0.034),
+        (FLOOR, &barometer, 0.040),
+        (FLOOR, &lossy, 0.039),
+        (FIVE_LINKS, &all, 0.036),
+    ] {
+        let (error_m, nees) = flown(scene, settings, 0..6);
+        assert!(error_m < most_m, "{scene} {settings:?}: {error_m} m");
+        let consistent =
+            if settings.is_empty() && scene == FIVE_LINKS { 0.5..4.0 } else { 0.8..1.25 };
+        assert!(consistent.contains(&nees), "{scene} {settings:?}: NEES {nees}");
+    }
+}
+
+#[test]
+fn sharing_estimates_is_worse_than_sharing_measurements_and_believes_too_much() {
+    let share = |share| flown(FLOOR, &[("observer.cooperative.share", share)], 0..4);
+    let (measurements_m, nees) = share("measurements");
+    let (estimates_m, nees_of_estimates) = share("estimates");
+    let (nothing_m, _) = share("nothing");
+    assert!(estimates_m > 1.4 * measurements_m, "{estimates_m} m against {measurements_m} m");
+    assert!(nees_of_estimates > 2.0 * nees, "{nees_of_estimates} against {nees}");
+    assert!(nothing_m > 1.2 * measurements_m, "{nothing_m} m against {measurements_m} m");
+    let deaf = flown(FLOOR, &[("sensors.peers.loss_frac", "1.0")], 0..4);
+    assert_eq!(deaf.0, nothing_m, "without a message nothing can be known of the others");
+}
+
+/// Flights of the shared word by drones that noise and anchors know under these indices.
+fn as_named(indices: [u64; 2]) -> Vec<Flight> {
+    let scene = Scene::find(FLOOR, &[]).unwrap().scene;
+    let options = scene.sim();
+    let plans = Shoot::new(scene).unwrap().plans;
+    let drone = |index| Drone { index, ..Drone::new(&options, 3) };
+    // Plan 0 belongs to index 0.
+    let fleet = indices.map(|index| (&plans[usize::try_from(index).unwrap()].plan, drone(index)));
+    fly_fleet(&fleet, &mut |_| {}).unwrap()
+}
+
+#[test]
+fn swapping_the_names_of_the_drones_swaps_their_flights() {
+    let (there, back) = (as_named([0, 1]), as_named([1, 0]));
+    for (one, other) in there.iter().zip(back.iter().rev()) {
+        assert_eq!(one.samples.len(), other.samples.len());
+        for (a, b) in one.samples.iter().zip(&other.samples) {
+            assert!((a.estimate_m - b.estimate_m).norm() < 1e-5, "at {} s", a.time_s);
+        }
+    }
+}
+
+#[test]
+fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
+    let alone = |kind| {
+        let settings = [
+            ("plan.drones", "1"),
+            ("sensors.uwb.heard", "[]"),
+            ("sensors.heights", "[\"time-of-flight\", \"barometer\"]"),
+            ("observer.cooperative.start_tilt_rad", "0.02"),
+            // The single filter may lock a link out for good, the fleet's believes it again.
+            ("observer.ekf.gate_sigmas", "1e6"),
+            ("observer.kind", kind),
+        ];
+        let scene = Scene::find(FLOOR, &settings).unwrap().scene;
+        Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap().remove(0)
+    };
+    let (fleet, single) = (alone("cooperative").samples, alone("ekf").samples);
+    assert!(!fleet.is_empty() && fleet == single, "they differ");
+}
+
+#[test]
+fn fleets_that_cannot_be_are_refused_with_the_reason() {
+    let refused = |settings: &[(&str, &str)]| {
+        let found = Scene::find(FIVE_LINKS, settings).and_then(|named| {
+            named.scene.check()?;
+            Shoot::new(named.scene)?.fly(&|_, _| {})
+        });
+        let error = found.unwrap_err();
+        format!("{error}; {}", error.hint())
+    };
+    for (key, value, reason) in [
+        ("sensors.uwb.heard", "[[0, 3], [1, 2]]", "sensors.uwb.heard[0][1]: found 3"),
+        ("sensors.uwb.heard", "[[0, 0], [1, 2]]", "sensors.uwb.heard[0][1]: found 0"),
+        ("sensors.uwb.heard", "[[], [1, 2]]", "sensors.uwb.heard[0]: found 0 of them"),
+        ("sensors.uwb.heard", "[[0, 2]]", "1 lists, and a drone 2"),
+        ("sensors.uwb.anchors_m", "[[1, 2, 3], [0, 0, 1], [1, 2, 3]]", "the place of another"),
+        ("sensors.positioning", "gnss", "without uwb-twr"),
+        ("sensors.peers.loss_frac", "1.5", "sensors.peers.loss_frac"),
+        ("observer.cooperative.share", "telepathy", "telepathy"),
+    ] {
+        let found = refused(&[(key, value)]);
+        assert!(found.contains(reason), "{key} = {value}: {found}");
+    }
+}
+
+const ANCHORS: [[f64; 3]; 5] =
+    [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
+
+/// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
+fn recorded() -> [(&'static str, String); 3] {
+    let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
+    (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
+    let mut flight = "t,x,y,z\n".to_owned();
+    for row in 0..2000_u32 {
+        let time_s = f64::from(row) * 0.01;
+        let place = [0.8 * (0.7 * time_s).sin(), 0.4 * (1.1 * time_s).sin(), 1.0 + 0.02 * time_s];
+        let anchor = row as usize % 5;
+        let square: f64 = (0..3).map(|k| (place[k] - ANCHORS[anchor][k]).powi(2)).sum();
+        held[anchor] = square.sqrt();
+        write!(log, "\n{row},2023-05-04 12:00:{time_s:09.6}").unwrap();
+        held.iter().for_each(|distance| write!(log, ",{distance:.6}").unwrap());
+        writeln!(flight, "{time_s},{},{},{}", place[0], place[1], place[2]).unwrap();
+    }
+    let mut anchors = String::new();
+    for (index, [x, y, z]) in ANCHORS.iter().enumerate() {
+        writeln!(anchors, "{index}:\n  x: {x:?}\n  y: {y:?}\n  z: {z:?}").unwrap();
+    }
+    [("ranges.csv", log), ("flight.csv", flight), ("anchors.yaml", anchors)]
+}
+
+#[test]
+fn a_log_of_ranges_becomes_a_flight_beside_its_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in recorded() {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
+    let arguments = [&arguments[..], &["--reference", "flight.csv", "-o", "out"]].concat();
+    let json = run_json(folder.path(), &[&arguments[..], &["--json"]].concat());
+    let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
+    assert!(rmse_m < 0.01, "{rmse_m} m: without noise");
+    for file in ["flight-1.csv", "flight-xy.svg", "flight-xz.svg"] {
+        assert!(folder.path().join("out").join(file).exists(), "{file}");
+    }
+    let compared = ["compare", "out/flight-1.csv", "flight.csv", "--offset", "0", "--part", "all"];
+    noctograph(folder.path()).args(compared).assert().success();
+}
+
+#[test]
+fn logs_that_cannot_be_located_are_refused_with_the_reason() {
+    let [(log, ranges), _, (yaml, anchors)] = recorded();
+    let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
+    let refused = |ranges: &str, anchors: &str, wanted: &[&str]| {
+        fails(&arguments, &[(log, ranges), (yaml, anchors)], wanted);
+    };
+    refused(&ranges.replace("ranging.", "other."), &anchors, &["ranges.csv"]);
+    refused(&ranges.replacen(",2.", ",-2.", 40), &anchors, &["range at", "above 0 m"]);
+    let (three, _) = anchors.split_once("3:").unwrap();
+    refused(&ranges, three, &["anchor 3 of drone 1"]);
+    refused(&ranges, &anchors.replace("1:\n", "7:\n"), &["anchors.yaml", "anchor 1"]);
+    let few = ranges.replace("ranging.distance2", "x").replace("ranging.distance3", "y");
+    refused(&few.replace("ranging.distance4", "z"), &anchors, &["2 links"]);
+}
+
+#[test]
+fn the_bound_of_three_anchors_is_printed_for_each_letter() {
+    let folder = tempfile::tempdir().unwrap();
+    let bound = |scene| {
+        let json = run_json(folder.path(), &["coverage", "--scene", scene, "--json"]);
+        let map = std::fs::read_to_string(folder.path().join("coverage.svg")).unwrap();
+        assert!(map.contains("one more here"), "a picture");
+        assert_eq!(json["letters"].as_array().unwrap().len(), 4, "{json}");
+        let more_m = json["one_more_anchor"]["bound_m"].as_f64().unwrap();
+        let bound_m = json["bound_m"].as_f64().unwrap();
+        assert!(more_m < bound_m, "{more_m} m, {bound_m} m");
+        bound_m
+    };
+    let (five_m, floor_m) = (bound(FIVE_LINKS), bound(FLOOR));
+    assert!(
+        (0.05..0.12).contains(&five_m) && (0.015..0.035).contains(&floor_m),
+        "{five_m} {floor_m}"
+    );
+}
