@@ -23,6 +23,9 @@ const ISOS: [f64; 16] = [
     2000.0, 2500.0, 3200.0,
 ];
 
+/// Width of the picture that is metered: larger pixels blur a trail.
+const WIDTH_PX: u32 = 1920;
+
 /// What the light meter set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Metered {
@@ -53,7 +56,12 @@ pub(super) fn metered(
         return Ok(None);
     }
     (camera.f_number, camera.iso) = (8.0, 100.0);
-    let Ok(readings) = meter(trace, camera) else { return Ok(None) };
+    // A small picture is exposed as a large one is.
+    let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+    let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
+    let full = Camera { width_px: WIDTH_PX, height_px, ..camera.clone() };
+    let Ok(readings) = meter(trace, &full) else { return Ok(None) };
     let trail_stops = readings.iter().map(|reading| reading.median_stops).fold(f64::MIN, f64::max);
     let room_stops = photo.ambient_stops(camera);
     let (more, gave_way) = more_stops(aims, trail_stops, room_stops);
@@ -150,6 +158,10 @@ mod tests {
     fn the_start_does_not_matter_and_off_is_off() {
         let apart = of(SIDE_CD, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
         assert_eq!(apart.0, of(SIDE_CD, 30.0, |_| {}).0);
+        let small = |options: &mut CameraOptions| {
+            (options.width_px, options.height_px) = (480, 270);
+        };
+        assert_eq!(of(SIDE_CD, 30.0, small).1, of(SIDE_CD, 30.0, |_| {}).1, "the picture's size");
         let off = of(SIDE_CD, 30.0, |options| options.metering = Metering::Off);
         assert_eq!((off.0.f_number, off.1), (8.0, None));
         assert_eq!(of(0.0, 30.0, |_| {}).1, None, "darkness");
