@@ -108,11 +108,11 @@ def read_verdicts(text):
 
 
 def features(row):
-    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, how many letters."""
+    """What src/score/calibration.rs weighs: the letters' mean log-odds, and those against the rival."""
     p = np.exp(row["ln_p"])
     letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8)
     rival = np.log(max(1 - row["rival_p"], 1e-9) / max(row["rival_p"], 1e-9))
-    return [letters.mean(), np.clip(rival, -9, 9), min(len(p), 8)]
+    return [letters.mean(), np.clip(rival, -9, 9)]
 
 
 def rows_of(readings, verdicts):
@@ -132,17 +132,17 @@ def table(name, rows, wrong):
     p = np.array([row["p"] for row in rows])
     sure, both = (np.array([row[key] for row in rows]) for key in ("sure", "both"))
     right = np.mean([same(row["read"], row["word"]) for row in rows])
-    bins = [f"{p[m].mean():.2f} → {sure[m].mean():.2f} ({m.sum()})"
+    bins = [f"{p[m].mean():.2f} → {both[m].mean():.2f} ({m.sum()})"
             for low in np.arange(0, 1, 0.2) for m in [(p >= low) & (p < low + 0.2 + 1e-9 * (low > 0.7))] if m.any()]
     # A verdict is legible from 0.7 on, and if no rival is likelier.
     passed = [row["p"] >= 0.7 and row["rival_p"] <= 0.5 for row in wrong if not row["both"]]
     print(f"{name}: {len(rows)} photos, both read {both.mean():.2f}, both sure {sure.mean():.2f}\n"
           f"  words right {right:.3f}   AUC both {auc(p, both):.3f}, sure {auc(p, sure):.3f}\n"
-          f"  Brier sure {np.mean((p - sure) ** 2):.3f} (constant {sure.mean() * (1 - sure.mean()):.3f})   "
+          f"  Brier both {np.mean((p - both) ** 2):.3f} (constant {both.mean() * (1 - both.mean()):.3f})   "
           f"rank correlation {spearman(p, np.array([row['accuracy'] for row in rows])):.2f}\n"
           f"  surely read below 0.3: {(p[sure] < 0.3).sum()} of {sure.sum()};  0.7 or more, not read by both: "
           f"{(p[~both] >= 0.7).sum()};  wrong words legible: {sum(passed)} of {len(passed)}\n"
-          f"  readability → both sure: {';  '.join(bins)}")
+          f"  readability → both read: {';  '.join(bins)}")
 
 
 def main():
@@ -159,9 +159,9 @@ def main():
     of_half = lambda rows, half: [row for row in rows if row["half"] == half]
     fit = of_half(rows, "choose"), of_half(wrong, "choose")
     weights = logistic(np.array([features(row) for row in fit[0] + fit[1]]),
-                       np.array([float(row["sure"]) for row in fit[0] + fit[1]]),
+                       np.array([float(row["both"]) for row in fit[0] + fit[1]]),
                        np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])))
-    print("constant, mean log-odds, rival, letters:", np.round(weights, 3))
+    print("constant, mean log-odds, rival:", np.round(weights, 3))
     for half in ("choose", "test"):
         part = of_half(rows, half)
         table(f"{half}, as shipped", part, of_half(wrong, half))

@@ -4,7 +4,7 @@
 
 VERDICTS.tsv and OLD.tsv are what `readings verdicts` prints of the present and of an earlier program (name,
 expected word, readability, ...). Each point is a fifth of the photographs of the test half: mean readability
-across, and up the share that both readers read surely, with its 95 % Wilson interval.
+across, and up the share that both readers read, with its 95 % Wilson interval.
 """
 
 import csv
@@ -28,10 +28,10 @@ def wilson(n_read, n):
 
 def fifths(readings, path):
     p = {cells[0]: float(cells[2]) for cells in (line.rstrip("\n").split("\t") for line in open(path))}
-    rows = sorted((p[name], sure) for name, sure in readings.items() if name in p)
+    rows = sorted((p[name], right) for name, right in readings.items() if name in p)
     for part in range(FIFTHS):
         rows_here = rows[part * len(rows) // FIFTHS:(part + 1) * len(rows) // FIFTHS]
-        n_read = sum(sure for _, sure in rows_here)
+        n_read = sum(right for _, right in rows_here)
         yield sum(p for p, _ in rows_here) / len(rows_here), n_read, len(rows_here)
 
 
@@ -54,7 +54,7 @@ def main():
     for r in csv.DictReader(open(table), delimiter="\t"):
         if r["half"] == "test":
             right = same(r["a"], r["expected"]) and same(r["b"], r["expected"])
-            readings[r["photo"]] = right and r["a_sure"] == r["b_sure"] == "sure"
+            readings[r["photo"]] = right
     parts = [line((0, 0), (1, 1), "#999")]
     for tick in range(6):
         at_x, at_y = at(tick / 5, 0), at(0, tick / 5)
@@ -70,7 +70,7 @@ def main():
             parts += [line((p, low), (p, high), color, 2), f'<circle cx="{x}" cy="{y}" r="4" fill="{color}"/>']
     middle = TOP + SIDE / 2
     parts += [text(LEFT + SIDE / 2, TOP + SIDE + 40, "readability"),
-              text(16, middle, "both read it surely", turn=f' transform="rotate(-90 16 {middle})"')]
+              text(16, middle, "both read it", turn=f' transform="rotate(-90 16 {middle})"')]
     width, height = LEFT + SIDE + 20, TOP + SIDE + 50
     head = (f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-family="sans-serif" '
             f'font-size="13">\n<rect width="{width}" height="{height}" fill="white"/>\n')

@@ -7,10 +7,9 @@ use super::choice::Choice;
 
 /// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the choosing
 /// half of `examples/readings/readings.tsv`; docs/calibration.md has the result.
-const CONSTANT: f64 = -2.908;
-const MEAN_LOG_ODDS: f64 = 0.212;
-const RIVAL: f64 = 0.332;
-const LETTERS: f64 = 0.249;
+const CONSTANT: f64 = -0.367;
+const MEAN_LOG_ODDS: f64 = 0.316;
+const RIVAL: f64 = 0.215;
 
 /// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
@@ -21,12 +20,9 @@ const LEAST_REST: f64 = 5e-4;
 /// Largest log-odds against the rival word, either way.
 const MOST_RIVAL: f64 = 9.0;
 
-/// Letters that count. Viewers are surer of a longer word, up to about this length.
-const MOST_LETTERS: f64 = 8.0;
-
 /// Method of a verdict's readability:
-/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + letters · n)))` of the mean log-odds `m` of
-/// the letters, the log-odds `r` of the word against its rival, and the number `n` of letters.
+/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r)))` of the mean log-odds `m` of the letters and
+/// the log-odds `r` of the word against its rival.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Readers whose reading it predicts.
@@ -37,8 +33,6 @@ pub struct Calibration {
     pub mean_log_odds: f64,
     /// Weight of the log-odds of the word against the likeliest other one, within ±9.
     pub rival: f64,
-    /// Weight of the number of letters, up to 8.
-    pub letters: f64,
 }
 
 /// The calibration that verdicts are made with.
@@ -47,7 +41,6 @@ pub const CALIBRATION: Calibration = Calibration {
     constant: CONSTANT,
     mean_log_odds: MEAN_LOG_ODDS,
     rival: RIVAL,
-    letters: LETTERS,
 };
 
 /// Probability that a viewer reads a word at first sight, from what is seen in the place of each
@@ -61,8 +54,7 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64) -> f64 {
     let mean = log_odds.iter().sum::<f64>() / n_letters;
     let sum = CONSTANT
         + MEAN_LOG_ODDS * mean
-        + RIVAL * ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL)
-        + LETTERS * n_letters.min(MOST_LETTERS);
+        + RIVAL * ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
     1.0 / (1.0 + libm::exp(-sum))
 }
 

@@ -37,7 +37,7 @@ fn every_fault_takes_probability_level_by_level() {
     assert_eq!(lines.len(), 2 + FAULTS.len() * LEVELS, "a head, the clean word, and every level");
     assert!(lines[1].starts_with("none") && WORDS.iter().all(|word| lines[1].contains(word)));
     let clean = probability(lines[1]);
-    assert!(clean > 0.9, "clean: {clean}");
+    assert!(clean > 0.8, "clean: {clean}");
     for (fault, lines) in FAULTS.iter().zip(lines[2..].chunks(LEVELS)) {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
         let rho = rank_correlation(&falling);
