@@ -89,6 +89,7 @@ fn found(finding: &Finding) -> String {
         Check::Separation => format!("{value:.2} m beside each other{at}"),
         Check::Flight => detail.clone(),
         Check::Corridor => format!("y = {value:+.2} m{at}"),
+        Check::AltitudeHold => format!("good for letters from {value:.2} m"),
         Check::Tilt => format!("{:.1}°{at}", value.to_degrees()),
         Check::Motors if is_fine => "never".into(),
         Check::Motors => format!("{value:.2} s at the limit, first{at}"),
@@ -173,6 +174,10 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         Check::Corridor => (
             format!("within ±{limit} m"),
             "take the mean error off (plan --after FLIGHT), or fly lqr-integral",
+        ),
+        Check::AltitudeHold => (
+            format!("letters of {limit} m, twenty times the error of the height"),
+            "write larger letters (letters.cap_height_m), or fly a better sensor of the height",
         ),
         Check::Tilt => (
             format!("up to {:.0}°", limit.to_degrees()),

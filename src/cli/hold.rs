@@ -6,11 +6,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::flags::SceneFlags;
+use super::names::{named, names};
 use super::output::OutputFolder;
-use super::report::{Outcome, Report};
+use super::report::{Outcome, Report, wrapped};
 use crate::error::Result;
-use crate::report::hold_figure;
-use crate::sim::altitude::{AltitudeOptions, Hold, Scenario, hold};
+use crate::report::{hold_figure, hold_page};
+use crate::scene::Preset;
+use crate::sim::altitude::{Hold, Model, Scenario, Sensor, hold};
 use crate::study::{DURATION_S, HoldFigures, hold_figures};
 
 #[derive(Debug, Args)]
@@ -18,34 +21,59 @@ pub(super) struct HoldArgs {
     /// Scenarios: calm, step, silent, drain, drift, step-silent, or all
     #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = "all")]
     scenario: Vec<String>,
-    /// Flights of each scenario, with seeds 0, 1, 2, …
+    /// Model that flies [default: both]
+    #[arg(long, value_name = "NAME", value_parser = named::<Model>())]
+    model: Option<Model>,
+    /// Flights of each scenario and model, with one seed after the other
     #[arg(long, value_name = "N", default_value_t = 80)]
     runs: u32,
-    /// Folder for hold.json and, for each scenario, a CSV and a figure of the first flight
+    /// Preset whose drone, sensors and altitude filter fly
+    #[arg(long, value_name = "NAME", default_value = "bzzz", conflicts_with = "scene",
+          value_parser = names::<Preset>())]
+    preset: String,
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Folder for hold.html, hold.json and, for each scenario and model, a CSV and a figure of the
+    /// first flight
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-hold")]
     output: PathBuf,
 }
 
 pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
-    let options = AltitudeOptions::default();
+    let preset = format!("preset = \"{}\"", args.preset);
+    let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
+    let (options, seed) = (scene.sim(), scene.seed);
+    let models = args.model.map_or(Model::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
-    let (mut names, mut found) = (vec!["hold.json".to_owned()], Vec::new());
+    let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
+    let (mut found, mut figures) = (Vec::new(), Vec::new());
     for scenario in scenarios {
-        found.push(hold_figures(&options, scenario, args.runs)?);
-        let flight = hold(&options, scenario, DURATION_S, 0)?;
-        let [csv, svg] = ["csv", "svg"].map(|kind| format!("{}.{kind}", scenario.name()));
-        folder.write(&csv, |out| write_csv(out, &flight))?;
-        let figure = hold_figure(&flight, scenario.name());
-        folder.write(&svg, |out| out.write_all(figure.as_bytes()))?;
-        names.extend([csv, svg]);
+        for model in &models {
+            found.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
+            let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
+            let name = format!("{}-{}", scenario.name(), model.name());
+            let [csv, svg] = ["csv", "svg"].map(|kind| format!("{name}.{kind}"));
+            folder.write(&csv, |out| write_csv(out, &flight))?;
+            let title = format!("{}, {} model", scenario.name(), model.name());
+            let figure = hold_figure(&flight, &title);
+            folder.write(&svg, |out| out.write_all(figure.as_bytes()))?;
+            figures.push(figure);
+            names.extend([csv, svg]);
+        }
     }
-    let json = json!({ "scenarios": found });
+    let text = table(&found);
+    let json = json!({
+        "filter": options.observer.altitude,
+        "hover_throttle": options.believed_hover_throttle(),
+        "scenarios": found,
+    });
     folder.write("hold.json", |out| writeln!(out, "{json:#}"))?;
+    folder.write("hold.html", |out| out.write_all(hold_page(&text, &figures).as_bytes()))?;
     let files = folder.keep(&names)?;
     let kept = found.iter().all(|figures| figures.missed.is_empty());
     let outcome = if kept { Outcome::Done } else { Outcome::NotSafe };
-    Ok(Report::new(table(&found), json).with_files(&files).with_outcome(outcome))
+    Ok(Report::new(text + "\n", json).with_files(&files).with_outcome(outcome))
 }
 
 fn scenarios(typed: &[String]) -> Result<Vec<Scenario>> {
@@ -56,25 +84,25 @@ fn scenarios(typed: &[String]) -> Result<Vec<Scenario>> {
 }
 
 fn table(found: &[HoldFigures]) -> String {
-    let mut text =
-        "scenario      estimate     hold  inside 95 %  hover    NIS gnss  tof  baro  steps\n"
-            .to_owned();
+    let mut text = "                    estimate   hold  inside   hover       NIS: satellites,\n\
+                    scenario    model       cm     cm  95 %     throttle  ranger, barometer  steps\n"
+        .to_owned();
     for f in found {
-        let [gnss, tof, barometer] =
-            f.nis.map(|nis| nis.map_or("-".to_owned(), |nis| format!("{nis:.2}")));
+        let nis = f.nis.map(|nis| nis.map_or("   -".to_owned(), |nis| format!("{nis:.2}")));
         text += &format!(
-            "{:12}{:7.2} cm{:6.2} cm{:13.3}{:7.4}{gnss:>12}{tof:>5}{barometer:>6}{:7.2}\n",
+            "{:12}{:8}{:6.2}{:7.2}{:7.3}{:11.4}     {}{:8.2}\n",
             f.scenario,
+            f.model,
             100.0 * f.estimate_m.value,
             100.0 * f.hold_m.value,
             f.inside,
             f.hover_throttle,
+            nis.join(" "),
             f.steps,
         );
     }
-    text.push('\n');
     for (f, missed) in found.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
-        text += &format!("missed: {}: {missed}\n", f.scenario);
+        text += &wrapped("missed    ", &format!("{}, {}: {missed}", f.scenario, f.model));
     }
     text
 }
@@ -85,12 +113,18 @@ fn write_csv(out: impl Write, flight: &Hold) -> std::io::Result<()> {
     let columns = ["true", "estimated", "sigma"]
         .iter()
         .flat_map(|kind| states.iter().map(move |state| format!("{state}_{kind}")));
-    let head = ["time_s", "throttle", "hover_throttle_true"].map(str::to_owned);
-    out.write_record(head.into_iter().chain(columns))?;
+    let sensors = [Sensor::Gnss, Sensor::TimeOfFlight, Sensor::Barometer];
+    let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
+    out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
     for s in &flight.samples {
-        let numbers = [s.time_s, s.throttle, s.hover_throttle].into_iter();
+        let numbers = [s.time_s, s.throttle].map(|number| number.to_string());
+        let last = |sensor| s.readings.iter().rfind(|reading| reading.sensor == sensor);
+        let readings = sensors.map(|sensor| {
+            last(sensor).map_or(String::new(), |reading| reading.measured_m.to_string())
+        });
         let states = [s.truth, s.estimate, s.sigma].into_iter().flatten();
-        out.write_record(numbers.chain(states).map(|number| number.to_string()))?;
+        let states = states.map(|number| number.to_string());
+        out.write_record(numbers.into_iter().chain(readings).chain(states))?;
     }
     out.flush()
 }

@@ -93,9 +93,14 @@ pub(super) fn flight_lines(flight: &Flight) -> String {
         line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
     });
     let (part, max_m) = (in_part(tracking.part), contour.max_m);
+    let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
+    let height = line(
+        "height",
+        &format!("held to {height_m:.3} m after the lag: good for letters from {least_m:.2} m"),
+    );
     format!(
         "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
-         {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{battery}{digest}",
+         {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{height}{battery}{digest}",
         rmse.x, rmse.y, rmse.z, contour.mean_m,
     )
 }
@@ -174,6 +179,7 @@ pub(super) fn tracking_json(tracking: &Tracking) -> Value {
         "in_plane_rmse_m": tracking.in_plane_rmse_m(),
         "lag_s": tracking.lag_s,
         "rmse_after_lag_m": xyz(tracking.rmse_after_lag_m),
+        "least_cap_height_m": tracking.least_cap_height_m(),
         "in_plane_rmse_after_lag_m": tracking.in_plane_rmse_after_lag_m(),
         "contour": {
             "mean_m": contour.mean_m,

@@ -128,7 +128,10 @@ fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind {
         ControllerKind::Pid => Some(1),
         ControllerKind::Geometric => Some(5),
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => None,
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => None,
     }
 }
 

@@ -3,7 +3,7 @@
 use plotters::style::RGBColor;
 
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
-use crate::sim::altitude::{Hold, HoldSample, Sensor};
+use crate::sim::altitude::{Hold, HoldSample, Measurement, Sensor};
 
 /// Height of a panel.
 const PANEL_PX: f64 = 150.0;
@@ -11,11 +11,17 @@ const TRUTH: Pen = Pen { color: BLACK, width_px: 1.0 };
 const ESTIMATE: Pen = Pen { color: BLUE, width_px: 1.5 };
 const SECOND: Pen = Pen { color: VERMILION, width_px: 1.5 };
 const THIRD: Pen = Pen { color: RGBColor(0, 158, 115), width_px: 1.0 };
+const SET: Pen = Pen { color: RGBColor(230, 159, 0), width_px: 1.0 };
+const THROWN: Pen = Pen { color: RGBColor(204, 121, 167), width_px: 2.0 };
 const BAND: Pen = Pen { color: GRAY, width_px: 1.0 };
 
+/// Innovations beyond this are drawn at the edge of their panel.
+const EDGE_SIGMAS: f64 = 5.0;
+
 /// Five panels over the time: altitude, vertical velocity, thrust map, biases, innovations in standard
-/// deviations. Bands are two standard deviations; readings beyond the ranger's gate leave a gap.
-pub fn hold_figure(flight: &Hold, scenario: &str) -> String {
+/// deviations. Bands are two standard deviations; strokes at the edge of the last panel are ranges
+/// that the filter threw away.
+pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let curve = |pen, value: &dyn Fn(&HoldSample) -> f64| Curve {
         pen,
         pieces: vec![flight.samples.iter().map(|s| (s.time_s, value(s))).collect()],
@@ -29,15 +35,20 @@ pub fn hold_figure(flight: &Hold, scenario: &str) -> String {
         curves.push(curve(pen, &|s| s.estimate[index]));
         curves
     };
-    let innovations =
+    let mut innovations =
         [(Sensor::Gnss, ESTIMATE), (Sensor::TimeOfFlight, SECOND), (Sensor::Barometer, THIRD)]
-            .map(|(sensor, pen)| innovation(flight, sensor, pen));
+            .map(|(sensor, pen)| innovation(flight, sensor, pen))
+            .to_vec();
+    innovations.extend([2.0, -2.0].map(|sigmas| curve(BAND, &|_| sigmas)));
+    innovations.push(thrown_away(flight));
     let thrust = vec![
-        curve(TRUTH, &|s| s.hover_throttle),
-        curve(ESTIMATE, &|s| -s.estimate[2] / s.estimate[3]),
+        curve(TRUTH, &|s| s.hover_throttle()[0]),
+        curve(ESTIMATE, &|s| s.hover_throttle()[1]),
         curve(SECOND, &|s| 0.01 * s.estimate[3]),
         curve(TRUTH, &|s| 0.01 * s.truth[3]),
     ];
+    let mut altitude = vec![curve(SET, &|_| flight.set_m)];
+    altitude.extend(state(0, ESTIMATE));
     let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
     let panel = |y: [f64; 2], y_name, curves| Panel {
         x: 0.0..end_s,
@@ -48,38 +59,75 @@ pub fn hold_figure(flight: &Hold, scenario: &str) -> String {
         marks: Vec::new(),
     };
     Figure {
-        title: format!("altitude hold: {scenario}"),
+        title: format!("altitude hold: {title}"),
         legend: vec![
             ("truth".to_owned(), TRUTH),
             ("estimate; bias of barometer".to_owned(), ESTIMATE),
             ("α1/100; bias of ranger".to_owned(), SECOND),
             ("± 2 σ".to_owned(), BAND),
+            ("set".to_owned(), SET),
+            ("thrown away".to_owned(), THROWN),
         ],
         x_name: "time (s)",
         panels: vec![
-            panel([-0.3, 0.3], "z (m)", state(0, ESTIMATE)),
+            panel([flight.set_m - 0.3, flight.set_m + 0.3], "z (m)", altitude),
             panel([-0.5, 0.5], "v (m/s)", state(1, ESTIMATE)),
             panel([0.2, 0.5], "throttle", thrust),
             panel([-1.0, 1.6], "bias (m)", [state(4, SECOND), state(5, ESTIMATE)].concat()),
-            panel([-5.0, 5.0], "innovation (σ)", innovations.into()),
+            panel([-EDGE_SIGMAS, EDGE_SIGMAS], "innovation (σ)", innovations),
         ],
     }
     .svg()
 }
 
-/// Innovations of a sensor that were taken in, in standard deviations; interrupted elsewhere.
+/// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was not.
 fn innovation(flight: &Hold, sensor: Sensor, pen: Pen) -> Curve {
     let mut pieces = vec![Vec::new()];
     for sample in &flight.samples {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor);
         match reading.filter(|reading| reading.taken) {
             Some(reading) => {
-                let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
-                pieces.last_mut().expect("never empty").push((sample.time_s, sigmas));
+                let point = (sample.time_s, sigmas(reading));
+                pieces.last_mut().expect("never empty").push(point);
             }
             None => pieces.push(Vec::new()),
         }
     }
     pieces.retain(|piece| piece.len() > 1);
     Curve { pen, pieces }
+}
+
+/// A stroke at the edge for each reading that was thrown away.
+fn thrown_away(flight: &Hold) -> Curve {
+    let all = flight.samples.iter().flat_map(|s| s.readings.iter().map(move |r| (s.time_s, r)));
+    let thrown = all.filter(|(_, reading)| !reading.taken);
+    let stroke = |(time_s, reading): (f64, &Measurement)| {
+        let side = EDGE_SIGMAS.copysign(reading.innovation.value);
+        vec![(time_s, 0.7 * side), (time_s, side)]
+    };
+    Curve { pen: THROWN, pieces: thrown.map(stroke).collect() }
+}
+
+fn sigmas(reading: &Measurement) -> f64 {
+    let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
+    sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
+}
+
+/// A page that shows a table, and figures two in a row.
+pub fn hold_page(table: &str, figures: &[String]) -> String {
+    let escaped = table.replace('&', "&amp;").replace('<', "&lt;");
+    let mut page = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
+         <title>Altitude hold</title>\n\
+         <style>body {{ font-family: sans-serif; margin: 2em }}\n\
+         .figures {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1em }}\n\
+         svg {{ width: 100%; height: auto }}</style>\n\
+         <h1>Altitude hold</h1>\n<pre>{escaped}</pre>\n<div class=\"figures\">\n"
+    );
+    for figure in figures {
+        // An XML declaration has no place inside a page.
+        let svg = figure.find("<svg").map_or("", |at| &figure[at..]);
+        page += svg;
+    }
+    page + "</div>\n</html>\n"
 }

@@ -30,7 +30,7 @@ mod text;
 pub use bound::bound_map;
 pub use coverage::coverage_map;
 pub use flights::{Trace, error_over_time, front_view, top_view};
-pub use hold::hold_figure;
+pub use hold::{hold_figure, hold_page};
 pub use labels::{Label, labelled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;

@@ -105,7 +105,9 @@ const RULES: &[Rule] = &[
         |s| s.observer.kind != EstimatorKind::Luenberger,
         "observer.kind is not luenberger",
     ),
-    ("observer.ekf", |s| s.observer.kind != EstimatorKind::Ekf, "observer.kind is not ekf"),
+    ("observer.ekf", |s| !is_filter(s), "observer.kind is neither ekf nor cooperative"),
+    ("observer.cooperative", |s| !is_cooperative(s), "observer.kind is not cooperative"),
+    ("sensors.peers", |s| !is_cooperative(s), "observer.kind is not cooperative"),
     (
         "observer.ekf.position_sigma_m",
         |s| !s.sensors.positioning.gives_positions(),
@@ -124,8 +126,8 @@ const RULES: &[Rule] = &[
     ),
     (
         "sensors.heights",
-        |s| s.observer.kind != EstimatorKind::Ekf,
-        "observer.kind is not ekf, which alone takes heights",
+        |s| !is_filter(s),
+        "observer.kind is neither ekf nor cooperative, which alone take heights",
     ),
     ("sensors.lighthouse.stations", |_| false, ""),
     (
@@ -245,8 +247,16 @@ fn has_generation(scene: &Scene, generation: Generation) -> bool {
 }
 
 fn has_barometer(scene: &Scene) -> bool {
-    scene.sensors.heights.contains(&HeightSensor::Barometer)
-        && scene.observer.kind == EstimatorKind::Ekf
+    scene.sensors.heights.contains(&HeightSensor::Barometer) && is_filter(scene)
+}
+
+fn is_cooperative(scene: &Scene) -> bool {
+    scene.observer.kind == EstimatorKind::Cooperative
+}
+
+/// Whether the estimator has the weights of `observer.ekf`.
+fn is_filter(scene: &Scene) -> bool {
+    scene.observer.kind == EstimatorKind::Ekf || is_cooperative(scene)
 }
 
 fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {

@@ -20,8 +20,8 @@ use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::settings::settings;
 use crate::sim::{
-    AirOptions, BatteryOptions, ControllerOptions, ObserverOptions, RateOptions, SensorOptions,
-    SimOptions, VehicleOptions,
+    AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions,
+    SensorOptions, SimOptions, VehicleOptions,
 };
 
 mod idle;
@@ -53,6 +53,8 @@ settings! {
         battery: BatteryOptions = Preset::default().sim().battery;
         /// The air.
         air: AirOptions = Preset::default().sim().air;
+        /// The floor below the flight.
+        floor: FloorOptions = Preset::default().sim().floor;
         /// Clocks of the simulation.
         rates: RateOptions = Preset::default().sim().rates;
         /// The controller: motor commands from the estimated state.
@@ -168,6 +170,7 @@ impl Scene {
             vehicle: sim.vehicle,
             battery: sim.battery,
             air: sim.air,
+            floor: sim.floor,
             rates: sim.rates,
             controller: sim.controller,
             observer: sim.observer,
@@ -244,6 +247,7 @@ impl Scene {
             vehicle: self.vehicle.clone(),
             battery: self.battery.clone(),
             air: self.air.clone(),
+            floor: self.floor.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
             sensors: self.sensors.clone(),

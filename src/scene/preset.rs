@@ -18,7 +18,7 @@ settings! {
         "cf21-thrust-kit" => Cf21ThrustKit,
         /// Crazyflie 2.1 Brushless.
         "cf-brushless" => CfBrushless,
-        /// The quadrotor of a lab on altitude hold, 1.3 kg.
+        /// The quadrotor of a lab on altitude hold, 1.15 kg, with its own sensors.
         "bzzz" => Bzzz,
         /// The reference team's flight of December 2022: their drone, gains, letters, timing and
         /// lamps.

@@ -9,6 +9,7 @@ use crate::export::compressed::{Compressed, MEMORY_BYTES};
 use crate::export::{Form, fitting};
 use crate::flight::Flight;
 use crate::geometry::bounds;
+use crate::letters::Strokes;
 use crate::light::{Drive, LightTrace};
 use crate::plan::Plan;
 use crate::plan::check::{
@@ -100,6 +101,7 @@ impl Shoot {
             flight,
             ends: &ends,
             painted: &painted,
+            cap_height_m: self.strokes.as_ref().and_then(cap_height_m),
             motor_max: scene.vehicle.motor_max,
             battery_modelled: scene.battery.capacity_ah > 0.0,
         };
@@ -119,6 +121,12 @@ impl Shoot {
         let warn = |detail| Finding { detail, ..finding(Severity::Warning) };
         texts.into_iter().map(warn).collect()
     }
+}
+
+/// Cap height of a word's letters; `None` of a drawing.
+fn cap_height_m(strokes: &Strokes) -> Option<f64> {
+    let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
+    Some(letter.cell.cap_height_m)
 }
 
 /// Whether the plan fits the memory on board as a compressed trajectory, and in which formats it can

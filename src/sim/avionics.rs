@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
-use super::estimator::{Estimator, estimator};
+use super::estimator::{AltitudeFilter, Estimator, estimator};
 use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
-use super::sensors::Sensors;
+use super::sensors::{Readings, Sensors};
 use super::vehicle::{Plant, RigidBody, State};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
@@ -24,6 +24,7 @@ pub(super) struct Avionics {
     controller: Box<dyn Controller>,
     estimator: Box<dyn Estimator>,
     sensors: Sensors,
+    motor_max: f64,
     tick_s: f64,
     estimate: State,
     /// Whether `estimate` is that of the present tick.
@@ -44,12 +45,13 @@ impl Avionics {
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let Drone { believed, actual, seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, rate_hz, seed, fleet);
+        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seed, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(&believed.observer, &believed.sensors, settled_m, fleet)?,
+            estimator: estimator(believed, settled_m, fleet)?,
             sensors,
+            motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
             estimate: State::zeros(),
             fresh: false,
@@ -88,17 +90,22 @@ impl Avionics {
         let setpoint = &plan.setpoints[self.setpoint];
 
         let body = plant.body();
+        let throttle = self.command.motors.mean() / self.motor_max;
         let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
-        self.estimator.update(&readings, self.tick_s);
+        self.estimator.update(&Readings { throttle, ..readings }, self.tick_s);
         self.fresh = false;
 
-        if setpoint.position_m.z <= 0.0 {
+        let place_m = &setpoint.position_m;
+        if place_m.z <= plant.floor_m(place_m.x, place_m.y) {
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
             self.command = Command::default();
         } else if self.ticks.is_multiple_of(self.ticks_per_command) {
             self.refresh_estimate();
             let reference = Reference::at(setpoint, plan.sent_m(self.setpoint), time_s);
+            if let Some(filter) = self.estimator.altitude() {
+                self.controller.set_thrust_map(filter.thrust_map());
+            }
             self.command = self.controller.command(&self.estimate, &reference);
         }
         self.ticks += 1;
@@ -121,6 +128,16 @@ impl Avionics {
     /// Commands of the motors m1…m4.
     pub(super) fn motors(&self) -> [f64; 4] {
         self.command.motors.into()
+    }
+
+    /// The altitude filter, where the estimator has one.
+    pub(super) fn altitude(&self) -> Option<&AltitudeFilter> {
+        self.estimator.altitude()
+    }
+
+    /// The sensors.
+    pub(super) fn sensors(&self) -> &Sensors {
+        &self.sensors
     }
 
     /// The log entry of this tick.

@@ -4,12 +4,13 @@ use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
 use super::drone::Drone;
+use super::options::FloorOptions;
 use super::peers::{Air, Fleet, Member};
 use super::recorder::Recorder;
 use super::vehicle::Plant;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::plan::Plan;
+use crate::plan::{Plan, Setpoint};
 
 /// Longest plan that is flown. A battery lasts for a tenth of it.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -60,8 +61,8 @@ pub fn fly_fleet(
         believed.check()?;
         actual.check()?;
         actual.sensors.uwb.heard_by(index)?;
-        check_plan(plan)?;
-        members.push(Member::new(actual, seed, index, start_m(plan)));
+        check_plan(plan, &actual.floor)?;
+        members.push(Member::new(actual, seed, index, start_m(plan, &actual.floor)));
     }
     let indices: Vec<u64> = members.iter().map(|member| member.index).collect();
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
@@ -119,7 +120,13 @@ impl<'a> Rig<'a> {
         let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
         Ok(Self {
             plan,
-            plant: Plant::new(drone.actual, dt_s, drone.seed, drone.index, start_m(plan)),
+            plant: Plant::new(
+                drone.actual,
+                dt_s,
+                drone.seed,
+                drone.index,
+                start_m(plan, &drone.actual.floor),
+            ),
             avionics: Avionics::new(drone, fleet)?,
             recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
             n_ticks,
@@ -142,13 +149,14 @@ impl<'a> Rig<'a> {
 }
 
 /// Where a drone truly starts.
-fn start_m(plan: &Plan) -> Vector3<f64> {
+fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
-    Vector3::new(first_m.x, first_m.y, first_m.z.max(0.0))
+    Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, and only positions and motions within a drone's reach.
-fn check_plan(plan: &Plan) -> Result<()> {
+/// Checks that the plan has setpoints, only positions and motions within a drone's reach, and a way
+/// above the floor.
+fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let n = plan.setpoints.len();
     assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
     assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
@@ -166,7 +174,34 @@ fn check_plan(plan: &Plan) -> Result<()> {
             }
         }
     }
-    Ok(())
+    check_above(plan, floor)
+}
+
+/// Checks that the plan stays above the steps of the floor from its first setpoint above them to its
+/// last. Before and after, where a ramp begins and ends that rises above the step, the drone stands on
+/// the step.
+fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+    let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
+    let above = |s: &Setpoint| s.position_m.z > below_m(s);
+    let all = &plan.setpoints;
+    let first = all.iter().position(above).unwrap_or(0);
+    let last = all.iter().rposition(above).unwrap_or(all.len() - 1);
+    let inside = |s: &Setpoint| s.position_m.z > 0.0 && !above(s);
+    let higher =
+        |s: &Setpoint| all.iter().any(|other| above(other) && below_m(other) == below_m(s));
+    let refused = |i: &usize| {
+        let s = &all[*i];
+        inside(s) && ((first..=last).contains(i) || !higher(s))
+    };
+    match (0..all.len()).find(refused) {
+        None => Ok(()),
+        Some(i) => Err(Error::input(
+            format!("plan, setpoint {i}"),
+            format!("a height of {} m", all[i].position_m.z),
+            format!("more than the floor's {} m there", below_m(&all[i])),
+            "write higher (letters.baseline_m), or lower or move floor.steps",
+        )),
+    }
 }
 
 /// Control ticks from the first setpoint to the last.
@@ -190,8 +225,7 @@ mod tests {
 
     use super::*;
     use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
-    use crate::plan::Setpoint;
-    use crate::sim::{EstimatorKind, Gusts, Positioning, SimOptions};
+    use crate::sim::{EstimatorKind, FloorStep, Gusts, Positioning, SimOptions};
 
     /// Setpoints `(time, x, z)` with a light on all of them.
     fn plan(points: &[(f64, f64, f64)]) -> Plan {
@@ -337,6 +371,27 @@ mod tests {
         assert!(refused(&[(0.0, 0.0, 0.5), (1.0, f64::NAN, 0.5)]).contains("setpoint 1"));
         let jump = refused(&[(0.0, 0.0, 0.5), (1.0, 9.0, 0.5), (5.0, 9.0, 0.5)]);
         assert!(jump.contains("turns over after 1."), "{jump}");
+    }
+
+    #[test]
+    fn a_plan_through_the_floor_is_refused_and_one_from_table_to_table_flies() {
+        let mut options = SimOptions::default();
+        let table = |x_m| FloorStep { x_m, y_m: [-1.0, 1.0], height_m: 0.5 };
+        options.floor.steps = vec![table([-1.0, 0.1]), table([0.4, 1.0])];
+        let from_table = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.7), (2.0, 0.2, 0.7), (4.0, 0.5, 0.7)];
+        let mut there = from_table.to_vec();
+        there.extend([(6.0, 0.5, 0.4), (8.0, 0.5, 0.0)]);
+        let flight = flown(&plan(&there), &options, 1).unwrap();
+        let [start, end] = [0, flight.samples.len() - 1].map(|i| &flight.samples[i]);
+        assert_eq!((start.position_m.z, end.position_m.z), (0.5, 0.5), "on the tables");
+        assert_eq!(end.motors, [0.0; 4]);
+
+        let through = plan(&[(0.0, 0.2, 0.7), (2.0, 0.5, 0.4), (4.0, 0.2, 0.7)]);
+        let error = flown(&through, &options, 1).unwrap_err().to_string();
+        assert!(error.starts_with("plan, setpoint 1: found a height of 0.4 m"), "{error}");
+        options.floor.steps[0].height_m = 3.0;
+        let error = flown(&plan(&from_table), &options, 1).unwrap_err().to_string();
+        assert!(error.contains("more than the floor's 3 m"), "above the flight: {error}");
     }
 
     #[test]

@@ -47,11 +47,12 @@ pub use drone::Drone;
 pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
 pub use fly::{fly, fly_fleet};
 pub use options::{
-    AirOptions, BarometerOptions, BatteryOptions, Compensation, ControllerKind, ControllerOptions,
-    CooperativeOptions, EkfOptions, EstimatorKind, Generation, GeometricOptions, GnssOptions,
-    GroundEffect, GustOptions, Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions,
-    LuenbergerOptions, MotorLag, ObserverOptions, PeerOptions, PidOptions, Positioning,
-    RateOptions, SensorOptions, Share, SimOptions, Station, UwbOptions, VehicleOptions,
+    AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions,
+    Compensation, ControllerKind, ControllerOptions, CooperativeOptions, EkfOptions, EstimatorKind,
+    FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions,
+    Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
+    ObserverOptions, PeerOptions, PidOptions, Positioning, RateOptions, SensorOptions, Share,
+    SimOptions, Station, TimeOfFlightOptions, UwbOptions, VehicleOptions,
 };
 pub use response::step_responses;
 pub use sensors::{LighthouseConfig, read_lighthouse_config};

@@ -64,6 +64,12 @@ impl Knob {
                     Self::times(&["controller.lqr.r[3]"], 0.1, 10.0),
                 ]
             }
+            ControllerKind::Altitude => vec![
+                Self::times(&["controller.altitude.error_m"], 0.3, 3.0),
+                Self::times(&["controller.altitude.acceleration_m_s2"], 0.3, 3.0),
+                Self::times(&["controller.lqr.q[0]", "controller.lqr.q[1]"], 0.1, 10.0),
+                Self::times(&["controller.lqr.r[0]", "controller.lqr.r[1]"], 0.1, 30.0),
+            ],
             ControllerKind::Geometric => vec![
                 Self::times(&["controller.geometric.k_position"], 0.3, 3.0),
                 Self::times(&["controller.geometric.k_velocity"], 0.3, 3.0),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use noctograph::flight::{ESTIMATE_NEES, Flight};
 use noctograph::scene::Scene;
 use noctograph::shoot::Shoot;
-use noctograph::sim::{Drone, fly_fleet};
+use noctograph::sim::{Drone, EstimatorKind, fly_fleet};
 
 use crate::cli::{fails, noctograph, run_json};
 
@@ -50,8 +50,11 @@ const FLOOR: &str = "two-drones-three-anchors-and-floor";
 #[test]
 fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
     // docs/cooperative.md, measured over 16 seeds; here six, with room for chance.
-    let barometer =
-        [("sensors.heights", "[\"barometer\"]"), ("sensors.barometer.drift_m_sqrt_s", "0.0")];
+    let barometer = [
+        ("sensors.heights", "[\"barometer\"]"),
+        ("sensors.barometer.drift_m_sqrt_s", "0.0"),
+        ("observer.ekf.barometer_sigma_m", "0.09"),
+    ];
     let lossy = [("sensors.peers.loss_frac", "0.5")];
     let all = [("sensors.uwb.heard", "[]")];
     for (scene, settings, most_m) in [
@@ -114,12 +117,13 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
             ("observer.cooperative.start_tilt_rad", "0.02"),
             // The single filter may lock a link out for good, the fleet's believes it again.
             ("observer.ekf.gate_sigmas", "1e6"),
-            ("observer.kind", kind),
         ];
-        let scene = Scene::find(FLOOR, &settings).unwrap().scene;
+        let mut scene = Scene::find(FLOOR, &settings).unwrap().scene;
+        scene.observer.kind = kind;
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap().remove(0)
     };
-    let (fleet, single) = (alone("cooperative").samples, alone("ekf").samples);
+    let (fleet, single) =
+        (alone(EstimatorKind::Cooperative).samples, alone(EstimatorKind::Ekf).samples);
     assert!(!fleet.is_empty() && fleet == single, "they differ");
 }
 

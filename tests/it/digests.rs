@@ -6,7 +6,8 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::sim::{
-    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, Positioning, SimOptions, fly,
+    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, ObserverOptions, Positioning,
+    SensorOptions, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
@@ -51,8 +52,11 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
         }),
         ("bzzz, satellites", {
             with(SimOptions::bzzz(), |o| {
-                o.sensors.positioning = Positioning::Gnss;
-                o.observer.kind = EstimatorKind::Ekf;
+                o.sensors =
+                    SensorOptions { positioning: Positioning::Gnss, ..SensorOptions::default() };
+                o.observer =
+                    ObserverOptions { kind: EstimatorKind::Ekf, ..ObserverOptions::default() };
+                o.controller.kind = ControllerKind::Lqr;
             })
         }),
         ("ae483-2022, truth, fed forward", {

@@ -1,6 +1,7 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::{Check, Finding, Profile, Severity, largest};
+use crate::flight::tracking::{Part, track};
 use crate::flight::{Flight, FlightSample};
 use crate::plan::StrokeEnd;
 use crate::statistics::weighted_quantile;
@@ -14,6 +15,8 @@ pub struct Flown<'a> {
     pub ends: &'a [StrokeEnd],
     /// Pieces of its light in order of time: `(time in s, length in m, seconds of full light)`.
     pub painted: &'a [(f64, f64, f64)],
+    /// Cap height of its letters; `None` of a drawing.
+    pub cap_height_m: Option<f64>,
     /// Largest motor command.
     pub motor_max: f64,
     /// Whether the simulated drone has a battery that sags.
@@ -35,16 +38,25 @@ const MAX_SATURATED_S: f64 = 0.5;
 /// Checks a simulated flight.
 #[must_use]
 pub fn check_flown(flown: &Flown<'_>, profile: &Profile) -> Vec<Finding> {
-    let (corridor, tilt) = (corridor(flown, profile), tilt(flown, profile));
-    vec![
-        corridor,
-        tilt,
+    let mut findings = vec![corridor(flown, profile)];
+    findings.extend(altitude_hold(flown));
+    findings.extend([
+        tilt(flown, profile),
         motors(flown),
         battery(flown),
         streaks(flown),
         dwell(flown),
         evenness(flown),
-    ]
+    ]);
+    findings
+}
+
+/// Whether the letters are high enough for the error of the height.
+fn altitude_hold(flown: &Flown<'_>) -> Option<Finding> {
+    let needed_m = track(flown.flight, Part::Letters).ok()?.least_cap_height_m();
+    let limit_m = flown.cap_height_m?;
+    let good = needed_m <= limit_m;
+    Some(Finding::new(Check::AltitudeHold, good, Severity::Warning, needed_m, limit_m))
 }
 
 fn corridor(flown: &Flown<'_>, profile: &Profile) -> Finding {
@@ -146,6 +158,8 @@ pub fn even_frac(painted: &[(f64, f64, f64)]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
 
     #[test]
@@ -154,10 +168,7 @@ mod tests {
         // A meter at 5 s of light a meter, and 0.3 s on a millimeter.
         let mut painted: Vec<(f64, f64, f64)> =
             (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
-        let dwell = |painted: &[(f64, f64, f64)]| {
-            let (motor_max, battery_modelled) = (1.0, true);
-            dwell(&Flown { flight: &flight, ends: &[], painted, motor_max, battery_modelled })
-        };
+        let dwell = |painted: &[(f64, f64, f64)]| dwell(&Flown { painted, ..flown(&flight) });
         assert_eq!(dwell(&painted).severity, Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
         let found = dwell(&painted);
@@ -166,5 +177,34 @@ mod tests {
             Finding::new(Check::LitDwell, false, Severity::Warning, 0.3, 0.1).at(2.5)
         );
         assert!((even_frac(&painted) - 1.0 / 1.001).abs() < 1e-9);
+    }
+
+    fn flown(flight: &Flight) -> Flown<'_> {
+        Flown {
+            flight,
+            ends: &[],
+            painted: &[],
+            cap_height_m: Some(0.5),
+            motor_max: 1.0,
+            battery_modelled: true,
+        }
+    }
+
+    #[test]
+    fn letters_are_as_high_as_the_error_of_the_height_asks() {
+        let at = |k: u32, error_m: f64| {
+            let design_m = Vector3::new(0.01 * f64::from(k), 0.0, 1.0);
+            let position_m = design_m + Vector3::z() * if k % 2 == 0 { error_m } else { -error_m };
+            let (time_s, letter) = (0.1 * f64::from(k), Some(0));
+            FlightSample { time_s, position_m, design_m, letter, ..FlightSample::default() }
+        };
+        let finding = |error_m: f64| {
+            let samples = (0..100).map(|k| at(k, error_m)).collect();
+            altitude_hold(&flown(&Flight { samples, ..Flight::default() })).unwrap()
+        };
+        let (good, bad) = (finding(0.02), finding(0.03));
+        assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
+        assert_eq!((good.severity, bad.severity), (Severity::Fine, Severity::Warning));
+        assert_eq!(altitude_hold(&flown(&Flight::default())), None, "nothing written");
     }
 }

@@ -79,6 +79,9 @@ pub enum Check {
     Flight,
     /// Largest distance of the flight from the word's plane, m.
     Corridor,
+    /// Cap height of the lowest letters that the drone holds its height well enough to write, m.
+    #[serde(rename = "altitude hold")]
+    AltitudeHold,
     /// Largest tilt, rad.
     Tilt,
     /// Time with a motor at its limit, s.

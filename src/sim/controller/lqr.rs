@@ -104,15 +104,26 @@ impl Lqr {
     fn send(&mut self, wrench: &Wrench) {
         self.rotors = wrench + (self.rotors - wrench) * self.remaining;
     }
-}
 
-impl Controller for Lqr {
-    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
-        let (wrench, error_m) = self.wrench(estimate, reference);
+    /// The command, with another collective thrust where one is given.
+    pub(super) fn command_lifting(
+        &mut self,
+        estimate: &State,
+        reference: &Reference,
+        thrust_n: Option<f64>,
+    ) -> Command {
+        let (mut wrench, error_m) = self.wrench(estimate, reference);
+        wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);
         self.send(&self.mixer.wrench(&motors));
         self.integrate(&error_m, saturated);
         Command { motors, saturated }
+    }
+}
+
+impl Controller for Lqr {
+    fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        self.command_lifting(estimate, reference, None)
     }
 
     fn rest(&mut self, _: &State) {

@@ -1,8 +1,9 @@
 //! Controllers: an estimate and a setpoint become motor commands.
 //!
-//! One trait with three implementations, chosen by [`ControllerKind`]. A controller runs
+//! One trait with four implementations, chosen by [`ControllerKind`]. A controller runs
 //! `rates.attitude_hz` times a second, and its command is held in between as in the firmware.
 
+mod altitude;
 mod gain;
 mod geometric;
 mod lqr;
@@ -13,6 +14,8 @@ mod tests;
 
 use nalgebra::Vector4;
 
+use self::altitude::AltitudeHold;
+pub(super) use self::altitude::{ThrustMap, altitude_gains};
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
 use self::lqr::Lqr;
@@ -30,6 +33,9 @@ pub(super) trait Controller: std::fmt::Debug + Send {
 
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
+
+    /// Replaces the vehicle's thrust map by an estimated one; most controllers keep the vehicle's.
+    fn set_thrust_map(&mut self, _: ThrustMap) {}
 }
 
 /// Command to the motors.
@@ -53,5 +59,6 @@ pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
         }
         ControllerKind::Pid => Box::new(PidCascade::new(options)),
         ControllerKind::Geometric => Box::new(Geometric::new(options)),
+        ControllerKind::Altitude => Box::new(AltitudeHold::new(options)?),
     })
 }

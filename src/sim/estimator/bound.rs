@@ -15,7 +15,7 @@ use super::joint::{Joint, Part};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SimOptions};
-use crate::sim::sensors::{BAROMETER_HZ, TIME_OF_FLIGHT_HZ, time_of_flight_sigma_m};
+use crate::sim::sensors::time_of_flight_sigma_m;
 use crate::sim::vehicle::GRAVITY_M_S2;
 
 /// Steps a second, unless ranges come faster.
@@ -88,8 +88,10 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let acceleration = [0.5 * square(sensors.imu.accelerometer_noise_m_s2_sqrt_hz); 3];
     let rate = 0.5 * square(sensors.imu.gyro_noise_rad_s_sqrt_hz);
     let variance = square(uwb.noise_m.max(LEAST_SIGMA_M));
-    let heights =
-        [(HeightSensor::TimeOfFlight, TIME_OF_FLIGHT_HZ), (HeightSensor::Barometer, BAROMETER_HZ)];
+    let heights = [
+        (HeightSensor::TimeOfFlight, sensors.time_of_flight.rate_hz),
+        (HeightSensor::Barometer, sensors.barometer.rate_hz),
+    ];
     let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
     let (mut measured, mut read) = (0_u32, [0_u32; 2]);
@@ -133,7 +135,9 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             *read += 1;
             for (drone, place_m) in places.iter().enumerate() {
                 let sigma_m = match sensor {
-                    HeightSensor::TimeOfFlight => time_of_flight_sigma_m(place_m.z),
+                    HeightSensor::TimeOfFlight => {
+                        time_of_flight_sigma_m(sensors.time_of_flight.noise_m, place_m.z)
+                    }
                     HeightSensor::Barometer => sensors.barometer.noise_m.max(LEAST_SIGMA_M),
                 };
                 let slope = part(drone, Vector3::z());

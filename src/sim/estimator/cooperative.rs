@@ -160,7 +160,7 @@ impl Cooperative {
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         if let Some(distance_m) = readings.time_of_flight_m {
             let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
-            let sigma_m = time_of_flight_sigma_m(distance_m) * cos_tilt;
+            let sigma_m = time_of_flight_sigma_m(self.own.trust.ranger_m, distance_m) * cos_tilt;
             let height_m = distance_m * cos_tilt;
             let (target, variance) = (Target::Floor, sigma_m * sigma_m);
             self.heights.push(ToldHeight { time_s, target, height_m, variance });

@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Estimator;
 use super::attitude::{Turned, angles};
 use super::covariance::{Covariance, Errors, Slope};
+use super::floor::FloorBelow;
 use crate::sim::options::{EkfOptions, Generation, SensorOptions};
 use crate::sim::peers::Target;
 use crate::sim::sensors::{
@@ -38,6 +39,8 @@ pub(super) struct Ekf {
     pub(super) covariance: Covariance,
     /// Corrections by the measurements of this tick.
     errors: Errors,
+    /// The floor below the drone, where it may have steps.
+    floor: Option<FloorBelow>,
 }
 
 /// The mean of the estimate, and what is known of the sensors: all but the covariance.
@@ -56,6 +59,8 @@ pub(super) struct Motion {
     /// Whether each station is of the second generation.
     is_v2: Vec<bool>,
     pub(super) anchors_m: Vec<Vector3<f64>>,
+    /// Height of the floor below the drone.
+    floor_m: f64,
     pub(super) trust: Trust,
 }
 
@@ -72,6 +77,8 @@ pub(super) struct Trust {
     pub(super) range: [f64; 2],
     pub(super) barometer: f64,
     pub(super) gate_sq: f64,
+    /// Standard deviation of a near range to the floor.
+    pub(super) ranger_m: f64,
 }
 
 /// A scalar measurement against its prediction.
@@ -102,6 +109,7 @@ impl Ekf {
             motion: Motion::new(options, sensors, position_m),
             covariance: Covariance::new(START[0], START[1], START[2]),
             errors: Errors::default(),
+            floor: options.floor_steps.then(FloorBelow::new),
         }
     }
 }
@@ -130,6 +138,7 @@ impl Motion {
                 .map(|s| s.generation == Generation::V2)
                 .collect(),
             anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
+            floor_m: 0.0,
             trust: Trust {
                 acceleration: [
                     options.acceleration_noise_m_s2_sqrt_hz,
@@ -143,6 +152,7 @@ impl Motion {
                 range: [options.range_sigma_m, options.two_way_sigma_m].map(square),
                 barometer: square(options.barometer_sigma_m),
                 gate_sq: square(options.gate_sigmas),
+                ranger_m: sensors.time_of_flight.noise_m,
             },
         }
     }
@@ -245,10 +255,10 @@ impl Motion {
         if cos_tilt < LEAST_COS_TILT {
             return None;
         }
-        let expected_m = self.position_m.z / cos_tilt;
+        let expected_m = (self.position_m.z - self.floor_m) / cos_tilt;
         let position = Vector3::z() / cos_tilt;
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
-        let sigma_m = time_of_flight_sigma_m(distance_m);
+        let sigma_m = time_of_flight_sigma_m(self.trust.ranger_m, distance_m);
         Some(Residual {
             slope: Slope { position, turn },
             innovation: distance_m - expected_m,
@@ -270,10 +280,15 @@ impl Motion {
 
     /// All twelve states.
     pub(super) fn state(&self) -> State {
+        self.state_at(&self.velocity_m_s)
+    }
+
+    /// All twelve states, at another velocity in the world.
+    pub(super) fn state_at(&self, velocity_m_s: &Vector3<f64>) -> State {
         let (p, w) = (&self.position_m, &self.rate_rad_s);
         let world_from_body = self.attitude.matrix();
         let a = angles(&world_from_body);
-        let v = world_from_body.tr_mul(&self.velocity_m_s);
+        let v = world_from_body.tr_mul(velocity_m_s);
         let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
         State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
     }
@@ -281,7 +296,7 @@ impl Motion {
 
 impl Estimator for Ekf {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let Self { motion, covariance, errors } = self;
+        let Self { motion, covariance, errors, floor } = self;
         let force_m_s2 = &readings.specific_force_m_s2;
         motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
         let measured = readings.measures_place();
@@ -291,12 +306,23 @@ impl Estimator for Ekf {
         let Span { span_s, lever, turn_rad } = motion.span(force_m_s2);
         let Trust { acceleration, rate, gate_sq, .. } = motion.trust;
         covariance.carry(span_s, &lever, &turn_rad, acceleration, rate);
+        if let Some(floor) = floor {
+            floor.carry(span_s, &lever, &turn_rad);
+        }
         if !measured {
             return;
         }
-        motion.residuals(readings, |Residual { slope, innovation, variance }, _| {
-            covariance.correct(errors, &slope, innovation, variance, gate_sq);
-        });
+        if let Some(floor) = floor {
+            motion.residuals(readings, |residual, to| {
+                let to_floor = to == Some(Target::Floor);
+                floor.correct(covariance, errors, &residual, to_floor, gate_sq);
+            });
+            motion.floor_m = floor.settled_m();
+        } else {
+            motion.residuals(readings, |Residual { slope, innovation, variance }, _| {
+                covariance.correct(errors, &slope, innovation, variance, gate_sq);
+            });
+        }
         motion.settle(&std::mem::take(errors));
     }
 

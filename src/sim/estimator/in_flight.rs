@@ -11,8 +11,8 @@ use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
 use crate::sim::options::{
-    BarometerOptions, EkfOptions, EstimatorKind, HeightSensor, LighthouseOptions, Positioning,
-    SensorOptions, UwbOptions,
+    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, FloorStep, HeightSensor,
+    LighthouseOptions, Positioning, SensorOptions, UwbOptions,
 };
 use crate::sim::peers::Fleet;
 use crate::sim::sensors::Sensors;
@@ -61,7 +61,8 @@ fn follow(
     seconds: u32,
     mut show: impl FnMut(f64, &State, &Ekf),
 ) {
-    let mut readers = Sensors::new(sensors, RATE_HZ, seed, &Fleet::alone(0));
+    let mut readers =
+        Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
     let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
@@ -84,6 +85,7 @@ fn honest(sensors: &SensorOptions) -> EkfOptions {
         two_way_sigma_m: sensors.uwb.noise_m,
         barometer_sigma_m: sensors.barometer.noise_m,
         gate_sigmas: 8.0,
+        floor_steps: false,
     }
 }
 
@@ -255,14 +257,20 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     let (mut beams_m, mut filter_m) = (Vec::new(), Vec::new());
     for seed in 0..9 {
         let of = |positioning| SensorOptions { positioning, ..Default::default() };
-        let mut readers =
-            Sensors::new(&of(Positioning::CrossingBeams), RATE_HZ, seed, &Fleet::alone(0));
+        let mut readers = Sensors::new(
+            &of(Positioning::CrossingBeams),
+            &FloorOptions::default(),
+            RATE_HZ,
+            seed,
+            &Fleet::alone(0),
+        );
         let fixes = (0..5000)
             .filter_map(|_| readers.read(&RigidBody::from_state(&state), force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
         let sensors = of(Positioning::Sweeps);
-        let mut readers = Sensors::new(&sensors, RATE_HZ, seed, &Fleet::alone(0));
+        let mut readers =
+            Sensors::new(&sensors, &FloorOptions::default(), RATE_HZ, seed, &Fleet::alone(0));
         let mut ekf = Ekf::new(&EkfOptions::default(), &sensors, start_m);
         let mut places = Vec::new();
         for tick in 0..5000 {
@@ -283,4 +291,42 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
 
 fn rms_step(places: &[Vector3<f64>]) -> f64 {
     rms(&places.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>())
+}
+
+#[test]
+fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
+    // Without the test, the gate refuses every range to the table, and the height rests on the anchors
+    // alone.
+    let mut options = SimOptions::cf21();
+    options.sensors =
+        SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };
+    options.observer.kind = EstimatorKind::Ekf;
+    options.observer.ekf.two_way_sigma_m = 0.06;
+    options.observer.ekf.acceleration_noise_z_m_s2_sqrt_hz = 0.022;
+    let table = FloorStep { x_m: [0.0, 0.3], y_m: [-2.0, 2.0], height_m: 0.3 };
+    let rms_m = |options: &SimOptions| {
+        let errors_m = |seed: u64| {
+            let flight = flown(options, seed);
+            let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
+            in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
+        };
+        let all: Vec<f64> = (0..2).flat_map(errors_m).collect();
+        (all.iter().map(|e| e * e).sum::<f64>() / f64::from(u32::try_from(all.len()).unwrap()))
+            .sqrt()
+    };
+    let flat_m = rms_m(&options);
+    options.floor.steps = vec![table];
+    let without_m = rms_m(&options);
+    options.observer.ekf.floor_steps = true;
+    let with_m = rms_m(&options);
+    println!("level floor {flat_m} m, table {without_m} m, with the test {with_m} m");
+    assert!(flat_m < with_m, "{flat_m} m over a level floor");
+    assert!(with_m < 0.8 * without_m, "{without_m} m without the test, {with_m} m with it");
+}
+
+/// A flight of NOOR.
+fn flown(options: &SimOptions, seed: u64) -> Flight {
+    let strokes = write("NOOR", &LetterOptions::default()).unwrap();
+    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+    fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap()
 }

@@ -109,6 +109,7 @@ mod tests {
     ) -> Readings<'_> {
         Readings {
             truth,
+            throttle: 0.0,
             rate_rad_s,
             specific_force_m_s2: Vector3::z() * GRAVITY_M_S2,
             position_m: Some(position_m),

@@ -2,25 +2,31 @@
 //!
 //! In: the [`Readings`] of a tick. Out: all twelve states, the controller's input.
 
+mod altitude;
+mod altitude_filter;
 mod attitude;
 mod bound;
 mod cooperative;
 mod covariance;
 mod ekf;
+mod floor;
 #[cfg(test)]
 mod in_flight;
 mod joint;
 mod luenberger;
+mod step_test;
 mod truth;
 
 use nalgebra::{Matrix3, Vector3};
 
+use self::altitude::Altitude;
+pub use self::altitude_filter::{AltitudeFilter, Measurement, Sensor, State as AltitudeState};
 pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::luenberger::Observer;
 use self::truth::Truth;
-use super::options::{EstimatorKind, ObserverOptions, SensorOptions};
+use super::options::{EstimatorKind, Positioning, SimOptions};
 use super::peers::{Fleet, Message};
 use super::sensors::Readings;
 use super::vehicle::State;
@@ -33,6 +39,11 @@ pub(super) trait Estimator: std::fmt::Debug {
 
     /// All twelve states.
     fn state(&self) -> State;
+
+    /// The altitude filter, where there is one.
+    fn altitude(&self) -> Option<&AltitudeFilter> {
+        None
+    }
 
     /// Covariance of the estimated position, where it is logged.
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
@@ -55,15 +66,24 @@ pub(super) trait Estimator: std::fmt::Debug {
 ///
 /// [`crate::error::Error::Infeasible`] where the observer's weights have no gain.
 pub(super) fn estimator(
-    options: &ObserverOptions,
-    sensors: &SensorOptions,
+    options: &SimOptions,
     position_m: Vector3<f64>,
     fleet: &Fleet,
 ) -> Result<Box<dyn Estimator>> {
-    Ok(match options.kind {
-        EstimatorKind::Luenberger => Box::new(Observer::new(&options.luenberger, position_m)?),
-        EstimatorKind::Ekf => Box::new(Ekf::new(&options.ekf, sensors, position_m)),
-        EstimatorKind::Cooperative => Box::new(Cooperative::new(options, sensors, fleet)),
+    let SimOptions { observer, sensors, .. } = options;
+    let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
+    Ok(match observer.kind {
+        EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
+        EstimatorKind::Ekf => Box::new(ekf()),
+        EstimatorKind::Altitude => {
+            let hover = options.believed_hover_throttle();
+            Box::new(Altitude {
+                horizontal: ekf(),
+                vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
+                hears_satellites: sensors.positioning == Positioning::Gnss,
+            })
+        }
+        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
         EstimatorKind::Truth => Box::new(Truth::new(position_m)),
     })
 }

@@ -12,6 +12,8 @@ settings! {
         lqr: LqrOptions = LqrOptions::default();
         /// The geometric controller.
         geometric: GeometricOptions = GeometricOptions::default();
+        /// Altitude hold.
+        altitude: AltitudeHoldOptions = AltitudeHoldOptions::default();
         /// The firmware's cascade of PID loops.
         pid: PidOptions = PidOptions::default();
     }
@@ -28,6 +30,8 @@ settings! {
         "pid" => Pid,
         /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010), about the moving design.
         "geometric" => Geometric,
+        /// Altitude by the estimated thrust map, all else as lqr-feedforward.
+        "altitude" => Altitude,
     }
 
     /// Linear-quadratic regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
@@ -57,6 +61,16 @@ settings! {
         "modeled" => Modeled,
         /// Immediate motors, as the reference team's design.
         "ignored" => Ignored,
+    }
+
+    /// Altitude hold: the linear-quadratic regulator of a double integrator, weighed by Bryson's rule.
+    pub struct AltitudeHoldOptions {
+        /// Error of the altitude that weighs as much as the other two.
+        error_m: f64 = 0.2, in 0.001..=100.0;
+        /// Error of the vertical velocity.
+        error_m_s: f64 = 1.0, in 0.001..=100.0;
+        /// Vertical acceleration.
+        acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }
 
     /// The constants of the firmware's cascade that differ between its platforms; the others are
@@ -103,7 +117,7 @@ impl ControllerKind {
     pub fn follows_design(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,
-            Self::LqrFeedforward | Self::LqrIntegral | Self::Geometric => true,
+            Self::LqrFeedforward | Self::LqrIntegral | Self::Geometric | Self::Altitude => true,
         }
     }
 }

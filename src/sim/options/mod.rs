@@ -1,20 +1,25 @@
 //! Settings of a simulated flight. The default is the preset `ae483-2022`: the values of the
 //! student team whose flight is the reference.
 
+mod altitude;
 mod controller;
+mod floor;
 mod observer;
 mod sensors;
 mod vehicle;
 
+pub use self::altitude::AltitudeOptions;
 pub use self::controller::{
-    ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag, PidOptions,
+    AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
+    PidOptions,
 };
+pub use self::floor::{FloorOptions, FloorStep};
 pub use self::observer::{
     CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
 };
 pub use self::sensors::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    PeerOptions, Positioning, SensorOptions, Station, UwbOptions,
+    PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub(super) use self::vehicle::GRAVITY_M_S2;
 pub use self::vehicle::{
@@ -34,6 +39,8 @@ settings! {
         battery: BatteryOptions = BatteryOptions::default();
         /// The air around it.
         air: AirOptions = AirOptions::default();
+        /// The floor below it.
+        floor: FloorOptions = FloorOptions::default();
         /// The controller: motor commands from the estimate.
         controller: ControllerOptions = ControllerOptions::default();
         /// The estimator: the estimate from the measurements.
@@ -81,9 +88,19 @@ impl SimOptions {
         Described::check(self, "", None)?;
         self.vehicle.check_lift()?;
         self.battery.check_curve()?;
+        self.floor.check_steps()?;
         self.sensors.check_counts()?;
+        self.sensors.check_silences()?;
         self.observer.check_inputs(&self.sensors)?;
         self.rates.check_ratios()
+    }
+}
+
+impl SimOptions {
+    /// Hover throttle that the altitude filter believes before the flight.
+    #[must_use]
+    pub fn believed_hover_throttle(&self) -> f64 {
+        self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Settings of the estimator: the section `observer` of a scene.
 
+use super::altitude::AltitudeOptions;
 use super::sensors::{Positioning, SensorOptions};
 use crate::error::{Error, Result};
 use crate::settings::settings;
@@ -13,6 +14,8 @@ settings! {
         luenberger: LuenbergerOptions = LuenbergerOptions::default();
         /// Extended Kalman filter.
         ekf: EkfOptions = EkfOptions::default();
+        /// Altitude filter.
+        altitude: AltitudeOptions = AltitudeOptions::default();
         /// The filter of a fleet, with the weights of `ekf`.
         cooperative: CooperativeOptions = CooperativeOptions::default();
     }
@@ -23,6 +26,9 @@ settings! {
         "luenberger" => Luenberger,
         /// Extended Kalman filter, on any measurement.
         "ekf" => Ekf,
+        /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all else
+        /// by the extended Kalman filter.
+        "altitude" => Altitude,
         /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
         /// ranges and messages.
         "cooperative" => Cooperative,
@@ -100,6 +106,11 @@ settings! {
         /// χ² with one degree of freedom. If it is too low, one of two stations that disagree, as
         /// real ones do by several times the σ above, is ignored.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6;
+        /// Whether the floor below the ranger may have steps, such as the edge of a table.
+        ///
+        /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor, and
+        /// not motion of the drone.
+        floor_steps: bool = false;
     }
 }
 
@@ -107,7 +118,12 @@ impl ObserverOptions {
     /// Checks that the estimator can use the measurements of the sensors.
     pub(super) fn check_inputs(&self, sensors: &SensorOptions) -> Result<()> {
         let gives_positions = sensors.positioning.gives_positions();
+        let measures_altitude =
+            sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
         let (found, wanted) = match self.kind {
+            EstimatorKind::Altitude if !measures_altitude => {
+                ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
+            }
             EstimatorKind::Luenberger if !gives_positions => {
                 ("luenberger, which takes positions, with a positioning that gives none", "ekf")
             }

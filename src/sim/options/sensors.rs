@@ -26,6 +26,8 @@ settings! {
         lighthouse: LighthouseOptions = LighthouseOptions::default();
         /// Ultra-wideband ranging.
         uwb: UwbOptions = UwbOptions::default();
+        /// Time of flight to the floor.
+        time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default();
         /// Ranges and messages between the drones of a fleet.
         peers: PeerOptions = PeerOptions::default();
         /// Barometer.
@@ -172,21 +174,39 @@ settings! {
         delay_s: f64 = 0.02, in 0.0..=10.0;
     }
 
+    /// Infrared ranger that looks down onto the floor.
+    ///
+    /// Default: firmware (`zranger2.c`).
+    pub struct TimeOfFlightOptions {
+        /// White noise of a distance, σ up to 2 m; beyond, it rises to 0.2 m at 4 m.
+        noise_m: f64 = 0.0025, in 0.0..=10.0;
+        /// Distances per second.
+        rate_hz: f64 = 40.0, in 0.1..=2000.0;
+    }
+
     /// Barometer.
     ///
     /// Default: 9 cm at 50 Hz in the firmware's fixture `log05`; the drift is an assumption (30 cm
     /// in ten minutes).
     pub struct BarometerOptions {
-        /// White noise of the height, σ at 50 Hz.
+        /// White noise of a height, σ.
         noise_m: f64 = 0.09, in 0.0..=100.0;
         /// Random walk of the height, m/√s: σ after one second.
         drift_m_sqrt_s: f64 = 0.012, in 0.0..=100.0;
+        /// Steady drift of the height, as of a weather front.
+        drift_m_s: f64 = 0.0, in -10.0..=10.0;
+        /// Heights per second.
+        rate_hz: f64 = 50.0, in 0.1..=2000.0;
     }
 
     /// Satellite navigation with a base station.
     pub struct GnssOptions {
-        /// White noise of a fix per axis, σ at 10 Hz.
+        /// White noise of a fix per axis, σ.
         noise_m: f64 = 0.05, in 0.0..=100.0;
+        /// Fixes per second.
+        rate_hz: f64 = 10.0, in 0.1..=2000.0;
+        /// Times without a fix, from and to, in order: `[[20, 30]]` is silence from 20 s to 30 s.
+        silent_s: Vec<[f64; 2]> = Vec::new(), in 0.0..=1e5;
     }
 }
 
@@ -319,10 +339,35 @@ impl SensorOptions {
                 outlier_frac: 0.0,
                 ..UwbOptions::default()
             },
-            barometer: BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0 },
-            gnss: GnssOptions { noise_m: 0.0 },
+            time_of_flight: TimeOfFlightOptions { noise_m: 0.0, ..TimeOfFlightOptions::default() },
+            barometer: BarometerOptions {
+                noise_m: 0.0,
+                drift_m_sqrt_s: 0.0,
+                ..BarometerOptions::default()
+            },
+            gnss: GnssOptions { noise_m: 0.0, ..GnssOptions::default() },
             ..Self::default()
         }
+    }
+
+    /// Checks that silences of the satellites come one after the other.
+    pub(super) fn check_silences(&self) -> Result<()> {
+        let mut heard_from_s = 0.0;
+        for (i, [from_s, to_s]) in self.gnss.silent_s.iter().enumerate() {
+            let wanted = if from_s >= to_s {
+                "an end after its beginning".to_owned()
+            } else if *from_s < heard_from_s {
+                format!("a beginning after the end of the silence before, {heard_from_s} s")
+            } else {
+                heard_from_s = *to_s;
+                continue;
+            };
+            let place = format!("sensors.gnss.silent_s[{i}]");
+            let hint =
+                "write each silence as [from, to], in order of time, and join those that meet";
+            return Err(Error::input(place, format!("{from_s} to {to_s} s"), wanted, hint));
+        }
+        Ok(())
     }
 
     /// Checks the numbers of base stations and anchors.

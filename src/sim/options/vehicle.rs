@@ -194,6 +194,11 @@ impl VehicleOptions {
         })
     }
 
+    /// Share of the motors' largest command that carries the drone.
+    pub(in crate::sim) fn hover_throttle(&self) -> f64 {
+        self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
+    }
+
     /// Thrust of one motor at its largest command.
     pub(in crate::sim) fn full_thrust_n(&self) -> f64 {
         self.k_f_n * self.motor_max

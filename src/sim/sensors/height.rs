@@ -1,22 +1,22 @@
 //! Slow sensors: time of flight to the floor, air pressure, and satellites.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::sim::noise::Noise;
-use crate::sim::options::{BarometerOptions, GnssOptions};
+use crate::sim::options::{BarometerOptions, FloorOptions, GnssOptions, TimeOfFlightOptions};
 
-/// Readings per second: Crazyswarm's and the firmware's ranger (`zranger2.c`), the firmware's
-/// barometer (`sensors_bmi088_bmp3xx.c`), and the lab's satellite receiver.
-pub(in crate::sim) const TIME_OF_FLIGHT_HZ: f64 = 40.0;
-pub(in crate::sim) const BAROMETER_HZ: f64 = 50.0;
-const GNSS_HZ: f64 = 10.0;
 /// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
-/// Standard deviation of the ranger at a distance: 2.5 mm up to 2.5 m, rising to 0.2 m at 4 m:
-/// `0.0025 (1 + exp(c (d − 2.5)))` with `c = ln(80)/1.5` (`zranger2.c`).
-pub(in crate::sim) fn time_of_flight_sigma_m(distance_m: f64) -> f64 {
-    0.0025 * (1.0 + libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5)))
+/// What the noise of the ranger grows by at 2.5 m.
+const FAR_NOISE_M: f64 = 0.0025;
+
+/// Standard deviation of a ranger with the noise `noise_m` at a distance. The firmware's: 2.5 mm up to
+/// 2.5 m, rising to 0.2 m at 4 m: `0.0025 (1 + exp(c (d − 2.5)))` with `c = ln(80)/1.5`
+/// (`zranger2.c`).
+pub(in crate::sim) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
+    let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
+    FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
 }
 
 /// When a sensor of a steady rate is due.
@@ -38,37 +38,51 @@ impl Clock {
     }
 }
 
-/// Infrared ranger that looks down along the body's z axis onto a flat floor.
+/// Infrared ranger that looks down along the body's z axis onto the floor.
 #[derive(Debug)]
 pub(super) struct TimeOfFlight {
     clock: Clock,
     noise: Noise,
+    noise_m: f64,
+    floor: FloorOptions,
 }
 
 impl TimeOfFlight {
-    pub(super) fn new(noise: impl Fn(&str) -> Noise) -> Self {
-        Self { clock: Clock::new(TIME_OF_FLIGHT_HZ), noise: noise("time of flight") }
+    pub(super) fn new(
+        options: &TimeOfFlightOptions,
+        floor: &FloorOptions,
+        noise: impl Fn(&str) -> Noise,
+    ) -> Self {
+        Self {
+            clock: Clock::new(options.rate_hz),
+            noise: noise("time of flight"),
+            noise_m: options.noise_m,
+            floor: floor.clone(),
+        }
     }
 
-    /// Distance to the floor, for a drone at a height with the cosine of its tilt; none where it is
-    /// too far.
+    /// Distance to the floor; none where it is too far.
     pub(super) fn read(
         &mut self,
-        height_m: f64,
-        cos_tilt: impl Fn() -> f64,
+        position_m: &Vector3<f64>,
+        world_from_body: impl Fn() -> Matrix3<f64>,
         time_s: f64,
     ) -> Option<f64> {
         if !self.clock.due(time_s) {
             return None;
         }
-        let (error, cos_tilt) = (self.noise.normal(), cos_tilt());
-        let distance_m = height_m / cos_tilt;
-        (cos_tilt > 0.0 && distance_m <= TIME_OF_FLIGHT_RANGE_M)
-            .then(|| (distance_m + error * time_of_flight_sigma_m(distance_m)).max(0.0))
+        let (error, down) = (self.noise.normal(), -world_from_body().column(2));
+        if down.z >= 0.0 {
+            return None;
+        }
+        let distance_m = self.floor.distance_m(position_m, &down);
+        (distance_m <= TIME_OF_FLIGHT_RANGE_M).then(|| {
+            (distance_m + error * time_of_flight_sigma_m(self.noise_m, distance_m)).max(0.0)
+        })
     }
 }
 
-/// Barometric height over the starting place: white noise and a slow random walk.
+/// Barometric height over the starting place: white noise, a slow random walk and a steady drift.
 #[derive(Debug)]
 pub(super) struct Barometer {
     clock: Clock,
@@ -76,51 +90,72 @@ pub(super) struct Barometer {
     noise_m: f64,
     walk: Noise,
     step_m: f64,
-    drift_m: f64,
+    walked_m: f64,
+    drift_m_s: f64,
 }
 
 impl Barometer {
     pub(super) fn new(options: &BarometerOptions, noise: impl Fn(&str) -> Noise) -> Self {
         Self {
-            clock: Clock::new(BAROMETER_HZ),
+            clock: Clock::new(options.rate_hz),
             noise: noise("barometer"),
             noise_m: options.noise_m,
             walk: noise("barometer drift"),
-            step_m: options.drift_m_sqrt_s / BAROMETER_HZ.sqrt(),
-            drift_m: 0.0,
+            step_m: options.drift_m_sqrt_s / options.rate_hz.sqrt(),
+            walked_m: 0.0,
+            drift_m_s: options.drift_m_s,
         }
+    }
+
+    /// Error of the height but for its white noise.
+    pub(super) fn bias_m(&self, time_s: f64) -> f64 {
+        self.walked_m + self.drift_m_s * time_s
     }
 
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
         self.clock.due(time_s).then(|| {
-            self.drift_m += self.walk.normal() * self.step_m;
-            height_m + self.drift_m + self.noise.normal() * self.noise_m
+            self.walked_m += self.walk.normal() * self.step_m;
+            height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m
         })
     }
 }
 
-/// Satellite fixes with a base station: white noise on every axis.
+/// Satellite fixes with a base station: white noise on every axis, and times without a fix.
 #[derive(Debug)]
 pub(super) struct Gnss {
     clock: Clock,
     noise: Noise,
     noise_m: f64,
+    silent_s: Vec<[f64; 2]>,
 }
 
 impl Gnss {
     pub(super) fn new(options: &GnssOptions, noise: impl Fn(&str) -> Noise) -> Self {
-        Self { clock: Clock::new(GNSS_HZ), noise: noise("gnss"), noise_m: options.noise_m }
+        Self {
+            clock: Clock::new(options.rate_hz),
+            noise: noise("gnss"),
+            noise_m: options.noise_m,
+            silent_s: options.silent_s.clone(),
+        }
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
-        self.clock.due(time_s).then(|| position_m + self.noise.normals() * self.noise_m)
+        if !self.clock.due(time_s) {
+            return None;
+        }
+        let fix_m = position_m + self.noise.normals() * self.noise_m;
+        let silent = self.silent_s.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s));
+        (!silent).then_some(fix_m)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Attitude;
     use crate::sim::sensors::density::{Series, random_walk_density, white_density};
+
+    const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
 
     fn noise(sensor: &str) -> Noise {
         Noise::new(9, 0, sensor)
@@ -137,18 +172,22 @@ mod tests {
 
     #[test]
     fn ranger_spreads_as_the_firmware_says() {
-        assert!((time_of_flight_sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
+        let sigma_m = |distance_m| time_of_flight_sigma_m(0.0025, distance_m);
+        assert!((sigma_m(4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
+        let ranger = || TimeOfFlight::new(&TimeOfFlightOptions::default(), &FLAT, noise);
         for distance_m in [0.5, 2.5, 3.5] {
-            let mut ranger = TimeOfFlight::new(noise);
-            let found = series(40.0, 1 << 18, |t| ranger.read(distance_m, || 1.0, t));
-            let want = time_of_flight_sigma_m(distance_m) / f64::sqrt(20.0);
+            let (mut ranger, above_m) = (ranger(), Vector3::z() * distance_m);
+            let found = series(40.0, 1 << 18, |t| ranger.read(&above_m, Matrix3::identity, t));
+            let want = sigma_m(distance_m) / f64::sqrt(20.0);
             for (band, density) in white_density(&found).into_iter().enumerate() {
                 assert!((density / want - 1.0).abs() < 0.2, "{distance_m} m, band {band}");
             }
         }
-        let mut ranger = TimeOfFlight::new(noise);
-        assert_eq!(ranger.read(5.1, || 1.0, 0.0), None, "no floor");
-        let tilted = ranger.read(1.0, || 0.9, 1.0).unwrap();
+        let mut ranger = ranger();
+        let far_m = Vector3::z() * 5.1;
+        assert_eq!(ranger.read(&far_m, Matrix3::identity, 0.0), None, "no floor");
+        let tilt = Attitude { roll_rad: libm::acos(0.9), ..Attitude::default() };
+        let tilted = ranger.read(&Vector3::z(), || tilt.world_from_body(), 1.0).unwrap();
         assert!((tilted - 1.0 / 0.9).abs() < 0.02, "along the body: {tilted}");
     }
 
@@ -172,6 +211,24 @@ mod tests {
         let found = series(10.0, 1 << 20, |t| gnss.read(Vector3::zeros(), t).map(|fix| fix.y));
         for density in white_density(&found) {
             assert!((density / (0.05 / f64::sqrt(5.0)) - 1.0).abs() < 0.2, "{density}");
+        }
+    }
+    #[test]
+    fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
+        let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };
+        let mut barometer = Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, noise);
+        assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
+
+        let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
+        let fixes = |options: &GnssOptions| {
+            let mut gnss = Gnss::new(options, noise);
+            (0..50).map(|k| gnss.read(Vector3::zeros(), f64::from(k) * 0.1)).collect::<Vec<_>>()
+        };
+        let (all, some) = (fixes(&GnssOptions::default()), fixes(&silent));
+        assert!(all.iter().all(Option::is_some));
+        for (k, (all, some)) in all.iter().zip(&some).enumerate() {
+            let heard = !(10..20).contains(&k) && !(30..35).contains(&k);
+            assert_eq!(*some, all.filter(|_| heard), "fix {k}: the others stay as they are");
         }
     }
 }

@@ -24,12 +24,12 @@ use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
 use super::noise::Noise;
-use super::options::{HeightSensor, Positioning, SensorOptions};
+use super::options::{FloorOptions, HeightSensor, Positioning, SensorOptions};
 use super::peers::Fleet;
 use super::vehicle::RigidBody;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
-pub(super) use self::height::{BAROMETER_HZ, TIME_OF_FLIGHT_HZ, time_of_flight_sigma_m};
+pub(super) use self::height::time_of_flight_sigma_m;
 pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
 pub(super) use self::station::StationPose;
 pub(super) use self::uwb::{PeerRange, Range};
@@ -39,6 +39,8 @@ pub(super) use self::uwb::{PeerRange, Range};
 pub(super) struct Readings<'a> {
     /// The true motion, for the estimator `truth` alone.
     pub(super) truth: &'a RigidBody,
+    /// Mean command of the motors since the last tick, as a share of the largest.
+    pub(super) throttle: f64,
     /// Gyroscope, body frame.
     pub(super) rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
@@ -90,12 +92,18 @@ enum Locator {
 }
 
 impl Sensors {
-    /// Sensors of a drone, read `rate_hz` times a second.
+    /// Sensors of a drone above a floor, read `rate_hz` times a second.
     ///
     /// # Panics
     ///
     /// As `Uwb::new`.
-    pub(super) fn new(options: &SensorOptions, rate_hz: u32, seed: u64, fleet: &Fleet) -> Self {
+    pub(super) fn new(
+        options: &SensorOptions,
+        floor: &FloorOptions,
+        rate_hz: u32,
+        seed: u64,
+        fleet: &Fleet,
+    ) -> Self {
         let drone = fleet.members[fleet.place].index;
         // What is wrong with a room is the same for all drones in it: the places of stations and
         // anchors, and what the solution for them bends.
@@ -129,7 +137,8 @@ impl Sensors {
                 Positioning::UwbTdoa => Locator::Uwb(uwb(true)),
                 Positioning::Gnss => Locator::Gnss(Box::new(Gnss::new(&options.gnss, noise))),
             },
-            time_of_flight: has(HeightSensor::TimeOfFlight).then(|| TimeOfFlight::new(noise)),
+            time_of_flight: has(HeightSensor::TimeOfFlight)
+                .then(|| TimeOfFlight::new(&options.time_of_flight, floor, noise)),
             barometer: has(HeightSensor::Barometer)
                 .then(|| Barometer::new(&options.barometer, noise)),
             tick_s: 1.0 / f64::from(rate_hz),
@@ -161,6 +170,7 @@ impl Sensors {
         let world_from_body = || body.matrix();
         let mut readings = Readings {
             truth: body,
+            throttle: 0.0,
             rate_rad_s: self.imu.rate_rad_s(body.rate_rad_s),
             specific_force_m_s2: self.imu.specific_force_m_s2(specific_force_m_s2),
             position_m: None,
@@ -185,13 +195,18 @@ impl Sensors {
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         if let Some(sensor) = &mut self.time_of_flight {
-            readings.time_of_flight_m =
-                sensor.read(position_m.z, || world_from_body()[(2, 2)], time_s);
+            readings.time_of_flight_m = sensor.read(&position_m, world_from_body, time_s);
         }
         if let Some(sensor) = &mut self.barometer {
             readings.barometer_m = sensor.read(position_m.z, time_s);
         }
         readings
+    }
+
+    /// Bias of the barometer at its last reading; 0 without one.
+    pub(super) fn barometer_bias_m(&self) -> f64 {
+        let time_s = f64::from(self.ticks) * self.tick_s;
+        self.barometer.as_ref().map_or(0.0, |barometer| barometer.bias_m(time_s))
     }
 
     /// Warnings about the base stations.
@@ -228,7 +243,7 @@ mod tests {
 
     fn readings(options: &SensorOptions, n: usize) -> Vec<Written> {
         let (body, force) = (RigidBody::at(PLACE_M), Vector3::z() * GRAVITY_M_S2);
-        let mut sensors = Sensors::new(options, 500, 1, &Fleet::alone(0));
+        let mut sensors = Sensors::new(options, &FloorOptions::default(), 500, 1, &Fleet::alone(0));
         let read = |_| {
             let r = sensors.read(&body, force, &[]);
             Written {
@@ -246,13 +261,15 @@ mod tests {
     fn drones_of_one_room_share_its_distortion_and_not_their_noise() {
         let at_m = Vector3::new(0.4, -0.1, 0.9);
         let settled_m = |options: &SensorOptions, seed, drone| {
-            Sensors::new(options, 500, seed, &Fleet::alone(drone)).settled_m(at_m)
+            Sensors::new(options, &FloorOptions::default(), 500, seed, &Fleet::alone(drone))
+                .settled_m(at_m)
         };
         let options = SensorOptions::default();
         assert_eq!(settled_m(&options, 1, 0), settled_m(&options, 1, 3), "one room");
         assert_ne!(settled_m(&options, 1, 0), settled_m(&options, 2, 0), "another room");
         let first = |drone| {
-            let mut sensors = Sensors::new(&options, 500, 1, &Fleet::alone(drone));
+            let mut sensors =
+                Sensors::new(&options, &FloorOptions::default(), 500, 1, &Fleet::alone(drone));
             let body = RigidBody::at(at_m);
             sensors.read(&body, Vector3::z() * 9.81, &[]).position_m
         };

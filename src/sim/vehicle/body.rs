@@ -59,14 +59,14 @@ impl RigidBody {
         cos_of_roll <= 0.0 || sin_pitch.abs() >= 1.0
     }
 
-    /// The same place and yaw on the floor, level and at rest.
-    pub(super) fn on_floor(&self) -> Self {
+    /// The same place and yaw on a floor of a height, level and at rest.
+    pub(super) fn on_floor(&self, floor_m: f64) -> Self {
         let [y, x] = self.yaw();
         let half_yaw = 0.5 * libm::atan2(y, x);
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
         Self {
             world_from_body: UnitQuaternion::new_unchecked(level),
-            ..Self::at(Vector3::new(self.position_m.x, self.position_m.y, 0.0))
+            ..Self::at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
         }
     }
 
@@ -399,7 +399,7 @@ mod tests {
     fn on_the_floor_it_keeps_its_place_and_yaw() {
         let mut body = tumbling();
         body.world_from_body = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.7);
-        let rest = body.on_floor().state();
+        let rest = body.on_floor(0.0).state();
         assert!((rest[3] - 0.7).abs() < 1e-12, "yaw {}", rest[3]);
         assert_eq!((rest[0], rest[1], rest[2]), (0.1, -0.2, 0.0));
         assert!(rest.fixed_rows::<8>(4).norm() < 1e-15, "level and at rest");

@@ -7,9 +7,9 @@ use super::body::{Inertia, RigidBody, Row};
 use super::floor::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
-use crate::sim::options::{GRAVITY_M_S2, SimOptions};
+use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
 
-/// One drone in the air or on the floor (z = 0), driven by motor commands in steps of fixed length.
+/// One drone in the air or on the floor, driven by motor commands in steps of fixed length.
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -30,6 +30,7 @@ pub struct Plant {
     battery: Option<Battery>,
     inertia: Inertia,
     floor: Floor,
+    steps: FloorOptions,
     wind: Wind,
     wind_m_s: Vector3<f64>,
     dt_s: f64,
@@ -53,13 +54,15 @@ impl Plant {
         position_m: Vector3<f64>,
     ) -> Self {
         let vehicle = &options.vehicle;
-        let carried = if position_m.z > 0.0 { 0.25 * GRAVITY_M_S2 } else { 0.0 };
+        let floor_m = options.floor.height_m(position_m.x, position_m.y);
+        let carried = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
         Self {
             row: RigidBody::at(position_m).row(),
             rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
             battery: Battery::new(&options.battery),
             inertia: Inertia::new(vehicle),
             floor: Floor::new(vehicle),
+            steps: options.floor.clone(),
             wind: Wind::new(&options.air, dt_s, seed, drone),
             wind_m_s: options.air.wind_m_s.into(),
             dt_s,
@@ -74,7 +77,9 @@ impl Plant {
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
         // The ground effect changes slowly: it is held through the step, at its middle height.
-        let ground = self.floor.thrust_ratio(self.row[2] + self.row[5] * (0.5 * self.dt_s));
+        let floor_m = self.floor_m(self.row[0], self.row[1]);
+        let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
+        let ground = self.floor.thrust_ratio(middle_m - floor_m);
         let mut loads = self.rotors.advance(&thrusts_n, ground);
         if !self.wind.is_steady() {
             let gust = self.wind.advance();
@@ -85,7 +90,7 @@ impl Plant {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
         }
         let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
-        if self.row[2] <= 0.0 || next[2] < 0.0 {
+        if self.row[2] <= floor_m || next[2] < self.floor_m(next[0], next[1]) {
             self.touch(next, &loads[2]);
         } else {
             self.row = next;
@@ -122,11 +127,18 @@ impl Plant {
     #[must_use]
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
-        let load = self.rotors.load(self.floor.thrust_ratio(self.row[2]));
+        let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
+        let load = self.rotors.load(self.floor.thrust_ratio(height_m));
         if self.rests(&load) {
             return Vector3::z() * GRAVITY_M_S2;
         }
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
+    }
+
+    /// Vertical acceleration per throttle at the present voltage, far from the floor.
+    pub(in crate::sim) fn gain_m_s2(&self) -> f64 {
+        let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
+        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n()
     }
 
     /// Warnings about the battery.
@@ -156,6 +168,12 @@ impl Plant {
         wanted_n.map(|wanted_n| wanted_n.min(limit.max_n))
     }
 
+    /// Height of the floor at a place.
+    #[inline(always)]
+    pub(in crate::sim) fn floor_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.steps.height_m(x_m, y_m)
+    }
+
     /// Puts a drone on the floor that does not rise from it, or comes down to it.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
@@ -163,21 +181,23 @@ impl Plant {
         if !rests {
             self.row = next;
         }
-        if rests || next[2] < 0.0 {
-            self.row = self.body().on_floor().row();
+        let floor_m = self.floor_m(self.row[0], self.row[1]);
+        if rests || next[2] < floor_m {
+            self.row = self.body().on_floor(floor_m).row();
         }
     }
 
     /// Whether the drone is on the floor and its rotors do not lift it.
     fn rests(&self, load: &Load) -> bool {
-        self.row[2] <= 0.0 && load.thrust_n <= self.inertia.weight_n()
+        let on_floor = self.row[2] <= self.floor_m(self.row[0], self.row[1]);
+        on_floor && load.thrust_n <= self.inertia.weight_n()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::options::{GustOptions, Gusts, VehicleOptions};
+    use crate::sim::options::{FloorStep, GustOptions, Gusts, VehicleOptions};
 
     fn plant(options: &SimOptions, height_m: f64) -> Plant {
         Plant::new(options, 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
@@ -213,6 +233,25 @@ mod tests {
         sinking.row[5] = -1.0;
         sinking.advance(&[1.1 * hover(&options); 4]);
         assert_eq!(sinking.body().position_m.z, 0.0, "no thrust lets it through");
+    }
+
+    #[test]
+    fn a_table_carries_the_drone_and_drops_it_at_its_edge() {
+        let mut options = SimOptions::default();
+        let table = FloorStep { x_m: [0.0, 1.0], y_m: [-1.0, 1.0], height_m: 0.5 };
+        options.floor.steps.push(table);
+        let mut drone = plant(&options, 0.5);
+        let start = drone.body();
+        advance(&mut drone, 0.9 * hover(&options), 100);
+        assert_eq!(drone.body(), start, "stands on the table");
+        let mut falling = plant(&options, 0.8);
+        advance(&mut falling, 0.0, 500);
+        assert_eq!(falling.body().position_m, Vector3::new(0.3, 0.0, 0.5), "falls onto it");
+        let mut leaving = plant(&options, 0.8);
+        leaving.row[3] = 3.5;
+        advance(&mut leaving, 0.0, 500);
+        let place_m = leaving.body().position_m;
+        assert!(place_m.z == 0.0 && place_m.x > 1.0, "flies over its edge: {place_m}");
     }
 
     #[test]

@@ -1,0 +1,75 @@
+//! The full simulator at constant altitude: a slow level flight on the altitude filter's estimates.
+
+use nalgebra::Vector3;
+
+use super::scenario::SPEED_M_S;
+use super::{Hold, HoldSample, SAMPLES_HZ, SET_M, Scenario};
+use crate::error::Result;
+use crate::plan::{Plan, Setpoint};
+use crate::sim::avionics::Avionics;
+use crate::sim::drone::Drone;
+use crate::sim::options::{GRAVITY_M_S2, SimOptions};
+use crate::sim::peers::{Fleet, Member};
+use crate::sim::vehicle::Plant;
+
+/// Flies a scenario, as [`super::hold`] says.
+pub(super) fn hold(
+    believed: &SimOptions,
+    scenario: Scenario,
+    duration_s: f64,
+    seed: u64,
+) -> Result<Hold> {
+    let actual = scenario.applied(believed, seed);
+    actual.check()?;
+    let (rates, plan) = (&actual.rates, level_flight(duration_s));
+    let start_m = plan.setpoints[0].position_m;
+    let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
+    let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
+    let drone = Drone { believed, actual: &actual, seed, index: 0 };
+    let members = vec![Member::new(&actual, seed, 0, start_m)];
+    let mut avionics = Avionics::new(&drone, &Fleet { members, place: 0 })?;
+    let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "7.2e6 at most")]
+    let n_ticks = (duration_s * f64::from(rates.control_hz)).round() as u32;
+    let (mut samples, mut steps) = (Vec::new(), 0);
+    let mut readings = Vec::new();
+    for tick in 0..=n_ticks {
+        let time_s = f64::from(tick) / f64::from(rates.control_hz);
+        avionics.tick(&plan, time_s, &plant, &[])?;
+        let motors = avionics.motors();
+        if let Some(filter) = avionics.altitude() {
+            readings.extend_from_slice(filter.readings());
+            if tick.is_multiple_of(ticks_per_sample) {
+                let throttle = motors.iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
+                let truth = truth(&plant, avionics.sensors().barometer_bias_m());
+                let readings = std::mem::take(&mut readings);
+                samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
+                steps = filter.steps();
+            }
+        }
+        for _ in 0..rates.steps_per_tick {
+            plant.advance(&motors);
+        }
+    }
+    Ok(Hold { set_m: SET_M, samples, steps })
+}
+
+/// True states, in the order of [`super::AltitudeState`].
+fn truth(plant: &Plant, barometer_m: f64) -> [f64; 6] {
+    let (at_m, v) = (plant.body().position_m, plant.body().velocity_m_s.z);
+    let floor_m = plant.floor_m(at_m.x, at_m.y);
+    [at_m.z, v, -GRAVITY_M_S2, plant.gain_m_s2(), -floor_m, barometer_m]
+}
+
+/// Setpoints along x at a steady speed, one a second.
+fn level_flight(duration_s: f64) -> Plan {
+    let at = |time_s: f64| Setpoint {
+        time_s,
+        position_m: Vector3::new(SPEED_M_S * time_s, 0.0, SET_M),
+        velocity_m_s: Vector3::x() * SPEED_M_S,
+        acceleration_m_s2: Vector3::zeros(),
+        letter: None,
+    };
+    let whole = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
+    Plan { setpoints: whole.chain([duration_s]).map(at).collect(), ..Plan::default() }
+}

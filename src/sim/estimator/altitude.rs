@@ -1,0 +1,58 @@
+//! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman filter.
+//!
+//! The filter's prediction runs at every tick on the throttle that was sent, upright part of it; a
+//! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger nor
+//! barometer, whose biases it does not estimate.
+
+use super::Estimator;
+use super::altitude_filter::{AltitudeFilter, Sensor, State as Filtered};
+use super::ekf::Ekf;
+use crate::sim::sensors::Readings;
+use crate::sim::vehicle::State;
+
+/// Row of the altitude in [`State`].
+const ALTITUDE: usize = 2;
+
+/// The two filters.
+#[derive(Debug)]
+pub(super) struct Altitude {
+    pub(super) horizontal: Ekf,
+    pub(super) vertical: AltitudeFilter,
+    /// Whether positions are fixes of satellites.
+    pub(super) hears_satellites: bool,
+}
+
+impl Estimator for Altitude {
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
+        self.horizontal.update(&level, tick_s);
+        let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
+        let filter = &mut self.vertical;
+        if readings.throttle > 0.0 {
+            filter.predict(readings.throttle * cos_tilt, tick_s);
+        } else {
+            filter.rest(tick_s);
+        }
+        if let Some(fix_m) = readings.position_m.filter(|_| self.hears_satellites) {
+            filter.update(Sensor::Gnss, fix_m.z);
+        }
+        if let Some(distance_m) = readings.time_of_flight_m {
+            filter.update(Sensor::TimeOfFlight, distance_m * cos_tilt);
+        }
+        if let Some(height_m) = readings.barometer_m {
+            filter.update(Sensor::Barometer, height_m);
+        }
+    }
+
+    fn state(&self) -> State {
+        let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
+        velocity_m_s.z = self.vertical.estimate(Filtered::Velocity);
+        let mut state = self.horizontal.motion.state_at(&velocity_m_s);
+        state[ALTITUDE] = self.vertical.estimate(Filtered::Altitude);
+        state
+    }
+
+    fn altitude(&self) -> Option<&AltitudeFilter> {
+        Some(&self.vertical)
+    }
+}
