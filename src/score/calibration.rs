@@ -52,9 +52,8 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64) -> f64 {
     let log_odds: Vec<f64> = choices.iter().map(log_odds).collect();
     let n_letters = log_odds.len().max(1) as f64;
     let mean = log_odds.iter().sum::<f64>() / n_letters;
-    let sum = CONSTANT
-        + MEAN_LOG_ODDS * mean
-        + RIVAL * ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
+    let sum =
+        CONSTANT + MEAN_LOG_ODDS * mean + RIVAL * ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
     1.0 / (1.0 + libm::exp(-sum))
 }
 
