@@ -84,6 +84,11 @@ const RULES: &[Rule] = &[
         |s| s.controller.kind != ControllerKind::Geometric,
         "controller.kind is not geometric",
     ),
+    (
+        "controller.altitude",
+        |s| s.controller.kind != ControllerKind::Altitude,
+        "controller.kind is not altitude",
+    ),
     ("controller.pid", |s| s.controller.kind != ControllerKind::Pid, "controller.kind is not pid"),
     (
         "observer.ekf.two_way_sigma_m",
@@ -105,7 +110,13 @@ const RULES: &[Rule] = &[
         |s| s.observer.kind != EstimatorKind::Luenberger,
         "observer.kind is not luenberger",
     ),
-    ("observer.ekf", |s| !is_filter(s), "observer.kind is neither ekf nor cooperative"),
+    ("observer.ekf", |s| !is_filter(s), "observer.kind is neither ekf, altitude nor cooperative"),
+    (
+        "observer.ekf.floor_steps",
+        |s| !has_ranger(s) || s.observer.kind != EstimatorKind::Ekf,
+        "sensors.heights has no time-of-flight, or observer.kind is not ekf",
+    ),
+    ("observer.altitude", |s| !is_altitude(s), "observer.kind is not altitude"),
     ("observer.cooperative", |s| !is_cooperative(s), "observer.kind is not cooperative"),
     ("sensors.peers", |s| !is_cooperative(s), "observer.kind is not cooperative"),
     (
@@ -119,6 +130,7 @@ const RULES: &[Rule] = &[
         "sensors.positioning is not uwb-tdoa",
     ),
     ("observer.ekf.barometer_sigma_m", |s| !has_barometer(s), "sensors.heights has no barometer"),
+    ("observer.ekf.barometer_sigma_m", is_altitude, "observer.altitude.barometer_sigma_m is used"),
     (
         "sensors",
         |s| s.observer.kind == EstimatorKind::Truth,
@@ -127,7 +139,7 @@ const RULES: &[Rule] = &[
     (
         "sensors.heights",
         |s| !is_filter(s),
-        "observer.kind is neither ekf nor cooperative, which alone take heights",
+        "observer.kind is neither ekf, altitude nor cooperative, which alone take heights",
     ),
     ("sensors.lighthouse.stations", |_| false, ""),
     (
@@ -146,6 +158,7 @@ const RULES: &[Rule] = &[
         NO_LIGHTHOUSE,
     ),
     ("sensors.uwb", |s| !is_uwb(s), "sensors.positioning is not ultra-wideband"),
+    ("sensors.time_of_flight", |s| !has_ranger(s), "sensors.heights has no time-of-flight"),
     ("sensors.barometer", |s| !has_barometer(s), "sensors.heights has no barometer"),
     (
         "sensors.gnss",
@@ -250,13 +263,21 @@ fn has_barometer(scene: &Scene) -> bool {
     scene.sensors.heights.contains(&HeightSensor::Barometer) && is_filter(scene)
 }
 
+fn has_ranger(scene: &Scene) -> bool {
+    scene.sensors.heights.contains(&HeightSensor::TimeOfFlight) && is_filter(scene)
+}
+
+fn is_altitude(scene: &Scene) -> bool {
+    scene.observer.kind == EstimatorKind::Altitude
+}
+
 fn is_cooperative(scene: &Scene) -> bool {
     scene.observer.kind == EstimatorKind::Cooperative
 }
 
 /// Whether the estimator has the weights of `observer.ekf`.
 fn is_filter(scene: &Scene) -> bool {
-    scene.observer.kind == EstimatorKind::Ekf || is_cooperative(scene)
+    scene.observer.kind == EstimatorKind::Ekf || is_altitude(scene) || is_cooperative(scene)
 }
 
 fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {

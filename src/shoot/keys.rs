@@ -70,6 +70,9 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
             vec!["\"ae483-fixed\"".into(), "\"simplex\"".into(), "\"ae483\"".into()]
         }
         ("plan.lights", ..) => vec!["[\"ring\"]".into()],
+        ("floor.steps", ..) => {
+            vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
+        }
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
         ("camera.white_balance", ..) => vec!["3200.0".into()],
         ("light.led_bitmask", ..) => vec!["128".into(), "255".into()],
