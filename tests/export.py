@@ -554,8 +554,8 @@ class RoundTrip(unittest.TestCase):
         noctograph("expose", "imported.csv", *picture)
         verdicts = [noctograph("score", photo, "NO") for photo in ("designed/photo.png", "log.png")]
         self.assertEqual(*[(verdict["read"], verdict["legible"]) for verdict in verdicts])
-        apart = abs(verdicts[0]["probability"] - verdicts[1]["probability"])
-        self.assertLess(apart, 0.02, "probability of being read")
+        apart = abs(verdicts[0]["readability"] - verdicts[1]["readability"])
+        self.assertLess(apart, 0.02, "readability")
 
         learned = ["learn", "pid", "NO", "--set", "plan.style.kind=even", "--from-log", log,
                    "--sent", "designed/plan.csv", "-o", "learned"]

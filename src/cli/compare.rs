@@ -47,6 +47,9 @@ pub(super) struct CompareArgs {
     output: Option<PathBuf>,
 }
 
+/// Root mean square distance below which two flights are alike, a third of a lamp.
+const ALIKE_M: f64 = 0.001;
+
 /// Files of `-o`.
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
@@ -160,7 +163,7 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
         let share = 100.0 * d.in_corridor_frac;
         Some(format!("{:24}{:+8.3}{:+8.3}{share:15.1} %\n", "", d.min_y_m, d.max_y_m))
     });
-    if let Some((cause, share)) = comparison.first {
+    if let Some((cause, share)) = comparison.first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
         text += "\n";
         text +=
             &line("first", &format!("{} ({:.0} % of the difference)", first(cause), 100.0 * share));
