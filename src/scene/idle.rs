@@ -308,7 +308,11 @@ impl Scene {
             Style::Even(_) => PlanOptions::even(),
             Style::Team(_) => PlanOptions::default(),
         };
-        let usual = Self { plan, ..Self::preset(self.preset) };
+        let mut usual = Self { plan, ..Self::preset(self.preset) };
+        if is_metered(self) {
+            // A scene that a command wrote has what the meter set.
+            (usual.camera.f_number, usual.camera.iso) = (self.camera.f_number, self.camera.iso);
+        }
         let [own, usual] =
             [self, &usual].map(|scene| Table::try_from(scene).expect("a scene is a table"));
         let mut keys = Vec::new();
@@ -369,6 +373,13 @@ mod tests {
         assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
         assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
         assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
+    }
+
+    #[test]
+    fn what_the_meter_set_is_no_idle_key() {
+        let mut scene = Scene::default();
+        (scene.camera.f_number, scene.camera.iso) = (4.5, 200.0);
+        assert_eq!(scene.idle_keys(), []);
     }
 
     #[test]
