@@ -38,8 +38,10 @@ fn a_drawing_is_flown_and_photographed_and_not_read() {
     noctograph(folder.path()).args(args).assert().success();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read("again.csv"), read("noctograph-out/plan.csv"), "the scene names its drawing");
-    let run =
-        noctograph(folder.path()).args(["score", "noctograph-out/photo.png"]).assert().code(2);
+    let score = ["score", "noctograph-out/photo.png"];
+    let run = noctograph(folder.path()).args(score).assert().code(2);
+    run.stderr(predicate::str::contains("--trust"));
+    let run = noctograph(folder.path()).args(score).arg("--trust").assert().code(2);
     run.stderr(predicate::str::contains("a drawing"));
     let args = ["plan", "NOOR", "--drawing", "logo.svg"];
     noctograph(folder.path()).args(args).assert().code(2);
