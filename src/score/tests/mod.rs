@@ -113,7 +113,7 @@ fn what_is_no_word_is_not_legible() {
     assert_eq!((&blank.read[..], blank.letters[0].best), ("????", None), "nothing is read");
     for text in ["TREE", "MOON", "NEAR", "NOON", "ROON"] {
         let other = shot.showing(Shot::of(&word(text)).moves).verdict(&noor);
-        assert!(!other.legible && other.readability <= 0.1, "{text}: {other:?}");
+        assert!(!other.legible && other.readability < 0.5, "{text}: {other:?}");
     }
     for text in ["NOOR", "O", "A", "M"] {
         let strokes = word(text);
@@ -192,7 +192,7 @@ fn a_missing_letter_is_a_gap() {
     moves.retain(|step| !a.contains(step));
     let verdict = Shot::of(&near).showing(moves).verdict(&near);
     assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NE?R", None), "{verdict:?}");
-    assert!(!verdict.legible && verdict.readability < 0.1, "{verdict:?}");
+    assert!(!verdict.legible && verdict.readability < 0.5, "{verdict:?}");
 }
 
 #[test]
