@@ -24,8 +24,8 @@ use std::collections::{BTreeMap, VecDeque};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
-use super::covariance::{Covariance, Slope};
-use super::ekf::{Motion, Residual, START, Span};
+use super::covariance::{Covariance, Residual, Slope};
+use super::ekf::{Motion, START, Span};
 use super::joint::{Joint, Part};
 use crate::sim::options::{ObserverOptions, SensorOptions, Share};
 use crate::sim::peers::{Fleet, Message, Reckoning, Target, ToldHeight, ToldRange};

@@ -29,6 +29,14 @@ pub(super) struct Slope {
     pub(super) turn: Vector3<f64>,
 }
 
+/// A scalar measurement against its prediction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Residual {
+    pub(super) slope: Slope,
+    pub(super) innovation: f64,
+    pub(super) variance: f64,
+}
+
 impl Covariance {
     /// Independent errors with these standard deviations.
     pub(super) fn new(position_m: f64, velocity_m_s: f64, turn_rad: f64) -> Self {

@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
 use super::attitude::{Turned, angles};
-use super::covariance::{Covariance, Errors, Slope};
+use super::covariance::{Covariance, Errors, Residual, Slope};
 use super::floor::FloorBelow;
 use crate::sim::options::{EkfOptions, Generation, SensorOptions};
 use crate::sim::peers::Target;
@@ -79,14 +79,6 @@ pub(super) struct Trust {
     pub(super) gate_sq: f64,
     /// Standard deviation of a near range to the floor.
     pub(super) ranger_m: f64,
-}
-
-/// A scalar measurement against its prediction.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Residual {
-    pub(super) slope: Slope,
-    pub(super) innovation: f64,
-    pub(super) variance: f64,
 }
 
 /// A span over which the covariance is carried.

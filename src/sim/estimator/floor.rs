@@ -5,8 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::covariance::{Covariance, Errors};
-use super::ekf::Residual;
+use super::covariance::{Covariance, Errors, Residual};
 use super::step_test::{Floor, StepTest};
 use crate::control::Innovation;
 
