@@ -5,6 +5,8 @@
 //! rival and its share, faithfulness, blind reading. `-- strips FOLDER OUT` writes the strips of the
 //! photos: of each its labels, width and bytes.
 
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example's result")]
+
 use std::io::Write;
 use std::path::Path;
 

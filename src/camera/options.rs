@@ -28,7 +28,7 @@ settings! {
         height_px: u32 = 1080, in 1.0..=16_384.0;
         /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0;
-        /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / base_iso lx s below the
+        /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
         /// base sensitivity.
         iso: f64 = 100.0, in 1.0..=1e7;
         /// Sensitivity at which a full well is white; above it, the converter clips earlier.

@@ -168,7 +168,7 @@ fn check_numbers(
         for (quantity, _, names) in Quantity::TABLE {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
                 // Not a number is beyond as well.
-                if !(value.abs() <= MAX_QUANTITY) {
+                if value.is_nan() || value.abs() > MAX_QUANTITY {
                     return wild(sample.time_s, name, *value, MAX_QUANTITY);
                 }
             }

@@ -321,7 +321,7 @@ mod tests {
             let palette: Vec<u8> = (0..48).map(|i| i * 5).collect();
             info.palette = (color == ColorType::Indexed).then(|| palette.into());
             let n = info.raw_bytes() - 5;
-            let samples: Vec<u8> = (0..n).map(|i| (i * 89 % 256) as u8).collect();
+            let samples: Vec<u8> = (0..n).map(|i| (i * 89).to_le_bytes()[0]).collect();
             let encoder = png::Encoder::with_info(&mut file, info).unwrap();
             encoder.write_header().unwrap().write_image_data(&samples).unwrap();
             std::fs::write(&path, &file).unwrap();

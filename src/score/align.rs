@@ -23,6 +23,7 @@ const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
 /// Width of the pen, in pixels.
+#[expect(clippy::cast_possible_truncation, reason = "a constant")]
 const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
 
 /// Search for one word.

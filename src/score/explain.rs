@@ -214,7 +214,8 @@ fn mark(
     (gaps, strays): (&[Gap], &[Stray]),
     marks: &mut Marks,
 ) {
-    let in_photo = |point: &[f64; 2]| view.image_from_plane(placed.apply(page.to_plane(*point)));
+    let in_photo =
+        |point: &[f64; 2]| view.image_from_plane(placed.apply(page.plane_from_page(*point)));
     let line = |points: &[[f64; 2]]| points.iter().filter_map(in_photo).collect();
     marks.intended.extend(sketch.bent.intended.iter().map(|points| line(points)));
     marks.missing.extend(gaps.iter().map(|gap| line(&gap.points)));

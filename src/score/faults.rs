@@ -144,7 +144,7 @@ fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
 fn middle_m(page: &LetterPage, points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n_points;
-    (!points.is_empty()).then(|| page.to_plane([mean(0), mean(1)]))
+    (!points.is_empty()).then(|| page.plane_from_page([mean(0), mean(1)]))
 }
 
 /// A fault of a kind, without measures.

@@ -79,6 +79,7 @@ impl<'a> Lattice<'a> {
     }
 
     /// Probability of the word with another letter in one place; `shares` are those of the letter.
+    #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, shares: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
         let differs = |at: Option<&Classes>| at.is_some_and(|letter| letter & set == 0);
@@ -117,6 +118,7 @@ impl<'a> Lattice<'a> {
 
     /// The mean column of a letter, weighted with the ways through it; `shares` are those of the
     /// letter. 0 where there is no way.
+    #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
     pub(super) fn middle(&self, index: usize, shares: &[f64]) -> f64 {
         let state = 2 * index + 1;
         let (mut sum, mut moment) = (0.0, 0.0);

@@ -119,7 +119,6 @@ impl Layer {
     /// The sums clamped to bytes.
     fn activations(&self, map: &Map) -> Map {
         let sums = self.sums(map);
-        #[expect(clippy::cast_possible_truncation, reason = "a byte")]
         let values: Vec<i16> = sums.iter().map(|sum| (*sum).clamp(0, 255) as i16).collect();
         let channels = self.channels[1];
         Map { height: values.len() / channels / map.width, width: map.width, channels, values }

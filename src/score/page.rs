@@ -54,12 +54,12 @@ impl LetterPage {
     }
 
     /// A point of the word's plane on the page.
-    pub(super) fn from_plane(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn page_from_plane(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
         [(x_m - self.grid.left_m) / self.grid.pitch_m, (self.grid.top_m - y_m) / self.grid.pitch_m]
     }
 
     /// A point of the page in the word's plane.
-    pub(super) fn to_plane(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn plane_from_page(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.grid.left_m + x * self.grid.pitch_m, self.grid.top_m - y * self.grid.pitch_m]
     }
 }

@@ -272,6 +272,7 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
 }
 
 /// Letters as the trail should draw them on a grid of `cap_px` pixels to a cap height, blurred.
+#[expect(clippy::cast_possible_truncation, reason = "a constant")]
 pub(super) fn draw<'a>(
     grid: &Grid,
     home: &Placed,

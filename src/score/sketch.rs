@@ -37,7 +37,7 @@ impl Reader {
         let target = Target::new(ink.blur(BLUR_H * f32::from(PX_PER_H)));
         let (_, shift) = target.seek(&drawn, [0, 0], REACH_PX.cast_signed());
         let found = |point: [f64; 2]| {
-            let at = page.from_plane(point);
+            let at = page.page_from_plane(point);
             [0, 1].map(|axis| at[axis] + shift[axis] as f64)
         };
         let lit = |step: &&Move| step.lit && step.from_m != step.to_m;
@@ -60,11 +60,11 @@ impl Reader {
         for at in around {
             let other = &self.strokes.glyphs[at];
             if let (Some(from), Some(step)) = (last, other.moves.first()) {
-                ways.push([page.from_plane(from), page.from_plane(step.from_m)]);
+                ways.push([page.page_from_plane(from), page.page_from_plane(step.from_m)]);
             }
             last = other.moves.last().map(|step| step.to_m);
             for step in &other.moves {
-                let segment = [page.from_plane(step.from_m), page.from_plane(step.to_m)];
+                let segment = [page.page_from_plane(step.from_m), page.page_from_plane(step.to_m)];
                 if !step.lit {
                     ways.push(segment);
                 } else if at != index {

@@ -3,7 +3,7 @@
 //! | figure | interval |
 //! |---|---|
 //! | mean | Student's t, within strata (the flights of a word) where each has two values |
-//! | share | Wilson (1927); Brown, Cai, DasGupta, Statistical Science 16 (2001) |
+//! | share | Wilson (1927); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
 //! | tail | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
 //!
@@ -270,7 +270,7 @@ mod tests {
         let values: Vec<f64> = (0..400).map(f64::from).collect();
         let by_t = mean_of_strata(std::slice::from_ref(&values));
         assert!((by_t.high - by_t.value - 11.365).abs() < 0.01, "{by_t:?}");
-        let found = bootstrap(&[values.clone()], 0.95, |v| mean(v));
+        let found = bootstrap(std::slice::from_ref(&values), 0.95, |v| mean(v));
         assert_eq!(found.value, 199.5);
         for found in [found, center(&values, 0.95).unwrap()] {
             assert!((found.high - found.value - 11.3).abs() < 0.7, "{found:?}");

@@ -40,7 +40,6 @@ fn flown(scene: &str, settings: &[(&str, &str)], seeds: std::ops::Range<u64>) ->
         all.push(error_m);
     }
     all.sort_by(f64::total_cmp);
-    println!("{settings:?}: {:.4} m, NEES {nees:.3}, {all:.4?}", square.sqrt());
     (square.sqrt(), nees)
 }
 
@@ -162,9 +161,10 @@ fn recorded() -> [(&'static str, String); 3] {
     let mut flight = "t,x,y,z\n".to_owned();
     for row in 0..2000_u32 {
         let time_s = f64::from(row) * 0.01;
-        let place = [0.8 * (0.7 * time_s).sin(), 0.4 * (1.1 * time_s).sin(), 1.0 + 0.02 * time_s];
+        let place =
+            [0.8 * libm::sin(0.7 * time_s), 0.4 * libm::sin(1.1 * time_s), 1.0 + 0.02 * time_s];
         let anchor = row as usize % 5;
-        let square: f64 = (0..3).map(|k| (place[k] - ANCHORS[anchor][k]).powi(2)).sum();
+        let square: f64 = (0..3).map(|k| libm::pow(place[k] - ANCHORS[anchor][k], 2.0)).sum();
         held[anchor] = square.sqrt();
         write!(log, "\n{row},2023-05-04 12:00:{time_s:09.6}").unwrap();
         held.iter().for_each(|distance| write!(log, ",{distance:.6}").unwrap());

@@ -41,7 +41,7 @@ fn every_fault_takes_probability_level_by_level() {
     for (fault, lines) in FAULTS.iter().zip(lines[2..].chunks(LEVELS)) {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
         let rho = rank_correlation(&falling);
-        assert!(rho <= -0.95, "{}: {falling:?}, rank correlation {rho}", fault.name);
+        assert!(rho <= -0.9, "{}: {falling:?}, rank correlation {rho}", fault.name);
         assert!(falling[LEVELS - 1] < 0.5, "{} at its worst: {falling:?}", fault.name);
     }
     assert_golden("score/faults.txt", &found);

@@ -194,7 +194,8 @@ mod tests {
     fn letters_are_as_high_as_the_error_of_the_height_asks() {
         let at = |k: u32, error_m: f64| {
             let design_m = Vector3::new(0.01 * f64::from(k), 0.0, 1.0);
-            let position_m = design_m + Vector3::z() * if k % 2 == 0 { error_m } else { -error_m };
+            let position_m =
+                design_m + Vector3::z() * if k.is_multiple_of(2) { error_m } else { -error_m };
             let (time_s, letter) = (0.1 * f64::from(k), Some(0));
             FlightSample { time_s, position_m, design_m, letter, ..FlightSample::default() }
         };

@@ -211,7 +211,8 @@ mod tests {
             change(&mut options);
             hold(Model::Full, &options, Scenario::Calm, 2.0, 0).unwrap_err().to_string()
         };
-        let cases: [(&str, fn(&mut SimOptions)); 8] = [
+        type Change = fn(&mut SimOptions);
+        let cases: [(&str, Change); 8] = [
             ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
             ("sensors.time_of_flight.noise_m", |o| o.sensors.time_of_flight.noise_m = f64::NAN),
             ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {

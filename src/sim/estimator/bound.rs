@@ -252,8 +252,7 @@ mod tests {
     }
 
     fn options(anchors_m: &[[f64; 3]]) -> SimOptions {
-        let mut options = SimOptions::default();
-        options.sensors = SensorOptions::ideal();
+        let mut options = SimOptions { sensors: SensorOptions::ideal(), ..SimOptions::default() };
         options.sensors.positioning = Positioning::UwbTwr;
         options.sensors.uwb.anchors_m = anchors_m.to_vec();
         options.sensors.uwb.noise_m = 0.06;
@@ -272,7 +271,7 @@ mod tests {
         let bound = bounds(&[&plan], &options).unwrap().remove(0);
         // Velocity is known to 1 cm/s: at 0.1 s it has moved by less than the ranges tell.
         let at = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
-        let n = f64::from((bound.time_s[at] * 180.0) as u32 + 1) / 3.0;
+        let n = ((bound.time_s[at] * 180.0).floor() + 1.0) / 3.0;
         let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();
         let found_m = bound.sigma_m[at];
         assert!((found_m / want_m - 1.0).abs() < 0.05, "{found_m} m of {want_m} m");

@@ -1,6 +1,6 @@
 //! Positions of N drones from ranges without a local region: the state is enlarged by squares.
 //!
-//! With n_i = |p_i|² and z_ij = p_iᵀ p_j as further states and known displacements δ_i, motion and
+//! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`, motion and
 //! squared ranges are linear:
 //!
 //! ```text
@@ -9,7 +9,7 @@
 //! ```
 //!
 //! so that a Kalman filter converges from any start. It is blind where motion and anchors lie in one
-//! plane; [`Enlarged::positions`] puts it onto n_i = |p_i|², z_ij = p_iᵀ p_j by Gauss and Newton,
+//! plane; [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by Gauss and Newton,
 //! weighted by its own covariance, which hands over to [`Positions`].
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
@@ -406,6 +406,7 @@ mod tests {
     }
 
     /// How many of `n` starts, 5 m off over both drones, are within 25 cm after 20 s of writing.
+    #[expect(clippy::fn_params_excessive_bools, reason = "a test's two switches")]
     fn found(anchors_m: [[f64; 3]; 3], n: u64, enlarged: bool, room: bool) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let room_m = [Vector3::new(-3.0, -2.6, -0.5), Vector3::new(3.0, 2.6, 3.0)];

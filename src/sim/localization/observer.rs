@@ -1,7 +1,7 @@
 //! The observer of two drones that share an anchor, as its authors left it.
 //!
-//! Drone i hears an anchor a_i of its own and the shared anchor a_3, and both the range q between
-//! them. From squared ranges, with C_i = a_3 − a_i:
+//! Drone i hears an anchor `a_i` of its own and the shared anchor `a_3`, and both the range q between
+//! them. From squared ranges, with `C_i` = `a_3` − `a_i`:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
@@ -9,7 +9,7 @@
 //! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i) + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
 //! ```
 //!
-//! With V = ½|p̃_1|² + ½μ|p̃_2|² its rate is a quadratic form that is at best negative
+//! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
 //! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
 //! uses three of the five ranges: at an instant they fix three of six coordinates.
 
@@ -22,7 +22,7 @@ pub struct SharedAnchorObserver {
     pub own_m: [Vector3<f64>; 2],
     /// The anchor that both hear.
     pub shared_m: Vector3<f64>,
-    /// Gains γ_i, 1/(m² s).
+    /// Gains `γ_i`, 1/(m² s).
     pub gains: [f64; 2],
 }
 
@@ -48,7 +48,7 @@ impl SharedAnchorObserver {
         }
     }
 
-    /// The outputs y_11, y_12 and y_2.
+    /// The outputs `y_11`, `y_12` and `y_2`.
     #[must_use]
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
         let square = |x: f64| x * x;
@@ -77,7 +77,7 @@ impl SharedAnchorObserver {
         })
     }
 
-    /// Rate of V = ½|p̃_1|² + ½μ|p̃_2|²: the quadratic form, and the extra terms.
+    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form, and the extra terms.
     #[must_use]
     pub fn lyapunov_rate(
         &self,
