@@ -6,7 +6,7 @@
 //! The firmware shows a change at its next tick of 50 ms; plans on the light's clock are led by the
 //! time of the radio and half a tick.
 //!
-//! A ring with few changes can play them from its timing memory ([`Timing`]), on the clock of a
+//! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
 //! trajectory on board, so that a late packet moves none of them.
 
 use crate::error::{Error, Result};
