@@ -15,21 +15,6 @@ fn probability(line: &str) -> f64 {
     line.split('|').nth(1).unwrap().trim().parse().unwrap()
 }
 
-/// Spearman's rank correlation of six values with their order.
-fn rank_correlation(values: &[f64]) -> f64 {
-    let n = values.len() as f64;
-    let rank = |value: f64| {
-        let below = values.iter().filter(|other| **other < value).count() as f64;
-        let same = values.iter().filter(|other| **other == value).count() as f64;
-        below + 0.5 * (same - 1.0)
-    };
-    let middle = 0.5 * (n - 1.0);
-    let ranks: Vec<f64> = values.iter().map(|value| rank(*value) - middle).collect();
-    let order: Vec<f64> = (0..values.len()).map(|index| index as f64 - middle).collect();
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    product(&ranks, &order) / (product(&ranks, &ranks) * product(&order, &order)).sqrt()
-}
-
 #[test]
 fn every_fault_takes_probability_level_by_level() {
     let found = table(&FAULTS).unwrap();
@@ -40,8 +25,9 @@ fn every_fault_takes_probability_level_by_level() {
     assert!(clean > 0.8, "clean: {clean}");
     for (fault, lines) in FAULTS.iter().zip(lines[2..].chunks(LEVELS)) {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
-        let rho = rank_correlation(&falling);
-        assert!(rho <= -0.9, "{}: {falling:?}, rank correlation {rho}", fault.name);
+        // Near the readability of clean words a level may gain what noise of the photo takes.
+        let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
+        assert!(gain <= 0.02, "{}: {falling:?}, a worse level gains {gain}", fault.name);
         assert!(falling[LEVELS - 1] < 0.5, "{} at its worst: {falling:?}", fault.name);
     }
     assert_golden("score/faults.txt", &found);
