@@ -275,7 +275,10 @@ mod tests {
             let [v, a] = sampled(&trajectory);
             // Of 4000 such plans 14 are more than 5 % over, and none more than 9 %: whole
             // millimeters leave no gentler pieces of a slow plan.
-            proptest::prop_assert!(v <= 1.15 * max_m_s && a <= 1.15 * max_m_s2 + 0.01, "{} {}", v, a);
+            proptest::prop_assert!(
+                v <= 1.15 * max_m_s && a <= 1.15 * max_m_s2 + 0.05,
+                "{} of {} m/s, {} of {} m/s²", v, max_m_s, a, max_m_s2
+            );
             proptest::prop_assert!(trajectory.pieces.iter().all(|p| p.duration_ms < 65_500));
             let back = Compressed::from_bytes(&trajectory.to_bytes()).unwrap();
             proptest::prop_assert_eq!(back, trajectory);
