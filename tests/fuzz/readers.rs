@@ -144,7 +144,7 @@ fn file(path: &str) -> Vec<u8> {
 }
 
 fn scenes() -> Vec<Vec<u8>> {
-    let small = "word = \"NO\"\n[plan]\nstyle = \"even\"\n[[sensors.lighthouse.stations]]\nposition_m = [1.0, 2.0, 3.0]\n\
+    let small = "word = \"NO\"\n[plan]\nstyle = \"even\"\n\
                  [camera.framing]\nkind = \"fixed\"\nposition_m = [0.0, -3.0, 1.0]\n";
     vec![Scene::default().to_toml().into_bytes(), small.into()]
 }
