@@ -54,6 +54,9 @@
 //! | 9 | [`report`] | products → plots, sheets |
 //! | 10 | [`cli`] | arguments, tables, exit codes |
 //!
+//! Row 0 holds the tools of all rooms: none imports anything of ours but `error`, so that no stage
+//! owns them and none writes them again.
+//!
 //! Dependency rules, beside the order of the rows:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed, `control` no Crazyflie.

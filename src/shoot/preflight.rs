@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::planned::ends;
-use super::{Lighting, Recording, Shoot};
+use super::{Lighting, Planned, Recording, Shoot};
 use crate::error::{Error, Result};
 use crate::export::compressed::{Compressed, MEMORY_BYTES};
 use crate::export::{Form, fitting};
@@ -49,24 +49,25 @@ impl Shoot {
         self.findings(flown, profile)
     }
 
-    /// The same, of flights that were flown already.
+    /// What speaks against a real flight, of flights that were flown already: the checks that can
+    /// stop one, without memory and picture.
     ///
     /// # Errors
     ///
     /// As [`Self::preflight`].
     pub fn inspect(&self, flights: &[Flight], profile: &Profile) -> Result<Vec<Finding>> {
-        self.findings(flights.iter().cloned().map(Ok).collect(), profile)
+        let mut findings = self.check_design(profile);
+        for (drone, (planned, flight)) in self.plans.iter().zip(flights).enumerate() {
+            findings.extend(self.check_flight(drone, &planned.plan, flight, profile)?);
+            findings.extend(check_coverage(&planned.plan, &self.scene)?);
+        }
+        Ok(findings)
     }
 
     fn findings(&self, flown: Vec<Result<Flight>>, profile: &Profile) -> Result<Vec<Finding>> {
-        let mut findings = Vec::new();
-        if let Some(strokes) = &self.strokes {
-            findings.extend(check_letters(strokes, &self.scene.plan.style));
-        }
-        let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
-        findings.extend(check_plans(&plans, profile));
+        let mut findings = self.check_design(profile);
         let mut recordings = Vec::new();
-        for (drone, (plan, flight)) in plans.iter().zip(flown).enumerate() {
+        for (drone, (Planned { plan, .. }, flight)) in self.plans.iter().zip(flown).enumerate() {
             findings.push(check_memory(plan));
             match flight {
                 Ok(flight) => {
@@ -81,10 +82,18 @@ impl Shoot {
             }
             findings.extend(check_coverage(plan, &self.scene)?);
         }
-        if recordings.len() == plans.len() {
+        if recordings.len() == self.plans.len() {
             findings.extend(self.check_picture(recordings));
         }
         Ok(findings)
+    }
+
+    /// Letters and plans.
+    fn check_design(&self, profile: &Profile) -> Vec<Finding> {
+        let letters = self.strokes.iter();
+        let letters = letters.flat_map(|word| check_letters(word, &self.scene.plan.style));
+        let plans: Vec<Plan> = self.plans.iter().map(|planned| planned.plan.clone()).collect();
+        letters.chain(check_plans(&plans, profile)).collect()
     }
 
     fn check_flight(
