@@ -127,10 +127,15 @@ pub fn bound_map(
         let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#0072b2\"/>");
         let text = format!("{index}: z {:.1} m, heard by {by}", anchor.z);
         let anchored = if x > above.left_px + 0.5 * VIEW_PX { "end" } else { "start" };
+        // Anchors on one pole have a line each.
+        let near = |other: &&Vector3<f64>| (other.xy() - anchor.xy()).norm() * above.px_per_m < 80.0;
+        let line = anchors[..index].iter().filter(near).count();
+        #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
+        let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         let _ = writeln!(
             svg,
             "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchored}\">{text}</text>",
-            y - 10.0
+            y + down_px
         );
     }
     let [x, y] = above.px([more.x, more.y]);
