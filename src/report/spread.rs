@@ -2,7 +2,7 @@
 
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
 use super::flights::View;
-use crate::flight::FlightSample;
+use crate::flight::{Flight, FlightSample};
 use crate::study::{Band, Spread};
 
 const DESIGN: Pen = Pen { color: GRAY, width_px: 5.0 };
@@ -11,7 +11,7 @@ const ALL: Pen = Pen { color: BLUE, width_px: 1.75 };
 const WITHIN: Pen = Pen { color: VERMILION, width_px: 1.75 };
 const ZERO: Pen = Pen { color: BLACK, width_px: 1.0 };
 
-/// The flights of a spread from the front, over their design; the letters alone. SVG.
+/// The lit strokes of a spread's flights from the front, over their design. SVG.
 ///
 /// # Panics
 ///
@@ -21,18 +21,12 @@ pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
     let n_drones = spread.all.len();
-    let letters = |samples: &[FlightSample], place: &dyn Fn(&FlightSample) -> (f64, f64)| {
-        let parts = samples.chunk_by(|a, b| a.letter.is_some() == b.letter.is_some());
-        let parts = parts.filter(|part| part[0].letter.is_some());
-        parts.map(|part| part.iter().map(place).collect()).collect::<Vec<Vec<_>>>()
-    };
-    let design = flights[..n_drones].iter().flat_map(|flight| {
-        letters(&flight.samples, &|s| (s.design_m.x, s.design_m.z))
-    });
+    let design = flights[..n_drones].iter();
+    let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
     let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
     curves.extend(flights.iter().map(|flight| Curve {
         pen: FLIGHT,
-        pieces: letters(&flight.samples, &|s| (s.position_m.x, s.position_m.z)),
+        pieces: lit(flight, |s| (s.position_m.x, s.position_m.z)),
     }));
     let n = flights.len() / n_drones;
     let legend = vec![("design".to_owned(), DESIGN), (format!("{n} flights"), FLIGHT)];
@@ -41,18 +35,30 @@ pub fn spread_front(spread: &Spread) -> String {
     view.svg("Flights that differ as their conditions do", "z (m)", ranges)
 }
 
-/// The ends of both bands of a drone over time, less the design, a panel an axis. SVG.
+/// The pieces of a flight on which a light is commanded.
+fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    let is_lit = |index: usize| flight.lights.values().any(|levels| levels[index] > 0.0);
+    let rows: Vec<(bool, (f64, f64))> =
+        flight.samples.iter().enumerate().map(|(i, s)| (is_lit(i), place(s))).collect();
+    let parts = rows.chunk_by(|a, b| a.0 == b.0).filter(|part| part[0].0);
+    parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
+}
+
+/// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis. SVG.
 ///
 /// # Panics
 ///
 /// If a band has no moments.
 #[must_use]
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
-    let x = all.time_s[0]..all.time_s[all.time_s.len() - 1].max(all.time_s[0] + 0.1);
+    let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
+    let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
+    let x = all.time_s[first]..all.time_s[last].max(all.time_s[first] + 0.1);
     let edge = |band: &Band, end: usize, axis: usize| -> Vec<(f64, f64)> {
         let off_m = band.ends_m.iter().zip(&band.design_m);
         let off_m = off_m.map(|(ends_m, design_m)| ends_m[end][axis] - design_m[axis]);
-        band.time_s.iter().copied().zip(off_m).collect()
+        let edge = band.time_s.iter().copied().zip(off_m);
+        edge.skip(first).take(last + 1 - first).collect()
     };
     let most_m = [all, within].into_iter().flat_map(|band| {
         (0..3).flat_map(move |axis| [0, 2].into_iter().flat_map(move |end| edge(band, end, axis)))
@@ -75,7 +81,7 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     };
     let panels = ["x error (m)", "y error (m)", "z error (m)"].into_iter().enumerate().map(panel);
     let legend = vec![
-        ("any room and drone".to_owned(), ALL),
+        ("each its own room and drone".to_owned(), ALL),
         ("one drone in one room".to_owned(), WITHIN),
     ];
     let title = "Where 90 % of the flights are, less the design".to_owned();
