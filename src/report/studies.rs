@@ -115,6 +115,10 @@ mod tests {
         assert!(pareto(&[], &[], None).starts_with("<svg"));
         let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
         let svg = endurance("team", &[curve("mass"), curve("gusts")]);
-        assert!(svg.contains("mass") && svg.contains("gusts") && svg.contains("multiple of the nominal disturbance"));
+        assert!(
+            svg.contains("mass")
+                && svg.contains("gusts")
+                && svg.contains("multiple of the nominal disturbance")
+        );
     }
 }
