@@ -18,20 +18,27 @@ type Fault = (&'static str, &'static [(&'static str, &'static str)]);
 
 const FAULTS: [Fault; 15] = [
     ("the team's way of flying, fast", &[("plan.style", "team"), ("plan.stroke_speed_m_s", "0.6")]),
-    ("lights on the setpoints' clock, a slow radio",
-        &[("plan.light_clock", "setpoint"), ("light.radio_delay_s", "1.2")]),
+    (
+        "lights on the setpoints' clock, a slow radio",
+        &[("plan.light_clock", "setpoint"), ("light.radio_delay_s", "1.2")],
+    ),
     ("held setpoints without a lead", &[("controller.kind", "lqr"), ("plan.reference", "design")]),
     ("letters run into each other", &[("letters.spacing_m", "-0.3")]),
     ("small letters", &[("letters.cap_height_m", "0.1")]),
     ("strokes at 1 m/s", &[("plan.stroke_speed_m_s", "1.0")]),
-    ("a fast lens, focused before the word",
-        &[("camera.f_number", "1.4"), ("camera.iso", "25"), ("camera.focus_m", "1.0")]),
+    (
+        "a fast lens, focused before the word",
+        &[("camera.f_number", "1.4"), ("camera.iso", "25"), ("camera.focus_m", "1.0")],
+    ),
     ("ISO 100000", &[("camera.iso", "100000")]),
     ("a dark exposure", &[("camera.f_number", "64"), ("camera.iso", "25")]),
     ("the shutter closes too early", &[("camera.shutter_close_s", "9")]),
     ("the shutter opens too late", &[("camera.shutter_open_s", "12")]),
     ("a camera that looks aside", &[("camera.framing.kind", "fixed")]),
-    ("the ring's spinner, from below", &[("light.ring", "double-spin"), ("plan.lights", "[\"ring\"]")]),
+    (
+        "the ring's spinner, from below",
+        &[("light.ring", "double-spin"), ("plan.lights", "[\"ring\"]")],
+    ),
     ("a photo of few pixels", &[("camera.width_px", "96"), ("camera.height_px", "54")]),
     ("a bright room", &[("photo.ambient_cd_m2", "2"), ("camera.f_number", "8")]),
 ];
@@ -47,11 +54,11 @@ fn main() -> Outcome<()> {
     let only: Option<usize> = std::env::args().nth(1).map(|n| n.parse()).transpose()?;
     for (number, (fault, settings)) in FAULTS.iter().enumerate() {
         for (place, word) in WORDS.iter().enumerate().take(only.unwrap_or(WORDS.len())) {
-            let mut set = vec![("word", *word), ("camera.width_px", "960"), ("camera.height_px", "540")];
+            let mut set =
+                vec![("word", *word), ("camera.width_px", "960"), ("camera.height_px", "540")];
             set.extend(*settings);
             let mut scene = Scene::parse_with("", "scene", &set)?;
             scene.seed = (10 * number + place) as u64;
-            eprintln!("{fault}: {word}");
             let found = remedies(&Shoot::new(scene.clone())?)?;
             let Some(first) = found.first() else {
                 let before = mean(&scene)?;
@@ -60,7 +67,8 @@ fn main() -> Outcome<()> {
                 rows.push(format!("| {fault} | {word} | {before:.2} | none | | |"));
                 continue;
             };
-            let [before, after] = [mean(&scene)?, mean(&followed(&set, &first.change, scene.seed)?)?];
+            let [before, after] =
+                [mean(&scene)?, mean(&followed(&set, &first.change, scene.seed)?)?];
             rose += usize::from(after > before);
             fell += usize::from(after < before);
             rows.push(format!(
@@ -78,7 +86,10 @@ fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     println!("| fault | word | readability | first advice | gain it names | readability after |");
     println!("|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));
-    println!("\n{} scenes: rose in {rose}, fell in {fell}, no advice in {silent} that do not read.", rows.len());
+    println!(
+        "\n{} scenes: rose in {rose}, fell in {fell}, no advice in {silent} that do not read.",
+        rows.len()
+    );
 }
 
 /// The scene after the flags of some advice, as they are typed.

@@ -55,9 +55,10 @@ impl SpreadFlags {
         }
         let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
         folder.write("spread-xz.svg", |out| out.write_all(spread_front(&found).as_bytes()))?;
-        let photos = found.flights.iter().filter_map(|flight| {
-            Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight)))
-        });
+        let photos = found
+            .flights
+            .iter()
+            .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet: Photo = spread_sheet(&title, photos.collect());
         folder.write("spread.png", |out| sheet.write_png(out, None, &[]))?;

@@ -219,9 +219,8 @@ impl Panel {
             };
             let clear = |place: &&(f64, f64)| {
                 let [left, top, right, bottom] = corners(**place);
-                let across = |[x, y]: &[f64; 2]| {
-                    (left..=right).contains(x) && (top..=bottom).contains(y)
-                };
+                let across =
+                    |[x, y]: &[f64; 2]| (left..=right).contains(x) && (top..=bottom).contains(y);
                 free(place) && !drawn.iter().any(across)
             };
             let found = around.iter().find(clear).or_else(|| around.iter().find(free));
@@ -235,7 +234,8 @@ impl Panel {
     /// Points of all curves from the panel's upper left corner, a few pixels apart.
     fn drawn_px(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<[f64; 2]> {
         const STEP_PX: f64 = 3.0;
-        let place = |(x, y): (f64, f64)| [(x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px];
+        let place =
+            |(x, y): (f64, f64)| [(x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px];
         let lines = self.curves.iter().flat_map(|curve| &curve.pieces).flat_map(|p| p.windows(2));
         let mut points = Vec::new();
         for line in lines {

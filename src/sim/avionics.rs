@@ -46,8 +46,7 @@ impl Avionics {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
-        let sensors =
-            Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
+        let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
         Ok(Self {
             controller: controller(believed)?,

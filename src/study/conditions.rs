@@ -318,7 +318,10 @@ mod tests {
         let (text, hint) = unknown("gust_ms = 0.3\n");
         assert!(text.contains("room.toml") && text.contains("gust_ms"), "{text}");
         assert_eq!(hint, "did you mean gust_m_s?");
-        assert!(unknown("wind = 0.3\n").1.contains("led_delay_s"), "the list where none is like it");
+        assert!(
+            unknown("wind = 0.3\n").1.contains("led_delay_s"),
+            "the list where none is like it"
+        );
         assert!(Conditions::parse("mass_frac = -1.0\n", "room.toml").is_err());
     }
 }

@@ -187,13 +187,9 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
             &format!("--set camera.focus_m={away_m}"),
             move |scene| scene.camera.focus_m = Some(away_m),
         ),
-        candidate(
-            few,
-            &format!("--size {}x{}", good.width_px, good.height_px),
-            move |scene| {
-                (scene.camera.width_px, scene.camera.height_px) = (good.width_px, good.height_px);
-            },
-        ),
+        candidate(few, &format!("--size {}x{}", good.width_px, good.height_px), move |scene| {
+            (scene.camera.width_px, scene.camera.height_px) = (good.width_px, good.height_px);
+        }),
         candidate(
             photo.ambient_cd_m2 > DARK_ROOM_CD_M2,
             &format!("--set photo.ambient_cd_m2={DARK_ROOM_CD_M2}"),
@@ -233,7 +229,8 @@ mod tests {
     fn a_scene_that_reads_needs_none() {
         let found = of(|_| {});
         assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
-        let own = readability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
+        let own =
+            readability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
         assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
     }
 }

@@ -124,9 +124,8 @@ impl Band {
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
             let after = samples.partition_point(|sample| sample.time_s < *time_s);
             let near = samples[after.saturating_sub(1)..].iter().take(2);
-            let near = near.min_by(|a, b| {
-                (a.time_s - time_s).abs().total_cmp(&(b.time_s - time_s).abs())
-            });
+            let near =
+                near.min_by(|a, b| (a.time_s - time_s).abs().total_cmp(&(b.time_s - time_s).abs()));
             let Some(sample) = near.filter(|near| (near.time_s - time_s).abs() <= NEAR_S) else {
                 continue;
             };
@@ -261,13 +260,17 @@ mod tests {
     #[test]
     fn a_band_holds_nine_tenths_of_equal_flights() {
         let flight = |k: u32| {
-            let samples = (0..1000).map(|i| at(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
+            let samples =
+                (0..1000).map(|i| at(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
             Flight { samples: samples.collect(), ..Flight::default() }
         };
         let flights: Vec<Flight> = (0..199).map(flight).collect();
         let band = Band::of(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
         let held = band.held(&flight(3).samples);
-        assert!((held.inside.x - 0.9).abs() < 0.02 && (held.width.x - 1.0).abs() < 0.02, "{held:?}");
+        assert!(
+            (held.inside.x - 0.9).abs() < 0.02 && (held.width.x - 1.0).abs() < 0.02,
+            "{held:?}"
+        );
         assert!((band.half_width_m().x - 90.0).abs() < 1.0, "{}", band.half_width_m());
         let narrow: Vec<FlightSample> = (0..1000).map(|i| at(0.1 * f64::from(i), 99.0)).collect();
         assert!((band.held(&narrow).inside.x - 1.0).abs() < 1e-12);

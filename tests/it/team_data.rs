@@ -7,9 +7,9 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use noctograph::flight::{Flight, FlightSample};
 use noctograph::flight::comparison::{Alignment, ComparisonOptions, compare};
 use noctograph::flight::tracking::{Part, track};
+use noctograph::flight::{Flight, FlightSample};
 use noctograph::logs::ImportOptions;
 use noctograph::scene::{Preset, Scene};
 use noctograph::sim::{Drone, Gusts, SensorOptions, SimOptions, fly};
