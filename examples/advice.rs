@@ -55,7 +55,7 @@ fn main() -> Outcome<()> {
     for (number, (fault, settings)) in FAULTS.iter().enumerate() {
         for (place, word) in WORDS.iter().enumerate().take(only.unwrap_or(WORDS.len())) {
             let mut set =
-                vec![("word", *word), ("camera.width_px", "960"), ("camera.height_px", "540")];
+                vec![("word", *word), ("camera.width_px", "480"), ("camera.height_px", "270")];
             set.extend(*settings);
             let mut scene = Scene::parse_with("", "scene", &set)?;
             scene.seed = (10 * number + place) as u64;
