@@ -145,8 +145,21 @@ impl<'a> Programs<'a> {
             changes.extend(timer.hold(&arrivals));
             changes
         });
-        let switched = switched.unwrap_or_else(|| self.steady(1.0));
+        let mut switched = switched.unwrap_or_else(|| self.steady(1.0));
         let letters = self.letters();
+        if !self.options.letters_wrgb.is_empty() {
+            // A lamp that stays lit from letter to letter changes its color.
+            let lit_at = |time_s: f64| {
+                let before = switched.partition_point(|change| change.time_s <= time_s);
+                before.checked_sub(1).map(|index| switched[index].level).filter(|l| *l > 0.0)
+            };
+            let turns = letters.iter();
+            let turns = turns.filter_map(|(time_s, _)| Some((*time_s, lit_at(*time_s)?)));
+            let turns: Vec<Change> =
+                turns.map(|(time_s, level)| Change { time_s, level }).collect();
+            switched.extend(turns);
+            switched.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        }
         let levels = |change: &Change| {
             let before = letters.partition_point(|(time_s, _)| *time_s <= change.time_s);
             let letter = before.checked_sub(1).map(|index| letters[index].1);
