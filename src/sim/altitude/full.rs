@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
+use crate::sim::fly::check_above;
 use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
 use crate::sim::peers::{Fleet, Member};
 use crate::sim::vehicle::Plant;
@@ -22,6 +23,7 @@ pub(super) fn hold(
     let actual = scenario.applied(believed, seed);
     actual.check()?;
     let (rates, plan) = (&actual.rates, level_flight(duration_s));
+    check_above(&plan, &actual.floor)?;
     let start_m = plan.setpoints[0].position_m;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);

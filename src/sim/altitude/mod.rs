@@ -218,7 +218,7 @@ mod tests {
             hold(Model::Full, &options, Scenario::Calm, 2.0, 0).unwrap_err().to_string()
         };
         type Change = fn(&mut SimOptions);
-        let cases: [(&str, Change); 8] = [
+        let cases: [(&str, Change); 9] = [
             ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
             ("sensors.time_of_flight.noise_m", |o| o.sensors.time_of_flight.noise_m = f64::NAN),
             ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {
@@ -234,6 +234,10 @@ mod tests {
             ("observer.altitude.gain_sigma_m_s2", |o| o.observer.altitude.gain_sigma_m_s2 = 0.0),
             ("observer.kind: found ekf, wanted altitude", |o| {
                 o.observer.kind = EstimatorKind::Ekf;
+            }),
+            ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
+                let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
+                o.floor.steps = vec![crate::sim::options::FloorStep { x_m, y_m, height_m: 3.0 }];
             }),
             ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
         ];
