@@ -18,7 +18,7 @@ use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
-use crate::settings::settings;
+use crate::settings::{Described, settings};
 use crate::sim::{
     AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions,
     SensorOptions, SimOptions, VehicleOptions,
@@ -143,7 +143,8 @@ impl Scene {
             scene.camera.metering = Metering::Off;
         }
         let mut values = Table::try_from(scene).expect("a preset is a table");
-        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
+        let keys = Self::SHAPE.settings();
+        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, keys));
         let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
         let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
         scene.check().map_err(with_line)?;
@@ -269,7 +270,7 @@ impl Scene {
         self.sim().check()?;
         self.light.check()?;
         self.camera.check()?;
-        crate::settings::Described::check(&self.expose, "expose", None)?;
+        Described::check(&self.expose, "expose", None)?;
         self.photo.check()?;
         self.score.check()
     }

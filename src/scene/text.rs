@@ -296,31 +296,36 @@ fn collect_paths(path: &str, settings: &[Setting], paths: &mut BTreeSet<String>)
 }
 
 /// Lays a table over another, table into table. A choice takes a bare name for its `kind`, and
-/// where the kind changes nothing is left of the settings below.
-pub(super) fn overlay(base: &mut Table, over: Table) {
+/// where the kind changes nothing is left of the settings below; a group with a key `kind` keeps them.
+pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
-        match (base.get_mut(&key), value) {
-            (Some(Value::Table(base)), Value::String(kind)) if base.contains_key("kind") => {
-                overlay_choice(
-                    base,
-                    [("kind".to_owned(), Value::String(kind))].into_iter().collect(),
-                );
+        let shape = settings.iter().find(|setting| setting.key == key).map(|s| s.shape);
+        match (base.get_mut(&key), value, shape) {
+            (Some(Value::Table(base)), Value::String(kind), Some(Shape::Tagged(variants))) => {
+                let kind = Value::String(kind);
+                overlay_choice(base, [("kind".to_owned(), kind)].into_iter().collect(), variants);
             }
-            (Some(Value::Table(base)), Value::Table(over)) if base.contains_key("kind") => {
-                overlay_choice(base, over);
+            (Some(Value::Table(base)), Value::Table(over), Some(Shape::Tagged(variants))) => {
+                overlay_choice(base, over, variants);
             }
-            (Some(Value::Table(base)), Value::Table(over)) => overlay(base, over),
-            (_, value) => {
+            (Some(Value::Table(base)), Value::Table(over), Some(Shape::Group(settings))) => {
+                overlay(base, over, settings);
+            }
+            (_, value, _) => {
                 base.insert(key, value);
             }
         }
     }
 }
 
-fn overlay_choice(base: &mut Table, over: Table) {
+fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match over.get("kind") {
         Some(kind) if Some(kind) != base.get("kind") => *base = over,
-        _ => overlay(base, over),
+        _ => {
+            let kind = base.get("kind").and_then(Value::as_str).unwrap_or_default();
+            let variant = variants.iter().find(|variant| variant.name == kind);
+            overlay(base, over, variant.map_or(&[], |variant| variant.settings));
+        }
     }
 }
 
