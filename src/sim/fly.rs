@@ -55,7 +55,7 @@ pub fn fly_fleet(
     let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
     let mut members = Vec::new();
     for (plan, drone) in fleet {
-        let Drone { believed, actual, seed, index } = *drone;
+        let Drone { believed, actual, seed, index, .. } = *drone;
         assert_eq!(believed.rates, actual.rates, "one clock");
         assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
         believed.check()?;

@@ -27,7 +27,7 @@ pub(super) fn hold(
     let start_m = plan.setpoints[0].position_m;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
-    let drone = Drone { believed, actual: &actual, seed, index: 0 };
+    let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let members = vec![Member::new(&actual, seed, 0, start_m)];
     let mut avionics = Avionics::new(&drone, &Fleet { members, place: 0 })?;
     let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
