@@ -14,6 +14,7 @@ mod floor;
 mod in_flight;
 mod joint;
 mod luenberger;
+mod past;
 mod step_test;
 mod truth;
 

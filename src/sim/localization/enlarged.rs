@@ -18,6 +18,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Link;
+use super::positions::{Positions, kalman};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
@@ -36,16 +37,6 @@ pub struct Enlarged {
     state: DVector<f64>,
     covariance: DMatrix<f64>,
     origin_m: Vector3<f64>,
-}
-
-/// Positions of N drones with their covariance: an extended Kalman filter on ranges.
-#[derive(Clone, Debug)]
-pub struct Positions {
-    anchors_m: Vec<Vector3<f64>>,
-    /// Three for each drone.
-    pub state_m: DVector<f64>,
-    /// Its covariance.
-    pub covariance_m2: DMatrix<f64>,
 }
 
 impl Enlarged {
@@ -283,86 +274,6 @@ impl Enlarged {
     }
 }
 
-impl Positions {
-    /// Independent drones near these places, each axis with a standard deviation.
-    #[must_use]
-    pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
-        let m = 3 * starts_m.len();
-        Self {
-            anchors_m: anchors_m.to_vec(),
-            state_m: DVector::from_iterator(m, starts_m.iter().flatten().copied()),
-            covariance_m2: DMatrix::from_diagonal_element(m, m, sigma_m * sigma_m),
-        }
-    }
-
-    /// Place of a drone.
-    #[must_use]
-    pub fn at(&self, drone: usize) -> Vector3<f64> {
-        self.state_m.fixed_rows::<3>(3 * drone).into_owned()
-    }
-
-    /// Moves the drones by known displacements, each axis with a variance.
-    pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
-        for (i, moved_m) in moved_m.iter().enumerate() {
-            let mut at = self.state_m.fixed_rows_mut::<3>(3 * i);
-            at += moved_m;
-        }
-        for i in 0..self.state_m.len() {
-            self.covariance_m2[(i, i)] += variance_m2;
-        }
-    }
-
-    /// Takes a range in unless it is farther from its prediction than `gate_sigmas`.
-    pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64, gate_sigmas: f64) -> bool {
-        let (h, expected_m) = slope(link, &self.anchors_m, &self.state_m);
-        let innovation = distance_m - expected_m;
-        let variance = sigma_m * sigma_m;
-        let spread = h.dot(&(&self.covariance_m2 * &h)) + variance;
-        if innovation * innovation > gate_sigmas * gate_sigmas * spread {
-            return false;
-        }
-        let measured = innovation + h.dot(&self.state_m);
-        kalman(&mut self.state_m, &mut self.covariance_m2, &h, measured, variance);
-        true
-    }
-}
-
-/// Slope of a range over the positions, and the range itself.
-pub(super) fn slope(
-    link: Link,
-    anchors_m: &[Vector3<f64>],
-    state_m: &DVector<f64>,
-) -> (DVector<f64>, f64) {
-    let at = |i: usize| state_m.fixed_rows::<3>(3 * i).into_owned();
-    let mut h = DVector::zeros(state_m.len());
-    let (drone, away) = match link {
-        Link::Anchor { drone, anchor } => (drone, at(drone) - anchors_m[anchor]),
-        Link::Drones(i, j) => (i, at(i) - at(j)),
-    };
-    let length_m = away.norm();
-    let direction = away / length_m.max(f64::MIN_POSITIVE);
-    h.fixed_rows_mut::<3>(3 * drone).copy_from(&direction);
-    if let Link::Drones(_, other) = link {
-        h.fixed_rows_mut::<3>(3 * other).copy_from(&-direction);
-    }
-    (h, length_m)
-}
-
-/// A scalar measurement `hᵀx`.
-fn kalman(
-    state: &mut DVector<f64>,
-    covariance: &mut DMatrix<f64>,
-    h: &DVector<f64>,
-    measured: f64,
-    variance: f64,
-) {
-    let a = &*covariance * h;
-    let s = h.dot(&a) + variance;
-    let innovation = measured - h.dot(state);
-    state.axpy(innovation / s, &a, 1.0);
-    covariance.ger(-1.0 / s, &a, &a, 1.0);
-}
-
 /// Index of a product in the enlarged state of `n` drones.
 fn product(n: usize, i: usize, j: usize) -> usize {
     let (i, j) = (i.min(j), i.max(j));
@@ -372,6 +283,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::localization::positions::slope;
     use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
     #[test]

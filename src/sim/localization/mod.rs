@@ -9,17 +9,20 @@
 mod anchors;
 mod enlarged;
 mod observer;
+mod positions;
 mod region;
 mod smoother;
+mod start;
 
 pub use anchors::read_anchors;
-pub use enlarged::{Enlarged, Positions};
+pub use enlarged::Enlarged;
 pub use observer::{FiveRanges, SharedAnchorObserver};
+pub use positions::Positions;
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
 pub use smoother::{LocateOptions, Located, RangeSample, locate};
 
 /// What a range is measured between.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Link {
     /// A drone and an anchor.
     Anchor {
