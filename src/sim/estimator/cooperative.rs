@@ -318,6 +318,16 @@ impl Estimator for Cooperative {
         self.settle();
     }
 
+    /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
+    /// the drone that has landed.
+    fn rest(&mut self) {
+        if !self.peers.is_empty() {
+            let stopped_m_s = std::mem::take(&mut self.own.velocity_m_s);
+            self.alone.velocity_m_s -= stopped_m_s;
+            self.reckoned.velocity_m_s -= stopped_m_s;
+        }
+    }
+
     fn state(&self) -> State {
         self.own.state()
     }

@@ -15,7 +15,7 @@
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Link;
 use super::positions::{Positions, kalman};
@@ -142,6 +142,13 @@ impl Enlarged {
         kalman(&mut self.state, &mut self.covariance, &h, measured, noise);
     }
 
+    /// Place of a drone, and its covariance.
+    #[must_use]
+    pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        let place_m = self.state.fixed_rows::<3>(3 * drone) + self.origin_m;
+        (place_m, self.covariance.fixed_view::<3, 3>(3 * drone, 3 * drone).into_owned())
+    }
+
     /// The positions that fit the state best, by Gauss and Newton, in a room from its lowest to its
     /// highest corner. Where motion and anchors lie in planes of one direction, the ranges are the
     /// same for the drones' mirror image behind the anchors: only the room tells them apart.
@@ -180,7 +187,7 @@ impl Enlarged {
             at += self.origin_m;
         }
         let anchors_m = self.anchors_m.iter().map(|anchor| anchor + self.origin_m).collect();
-        Positions { anchors_m, state_m, covariance_m2 }
+        Positions::with_covariance(anchors_m, state_m, covariance_m2)
     }
 
     /// The positions behind the middle of the anchors, along the weakest direction.
@@ -311,8 +318,7 @@ mod tests {
             filter.correct(link, distance_m, 1e-6);
         }
         for drone in 0..2 {
-            let found_m = filter.state.fixed_rows::<3>(3 * drone) + filter.origin_m;
-            let off_m = (found_m - place(drone, 40.0)).norm();
+            let off_m = (filter.at(drone).0 - place(drone, 40.0)).norm();
             assert!(off_m < 1e-6, "drone {drone}: {off_m} m");
         }
     }
@@ -371,7 +377,6 @@ mod tests {
         for (name, anchors_m) in GEOMETRIES {
             let (linear, ekf) =
                 (found(anchors_m, 60, true, true), found(anchors_m, 60, false, true));
-            println!("{name}: {linear} of 60, EKF {ekf}");
             assert!(linear >= 59, "{name}: {linear} of 60");
             assert!(ekf < 55, "{name}: EKF {ekf} of 60");
         }

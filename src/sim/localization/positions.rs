@@ -1,17 +1,21 @@
 //! Positions of N drones from ranges, the motion being known: an extended Kalman filter.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Link;
+use crate::control::LockOut;
 
 /// Positions of N drones with their covariance: an extended Kalman filter on ranges.
 #[derive(Clone, Debug)]
 pub struct Positions {
-    pub(super) anchors_m: Vec<Vector3<f64>>,
+    anchors_m: Vec<Vector3<f64>>,
     /// Three for each drone.
     pub state_m: DVector<f64>,
     /// Its covariance.
     pub covariance_m2: DMatrix<f64>,
+    gates: BTreeMap<Link, LockOut>,
 }
 
 impl Positions {
@@ -19,11 +23,22 @@ impl Positions {
     #[must_use]
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let m = 3 * starts_m.len();
-        Self {
-            anchors_m: anchors_m.to_vec(),
-            state_m: DVector::from_iterator(m, starts_m.iter().flatten().copied()),
-            covariance_m2: DMatrix::from_diagonal_element(m, m, sigma_m * sigma_m),
-        }
+        let state_m = DVector::from_iterator(m, starts_m.iter().flatten().copied());
+        let covariance_m2 = DMatrix::from_diagonal_element(m, m, sigma_m * sigma_m);
+        Self::with_covariance(anchors_m.to_vec(), state_m, covariance_m2)
+    }
+
+    pub(super) fn with_covariance(
+        anchors_m: Vec<Vector3<f64>>,
+        state_m: DVector<f64>,
+        covariance_m2: DMatrix<f64>,
+    ) -> Self {
+        Self { anchors_m, state_m, covariance_m2, gates: BTreeMap::new() }
+    }
+
+    /// Covariance of the place of a drone.
+    pub(super) fn covariance_m2(&self, drone: usize) -> Matrix3<f64> {
+        self.covariance_m2.fixed_view::<3, 3>(3 * drone, 3 * drone).into_owned()
     }
 
     /// Place of a drone.
@@ -43,18 +58,27 @@ impl Positions {
         }
     }
 
-    /// Takes a range in unless it is farther from its prediction than `gate_sigmas`.
-    pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64, gate_sigmas: f64) -> bool {
+    /// Takes a range in unless it is farther from its prediction than `gate_sigmas`: its normalized
+    /// innovation squared. A link that is refused five times in a row is believed again.
+    pub fn correct(
+        &mut self,
+        link: Link,
+        distance_m: f64,
+        sigma_m: f64,
+        gate_sigmas: f64,
+    ) -> Option<f64> {
         let (h, expected_m) = slope(link, &self.anchors_m, &self.state_m);
         let innovation = distance_m - expected_m;
-        let variance = sigma_m * sigma_m;
-        let spread = h.dot(&(&self.covariance_m2 * &h)) + variance;
-        if innovation * innovation > gate_sigmas * gate_sigmas * spread {
-            return false;
+        let gate = self.gates.entry(link).or_default();
+        let variance = gate.variance(sigma_m * sigma_m, innovation);
+        let nis = innovation * innovation / (h.dot(&(&self.covariance_m2 * &h)) + variance);
+        let taken = nis <= gate_sigmas * gate_sigmas;
+        gate.note(taken);
+        if taken {
+            let measured = innovation + h.dot(&self.state_m);
+            kalman(&mut self.state_m, &mut self.covariance_m2, &h, measured, variance);
         }
-        let measured = innovation + h.dot(&self.state_m);
-        kalman(&mut self.state_m, &mut self.covariance_m2, &h, measured, variance);
-        true
+        taken.then_some(nis)
     }
 }
 

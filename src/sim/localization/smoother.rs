@@ -65,10 +65,11 @@ pub struct Located {
     pub time_s: Vec<f64>,
     /// Positions: for each drone one at each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
-    /// Their covariances.
+    /// Their covariances; empty for an observer without.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
-    /// Mean normalized innovation squared of the forward pass: 1 where noise and motion are right.
-    pub nis: f64,
+    /// Mean normalized innovation squared of the filter: 1 where noise and motion are right; `None`
+    /// for an observer without a covariance.
+    pub nis: Option<f64>,
     /// Share of ranges that the gate refused.
     pub refused_frac: f64,
     /// What the ranges leave open.
@@ -95,15 +96,9 @@ pub fn locate(
     samples: &[RangeSample],
     options: &LocateOptions,
 ) -> Result<Located> {
-    let mut samples = checked(anchors_m, n_drones, samples)?;
-    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let samples = checked(anchors_m, n_drones, samples)?;
     let (start_m, start_m2) = start(anchors_m, n_drones, &samples, options.range_sigma_m)?;
-    let mut warnings = Vec::new();
-    if thickness_m(anchors_m) < PLANE_M && n_drones * anchors_m.len() > 0 {
-        warnings
-            .push("the anchors lie in a plane: the mirror image behind it fits as well".to_owned());
-    }
-    let (mut steps, mut nis, mut refused) =
+    let (mut steps, nis, refused) =
         forward(anchors_m, &samples, options, (&start_m, &start_m2), None);
     let mut smoothed = None;
     if options.smooth {
@@ -124,9 +119,6 @@ pub fn locate(
             (steps, ..) = forward(anchors_m, &samples, options, start, Some(&about));
         }
     }
-    if !nis.is_finite() {
-        (nis, refused) = (0.0, 1.0);
-    }
     let ends: Vec<(DVector<f64>, DMatrix<f64>)> = smoothed.unwrap_or_else(|| {
         steps.iter().map(|step| (step.state.clone(), step.covariance.clone())).collect()
     });
@@ -145,11 +137,48 @@ pub fn locate(
         covariance_m2: (0..n_drones).map(covariance).collect(),
         nis,
         refused_frac: refused,
-        warnings,
+        warnings: plane_warning(anchors_m).into_iter().collect(),
     })
 }
 
-fn checked(
+impl Located {
+    /// No position yet.
+    pub(super) fn empty(n_drones: usize) -> Self {
+        Self {
+            time_s: Vec::new(),
+            position_m: vec![Vec::new(); n_drones],
+            covariance_m2: vec![Vec::new(); n_drones],
+            nis: None,
+            refused_frac: 0.0,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Appends the position of each drone with its covariance.
+    pub(super) fn push(&mut self, time_s: f64, at: impl Fn(usize) -> (Vector3<f64>, Matrix3<f64>)) {
+        self.time_s.push(time_s);
+        for drone in 0..self.position_m.len() {
+            let (position_m, covariance_m2) = at(drone);
+            self.position_m[drone].push(position_m);
+            self.covariance_m2[drone].push(covariance_m2);
+        }
+    }
+}
+
+/// Ranges that share one state, in order.
+pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
+    let mut left = samples;
+    std::iter::from_fn(move || {
+        let first = left.first()?;
+        let n = left.partition_point(|s| s.time_s < first.time_s + STEP_S);
+        let (step, rest) = left.split_at(n.max(1));
+        left = rest;
+        Some(step)
+    })
+}
+
+/// The samples in the order of time.
+pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
     samples: &[RangeSample],
@@ -175,7 +204,15 @@ fn checked(
             return Err(Error::input(place, found, wanted, hint));
         }
     }
-    Ok(samples.to_vec())
+    let mut samples = samples.to_vec();
+    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(samples)
+}
+
+/// What anchors in a plane leave open.
+pub(super) fn plane_warning(anchors_m: &[Vector3<f64>]) -> Option<String> {
+    let flat = !anchors_m.is_empty() && thickness_m(anchors_m) < PLANE_M;
+    flat.then(|| "the anchors lie in a plane: the mirror image behind it fits as well".to_owned())
 }
 
 /// The distance of the farthest anchor from the plane that fits best.
@@ -197,25 +234,22 @@ fn forward(
     options: &LocateOptions,
     (state, covariance): (&DVector<f64>, &DMatrix<f64>),
     about: Option<&[DVector<f64>]>,
-) -> (Vec<Step>, f64, f64) {
+) -> (Vec<Step>, Option<f64>, f64) {
     let (mut x, mut p) = (state.clone(), covariance.clone());
     let n_drones = x.len() / 6;
     let variance = options.range_sigma_m * options.range_sigma_m;
     let gate = options.gate_sigmas * options.gate_sigmas;
     let mut gates: BTreeMap<Link, LockOut> = BTreeMap::new();
     let (mut steps, mut nis, mut used, mut refused) = (Vec::<Step>::new(), 0.0, 0.0, 0.0);
-    let mut k = 0;
-    while k < samples.len() {
-        let time_s = samples[k].time_s;
+    for step in together(samples) {
+        let time_s = step[0].time_s;
         let span_s = steps.last().map_or(0.0, |last| time_s - last.time_s);
         let (phi, noise) = motion(n_drones, span_s, options.acceleration_m_s2_sqrt_hz);
         x = &phi * x;
         p = &phi * p * phi.transpose() + noise;
         let predicted = (x.clone(), p.clone());
         let here = about.and_then(|about| about.get(steps.len()));
-        while k < samples.len() && samples[k].time_s < time_s + STEP_S {
-            let sample = samples[k];
-            k += 1;
+        for sample in step {
             let places =
                 |x: &DVector<f64>| DVector::from_fn(3 * n_drones, |i, _| x[6 * (i / 3) + i % 3]);
             let at = here.unwrap_or(&x);
@@ -242,7 +276,7 @@ fn forward(
         }
         steps.push(Step { time_s, predicted, state: x.clone(), covariance: p.clone() });
     }
-    (steps, nis / used, refused / (used + refused))
+    (steps, (used > 0.0).then(|| nis / used), refused / (used + refused))
 }
 
 /// Transition of positions and velocities over a span, and the covariance of its noise.
@@ -347,7 +381,11 @@ mod tests {
         let (filtered, smoothed) = (run(false), run(true));
         let (filtered_m, smoothed_m) = (rmse_m(&filtered), rmse_m(&smoothed));
         assert!(smoothed_m < 0.7 * filtered_m && filtered_m < 0.08, "{smoothed_m} {filtered_m}");
-        assert!((0.7..1.2).contains(&filtered.nis), "NIS {}", filtered.nis);
+        assert!(
+            filtered.nis.is_some_and(|nis| (0.7..1.2).contains(&nis)),
+            "NIS {:?}",
+            filtered.nis
+        );
         let sigma_m = smoothed.covariance_m2[0][2000].trace().sqrt();
         assert!((0.5..2.0).contains(&(smoothed_m / sigma_m)), "{smoothed_m} m, σ {sigma_m} m");
     }
