@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
@@ -19,8 +19,8 @@ use crate::report::{Trace, front_view, top_view};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use crate::sim::localization::{
-    Link, LocateOptions, Located, Outputs, RangeSample, SharedAnchorObserver, locate,
-    observability, read_anchors, share_left,
+    Link, LocateOptions, Located, Outputs, RangeSample, SharedAnchorObserver, Track, locate,
+    locate_enlarged, locate_shared, observability, read_anchors, share_left, shared_anchor,
 };
 
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.
@@ -34,6 +34,20 @@ const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
 const MAP_S: f64 = 64.0;
 const STARTS: u32 = 40;
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
+
+/// What turns ranges into positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Observer {
+    /// Filter forward and smoother backward over the whole flight
+    Smooth,
+    /// Extended Kalman filter as in flight, without later ranges
+    Filter,
+    /// Enlarged linear filter, from any start, handed over to an extended Kalman filter; the logs
+    /// must hold velocities
+    Enlarged,
+    /// Observer of two drones that share an anchor; the logs must hold positions and velocities
+    Shared,
+}
 
 #[derive(Debug, Args)]
 pub(super) struct LocateArgs {
@@ -50,9 +64,9 @@ pub(super) struct LocateArgs {
     /// Anchors (YAML of cfclient) that replace the scene's
     #[arg(long, value_name = "FILE")]
     anchors: Option<PathBuf>,
-    /// Estimate as in flight, without later ranges
-    #[arg(long)]
-    filter: bool,
+    /// What turns ranges into positions
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = Observer::Smooth)]
+    observer: Observer,
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother, and lags in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
@@ -84,20 +98,13 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     }
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
+    let logs =
+        args.ranges.iter().map(|path| args.flights.read(path)).collect::<Result<Vec<_>>>()?;
     let mut samples = Vec::new();
-    for (drone, path) in args.ranges.iter().enumerate() {
-        let found = ranges(&args.flights.read(path)?, drone);
-        samples.extend(found.map_err(|error| error.in_file(path))?);
+    for (drone, (log, path)) in logs.iter().zip(&args.ranges).enumerate() {
+        samples.extend(ranges(log, drone).map_err(|error| error.in_file(path))?);
     }
-    let anchors_m: Vec<Vector3<f64>> =
-        scene.sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
-    let options = LocateOptions {
-        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
-        acceleration_m_s2_sqrt_hz: args.acceleration,
-        smooth: !args.filter,
-        ..LocateOptions::default()
-    };
-    let located = locate(&anchors_m, args.ranges.len(), &samples, &options)?;
+    let located = by_observer(args, &scene, &logs, &samples)?;
     warn(&located.warnings);
 
     let read = |path: &PathBuf| args.flights.read(path);
@@ -121,8 +128,61 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         names.push((*name).to_owned());
     }
     let files = folder.keep(&names)?;
-    let (text, json) = described(&located, samples.len(), &rows, args.filter);
+    let (text, json) = described(&located, samples.len(), &rows, args.observer);
     Ok(Report::new(text, json).with_files(&files))
+}
+
+fn by_observer(
+    args: &LocateArgs,
+    scene: &Scene,
+    logs: &[Flight],
+    samples: &[RangeSample],
+) -> Result<Located> {
+    let anchors_m: Vec<Vector3<f64>> =
+        scene.sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
+    let options = LocateOptions {
+        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
+        acceleration_m_s2_sqrt_hz: args.acceleration,
+        smooth: args.observer == Observer::Smooth,
+        ..LocateOptions::default()
+    };
+    let tracks = || {
+        let track = |(log, path): (&Flight, &PathBuf)| track(log).map_err(|e| e.in_file(path));
+        logs.iter().zip(&args.ranges).map(track).collect::<Result<Vec<_>>>()
+    };
+    match args.observer {
+        Observer::Smooth | Observer::Filter => locate(&anchors_m, logs.len(), samples, &options),
+        Observer::Enlarged => locate_enlarged(&anchors_m, &tracks()?, samples, &options),
+        Observer::Shared => {
+            let Ok(tracks) = <[Track; 2]>::try_from(tracks()?) else {
+                let hint = "give a log of each drone";
+                return Err(Error::input("ranges", logs.len(), "the logs of two drones", hint));
+            };
+            let start = |k: usize| {
+                let first = logs[k]
+                    .samples
+                    .first()
+                    .filter(|_| !logs[k].unlogged.contains(&Quantity::Position));
+                first.map(|sample| sample.position_m)
+            };
+            let Some(starts_m) = start(0).zip(start(1)) else {
+                let wanted = "positions, where the observer starts";
+                let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
+                return Err(Error::input("columns", "no position", wanted, hint));
+            };
+            locate_shared(&anchors_m, &tracks, starts_m.into(), samples)
+        }
+    }
+}
+
+/// The motion of a log.
+fn track(log: &Flight) -> Result<Track> {
+    if log.unlogged.contains(&Quantity::Velocity) {
+        let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
+        return Err(Error::input("columns", "no velocity", "the motion of the drone", hint));
+    }
+    let world = |s: &FlightSample| s.attitude.world_from_body() * s.velocity_body_m_s;
+    Ok(Track::new(log.samples.iter().map(|s| (s.time_s, world(s)))))
 }
 
 /// Errors against a reference.
@@ -130,8 +190,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
 struct Against {
     rmse_m: [f64; 3],
     rmse_3d_m: f64,
-    /// Normalized squared error over its three axes.
-    nees: f64,
+    /// Normalized squared error over its three axes, where the observer has a covariance.
+    nees: Option<f64>,
     samples: usize,
 }
 
@@ -205,9 +265,10 @@ fn against(located: &Located, drone: usize, reference: &Flight, offset_s: f64) -
         let true_m = a.position_m + (b.position_m - a.position_m) * share;
         let error_m = located.position_m[drone][k] - true_m;
         square += error_m.component_mul(&error_m);
-        let inverse: Matrix3<f64> =
-            located.covariance_m2[drone][k].try_inverse().unwrap_or_default();
-        nees += error_m.dot(&(inverse * error_m)) / 3.0;
+        if let Some(covariances) = located.covariance_m2.get(drone) {
+            let inverse: Matrix3<f64> = covariances[k].try_inverse().unwrap_or_default();
+            nees += error_m.dot(&(inverse * error_m)) / 3.0;
+        }
         n += 1;
     }
     if n == 0 {
@@ -218,7 +279,7 @@ fn against(located: &Located, drone: usize, reference: &Flight, offset_s: f64) -
     Ok(Against {
         rmse_m: mean.map(f64::sqrt).into(),
         rmse_3d_m: mean.sum().sqrt(),
-        nees: nees / f64::from(n),
+        nees: (!located.covariance_m2.is_empty()).then_some(nees / f64::from(n)),
         samples: n as usize,
     })
 }
@@ -227,25 +288,32 @@ fn described(
     located: &Located,
     n_ranges: usize,
     rows: &[Against],
-    filter: bool,
+    observer: Observer,
 ) -> (String, Value) {
     let ends = located.time_s.first().zip(located.time_s.last());
     let span_s = ends.map_or(0.0, |(first, last)| last - first);
-    let way = if filter { "filtered as in flight" } else { "smoothed over the whole flight" };
+    let way = match observer {
+        Observer::Smooth => "smoothed over the whole flight",
+        Observer::Filter => "filtered as in flight",
+        Observer::Enlarged => "by the enlarged filter and its hand-over",
+        Observer::Shared => "by the shared-anchor observer",
+    };
     let drones = located.position_m.len();
     let mut text = line("located", &format!("{drones} of {drones} drones, {way}"));
     text += &line("ranges", &format!("{n_ranges} in {span_s:.1} s"));
-    text += &line("refused", &format!("{:.1} % by the gate", 100.0 * located.refused_frac));
-    text += &line("NIS", &format!("{:.2} (1: noise and motion are as assumed)", located.nis));
+    if let Some(nis) = located.nis {
+        text += &line("refused", &format!("{:.1} % by the gate", 100.0 * located.refused_frac));
+        text += &line("NIS", &format!("{nis:.2} (1: noise and motion are as assumed)"));
+    }
     if !rows.is_empty() {
         text += "\nRMSE, cm      x       y       z     3-D    NEES  samples\n";
         for (drone, row) in rows.iter().enumerate() {
             let [x, y, z] = row.rmse_m.map(|m| 100.0 * m);
             text += &format!(
-                "drone {:<4}{x:>5.1}{y:>8.1}{z:>8.1}{:>8.1}{:>8.2}{:>9}\n",
+                "drone {:<4}{x:>5.1}{y:>8.1}{z:>8.1}{:>8.1}{:>8}{:>9}\n",
                 drone + 1,
                 100.0 * row.rmse_3d_m,
-                row.nees,
+                row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}")),
                 row.samples
             );
         }
@@ -261,15 +329,7 @@ fn described(
 /// The local region of the observer along the scene's word.
 fn region(scene: Scene) -> Result<Report> {
     let uwb = scene.sensors.uwb.clone();
-    let shared = |lists: &[Vec<usize>]| match lists {
-        [one, two] if one.len() == 2 && two.len() == 2 => {
-            let shared = *one.iter().find(|anchor| two.contains(anchor))?;
-            let own = |list: &[usize]| list.iter().copied().find(|anchor| *anchor != shared);
-            Some([own(one)?, own(two)?, shared])
-        }
-        _ => None,
-    };
-    let Some(anchors) = shared(&uwb.heard) else {
+    let Some(anchors) = shared_anchor(&uwb.heard) else {
         let hint = "take the scene two-drones-three-anchors";
         let wanted = "two drones that hear two anchors each, one of them the same";
         let found = format!("{:?}", uwb.heard);

@@ -20,6 +20,7 @@
 
 mod kalman;
 mod linear;
+mod lock_out;
 mod lqr;
 mod margins;
 mod poles;
@@ -30,6 +31,7 @@ pub use kalman::{Innovation, Kalman};
 pub use linear::{
     is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };
+pub use lock_out::LockOut;
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};
 pub use poles::poles;

@@ -98,6 +98,7 @@ impl Avionics {
 
         let place_m = &setpoint.position_m;
         if place_m.z <= plant.floor_m(place_m.x, place_m.y) {
+            self.estimator.rest();
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
             self.command = Command::default();

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::noise::Noise;
 use super::options::{PeerOptions, Positioning, SimOptions};
+use super::vehicle::GRAVITY_M_S2;
 
 /// The drones that fly together, in the order of their plans, as one of them knows them.
 #[derive(Clone, Debug)]
@@ -84,6 +85,31 @@ pub(super) struct Reckoning {
     pub(super) time_s: f64,
     pub(super) velocity_m_s: Vector3<f64>,
     pub(super) position_m: Vector3<f64>,
+}
+
+/// The motion between two moments.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    pub(super) span_s: f64,
+    pub(super) gained_m_s: Vector3<f64>,
+    /// Beyond what the velocity at the beginning explains.
+    pub(super) moved_m: Vector3<f64>,
+    /// Integral of the specific force, world frame.
+    pub(super) force_m_s: Vector3<f64>,
+}
+
+impl Reckoning {
+    /// The motion since an earlier moment.
+    pub(super) fn since(&self, then: &Self) -> Leg {
+        let span_s = self.time_s - then.time_s;
+        let gained_m_s = self.velocity_m_s - then.velocity_m_s;
+        Leg {
+            span_s,
+            gained_m_s,
+            moved_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
+            force_m_s: gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s),
+        }
+    }
 }
 
 /// What a drone tells the others.

@@ -24,24 +24,20 @@ use std::collections::{BTreeMap, VecDeque};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
-use super::covariance::{Covariance, Residual, Slope};
+use super::covariance::{Covariance, Residual};
 use super::ekf::{Motion, START, Span};
 use super::joint::{Joint, Part};
+use super::past::{Past, interpolated, past, toward};
+use crate::control::LockOut;
 use crate::sim::options::{ObserverOptions, SensorOptions, Share};
-use crate::sim::peers::{Fleet, Message, Reckoning, Target, ToldHeight, ToldRange};
+use crate::sim::peers::{Fleet, Leg, Message, Reckoning, Target, ToldHeight, ToldRange};
 use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
 use crate::sim::vehicle::{GRAVITY_M_S2, State};
 
 /// Index of the variance of two-way ranging.
 const TWO_WAY: usize = 1;
-/// Refusals of one link in a row after which it is believed again.
-const MOST_REFUSALS: u32 = 5;
 /// Ranges that have waited longer for messages are forgotten.
 const LONGEST_WAIT_S: f64 = 2.0;
-/// Between two messages further apart, the motion is not interpolated: curves of letters bend.
-const LONGEST_GAP_S: f64 = 0.3;
-/// Distance from a message within which its motion is used in any case.
-const NEAR_S: f64 = 0.05;
 /// Messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
 /// Keys of ranges between two other drones that are kept, so that none is used twice.
@@ -62,8 +58,7 @@ pub(super) struct Cooperative {
     share: Share,
     force_m_s2: Vector3<f64>,
     ticks: u32,
-    /// Consecutive refusals of each link.
-    refused: BTreeMap<(usize, Target), u32>,
+    gates: BTreeMap<(usize, Target), LockOut>,
     /// What the next message will hold.
     ranges: Vec<ToldRange>,
     heights: Vec<ToldHeight>,
@@ -84,15 +79,6 @@ struct Peer {
     /// Rotation vector, in the world, from its dead reckoning to the truth.
     tilt_rad: Vector3<f64>,
     told: VecDeque<Reckoning>,
-}
-
-/// A place in the past as a function of a drone's present errors.
-struct Past {
-    position_m: Vector3<f64>,
-    /// Time since.
-    span_s: f64,
-    /// Integral of the specific force since, world frame.
-    force_m_s: Vector3<f64>,
 }
 
 impl Cooperative {
@@ -118,7 +104,7 @@ impl Cooperative {
             share: start.share,
             force_m_s2: Vector3::z() * GRAVITY_M_S2,
             ticks: 0,
-            refused: BTreeMap::new(),
+            gates: BTreeMap::new(),
             ranges: Vec::new(),
             heights: Vec::new(),
             waiting: Vec::new(),
@@ -176,10 +162,7 @@ impl Cooperative {
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
         let before = *peer.told.back().expect("never empty");
-        let span_s = now.time_s - before.time_s;
-        let gained_m_s = now.velocity_m_s - before.velocity_m_s;
-        let moved_m = now.position_m - before.position_m - before.velocity_m_s * span_s;
-        let force_m_s = gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s);
+        let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
         let turned_m_s = peer.tilt_rad.cross(&force_m_s);
         peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
         peer.velocity_m_s += gained_m_s + turned_m_s;
@@ -196,8 +179,8 @@ impl Cooperative {
     /// A scalar measurement on a link, through the gate.
     fn correct(&mut self, link: (usize, Target), parts: &[Part], innovation: f64, variance: f64) {
         let gate_sq = self.own.trust.gate_sq;
-        let refused = self.refused.entry(link).or_default();
-        through_gate(&mut self.joint, refused, parts, innovation, variance, gate_sq);
+        let gate = self.gates.entry(link).or_default();
+        through_gate(&mut self.joint, gate, parts, innovation, variance, gate_sq);
     }
 
     /// Place of another drone at a time up to its last message.
@@ -232,8 +215,8 @@ impl Cooperative {
     }
 
     /// Takes in the ranges of this drone to another one up to its last message; those that the
-    /// other's motion does not reach are kept. `estimate` stands for the other where the drones
-    /// share estimates: its place and the variance along a direction.
+    /// other's motion does not reach are kept. Where the drones share estimates, the told one stands
+    /// for the other.
     fn correct_waiting(&mut self, k: usize, told: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
@@ -324,15 +307,25 @@ impl Estimator for Cooperative {
         if !measured {
             return;
         }
-        let Self { own, joint, refused, place, .. } = self;
+        let Self { own, joint, gates, place, .. } = self;
         let gate_sq = own.trust.gate_sq;
         own.residuals(readings, |Residual { slope, innovation, variance }, target| {
             let part = [Part::now(0, slope)];
             let target = target.expect("ranges and heights only");
-            let refused = refused.entry((*place, target)).or_default();
-            through_gate(joint, refused, &part, innovation, variance, gate_sq);
+            let gate = gates.entry((*place, target)).or_default();
+            through_gate(joint, gate, &part, innovation, variance, gate_sq);
         });
         self.settle();
+    }
+
+    /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
+    /// the drone that has landed.
+    fn rest(&mut self) {
+        if !self.peers.is_empty() {
+            let stopped_m_s = std::mem::take(&mut self.own.velocity_m_s);
+            self.alone.velocity_m_s -= stopped_m_s;
+            self.reckoned.velocity_m_s -= stopped_m_s;
+        }
     }
 
     fn state(&self) -> State {
@@ -377,78 +370,15 @@ impl Estimator for Cooperative {
     }
 }
 
-impl Past {
-    /// The slope of a measurement along a direction at this place. The tilt of this drone is in its
-    /// body's frame, those of others are in the world's.
-    fn part(
-        &self,
-        drone: usize,
-        direction: Vector3<f64>,
-        world_from_body: Option<&Matrix3<f64>>,
-    ) -> Part {
-        let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
-        let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
-        let slope = Slope { position: direction, turn };
-        Part { drone, slope, velocity: direction * -self.span_s }
-    }
-}
-
-/// Takes a measurement in unless the gate refuses it; after five refusals in a row it is believed
-/// with the variance that it asks for.
+/// Takes a measurement in unless the gate refuses it.
 fn through_gate(
     joint: &mut Joint,
-    refused: &mut u32,
+    gate: &mut LockOut,
     parts: &[Part],
     innovation: f64,
     variance: f64,
     gate_sq: f64,
 ) {
-    let locked_out = *refused >= MOST_REFUSALS;
-    let variance = if locked_out { variance.max(innovation * innovation) } else { variance };
-    let taken = joint.correct(parts, innovation, variance, gate_sq);
-    *refused = if taken { 0 } else { *refused + 1 };
-}
-
-/// The place at the time `then`, of a drone that is now at `position_m`.
-fn past(
-    position_m: Vector3<f64>,
-    velocity_m_s: Vector3<f64>,
-    tilt_rad: Vector3<f64>,
-    now: &Reckoning,
-    then: &Reckoning,
-) -> Past {
-    let span_s = now.time_s - then.time_s;
-    let gained_m_s = now.velocity_m_s - then.velocity_m_s;
-    let moved_m = now.position_m - then.position_m - then.velocity_m_s * span_s;
-    let force_m_s = gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s);
-    let turned_m_s = tilt_rad.cross(&force_m_s);
-    let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
-    let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
-    Past { position_m: position_m - since_m, span_s, force_m_s }
-}
-
-/// The motion at a time between two messages: the cubic with their places and velocities.
-fn interpolated(told: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
-    let after = told.partition_point(|t| t.time_s < time_s);
-    let (a, b) = (told.get(after.checked_sub(1)?)?, told.get(after)?);
-    let h = b.time_s - a.time_s;
-    let from_end_s = (time_s - a.time_s).min(b.time_s - time_s);
-    if h > LONGEST_GAP_S && from_end_s > NEAR_S {
-        return None;
-    }
-    let s = (time_s - a.time_s) / h;
-    let step_m = b.position_m - a.position_m;
-    let (va, vb) = (a.velocity_m_s * h, b.velocity_m_s * h);
-    let (c2, c3) = (step_m * 3.0 - va * 2.0 - vb, va + vb - step_m * 2.0);
-    Some(Reckoning {
-        time_s,
-        position_m: a.position_m + (va + (c2 + c3 * s) * s) * s,
-        velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
-    })
-}
-
-/// Unit vector and length.
-fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
-    let length_m = away_m.norm();
-    (away_m / length_m.max(f64::MIN_POSITIVE), length_m)
+    let variance = gate.variance(variance, innovation);
+    gate.note(joint.correct(parts, innovation, variance, gate_sq));
 }

@@ -14,6 +14,7 @@ mod floor;
 mod in_flight;
 mod joint;
 mod luenberger;
+mod past;
 mod step_test;
 mod truth;
 
@@ -36,6 +37,9 @@ use crate::error::Result;
 pub(super) trait Estimator: std::fmt::Debug {
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
+
+    /// Learns that the drone stands on the floor with its motors off.
+    fn rest(&mut self) {}
 
     /// All twelve states.
     fn state(&self) -> State;

@@ -15,9 +15,10 @@
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Link;
+use super::positions::{Positions, kalman};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
@@ -36,16 +37,6 @@ pub struct Enlarged {
     state: DVector<f64>,
     covariance: DMatrix<f64>,
     origin_m: Vector3<f64>,
-}
-
-/// Positions of N drones with their covariance: an extended Kalman filter on ranges.
-#[derive(Clone, Debug)]
-pub struct Positions {
-    anchors_m: Vec<Vector3<f64>>,
-    /// Three for each drone.
-    pub state_m: DVector<f64>,
-    /// Its covariance.
-    pub covariance_m2: DMatrix<f64>,
 }
 
 impl Enlarged {
@@ -151,6 +142,13 @@ impl Enlarged {
         kalman(&mut self.state, &mut self.covariance, &h, measured, noise);
     }
 
+    /// Place of a drone, and its covariance.
+    #[must_use]
+    pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        let place_m = self.state.fixed_rows::<3>(3 * drone) + self.origin_m;
+        (place_m, self.covariance.fixed_view::<3, 3>(3 * drone, 3 * drone).into_owned())
+    }
+
     /// The positions that fit the state best, by Gauss and Newton, in a room from its lowest to its
     /// highest corner. Where motion and anchors lie in planes of one direction, the ranges are the
     /// same for the drones' mirror image behind the anchors: only the room tells them apart.
@@ -189,7 +187,7 @@ impl Enlarged {
             at += self.origin_m;
         }
         let anchors_m = self.anchors_m.iter().map(|anchor| anchor + self.origin_m).collect();
-        Positions { anchors_m, state_m, covariance_m2 }
+        Positions::with_covariance(anchors_m, state_m, covariance_m2)
     }
 
     /// The positions behind the middle of the anchors, along the weakest direction.
@@ -283,86 +281,6 @@ impl Enlarged {
     }
 }
 
-impl Positions {
-    /// Independent drones near these places, each axis with a standard deviation.
-    #[must_use]
-    pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
-        let m = 3 * starts_m.len();
-        Self {
-            anchors_m: anchors_m.to_vec(),
-            state_m: DVector::from_iterator(m, starts_m.iter().flatten().copied()),
-            covariance_m2: DMatrix::from_diagonal_element(m, m, sigma_m * sigma_m),
-        }
-    }
-
-    /// Place of a drone.
-    #[must_use]
-    pub fn at(&self, drone: usize) -> Vector3<f64> {
-        self.state_m.fixed_rows::<3>(3 * drone).into_owned()
-    }
-
-    /// Moves the drones by known displacements, each axis with a variance.
-    pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
-        for (i, moved_m) in moved_m.iter().enumerate() {
-            let mut at = self.state_m.fixed_rows_mut::<3>(3 * i);
-            at += moved_m;
-        }
-        for i in 0..self.state_m.len() {
-            self.covariance_m2[(i, i)] += variance_m2;
-        }
-    }
-
-    /// Takes a range in unless it is farther from its prediction than `gate_sigmas`.
-    pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64, gate_sigmas: f64) -> bool {
-        let (h, expected_m) = slope(link, &self.anchors_m, &self.state_m);
-        let innovation = distance_m - expected_m;
-        let variance = sigma_m * sigma_m;
-        let spread = h.dot(&(&self.covariance_m2 * &h)) + variance;
-        if innovation * innovation > gate_sigmas * gate_sigmas * spread {
-            return false;
-        }
-        let measured = innovation + h.dot(&self.state_m);
-        kalman(&mut self.state_m, &mut self.covariance_m2, &h, measured, variance);
-        true
-    }
-}
-
-/// Slope of a range over the positions, and the range itself.
-pub(super) fn slope(
-    link: Link,
-    anchors_m: &[Vector3<f64>],
-    state_m: &DVector<f64>,
-) -> (DVector<f64>, f64) {
-    let at = |i: usize| state_m.fixed_rows::<3>(3 * i).into_owned();
-    let mut h = DVector::zeros(state_m.len());
-    let (drone, away) = match link {
-        Link::Anchor { drone, anchor } => (drone, at(drone) - anchors_m[anchor]),
-        Link::Drones(i, j) => (i, at(i) - at(j)),
-    };
-    let length_m = away.norm();
-    let direction = away / length_m.max(f64::MIN_POSITIVE);
-    h.fixed_rows_mut::<3>(3 * drone).copy_from(&direction);
-    if let Link::Drones(_, other) = link {
-        h.fixed_rows_mut::<3>(3 * other).copy_from(&-direction);
-    }
-    (h, length_m)
-}
-
-/// A scalar measurement `hᵀx`.
-fn kalman(
-    state: &mut DVector<f64>,
-    covariance: &mut DMatrix<f64>,
-    h: &DVector<f64>,
-    measured: f64,
-    variance: f64,
-) {
-    let a = &*covariance * h;
-    let s = h.dot(&a) + variance;
-    let innovation = measured - h.dot(state);
-    state.axpy(innovation / s, &a, 1.0);
-    covariance.ger(-1.0 / s, &a, &a, 1.0);
-}
-
 /// Index of a product in the enlarged state of `n` drones.
 fn product(n: usize, i: usize, j: usize) -> usize {
     let (i, j) = (i.min(j), i.max(j));
@@ -372,6 +290,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::localization::positions::slope;
     use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
     #[test]
@@ -399,8 +318,7 @@ mod tests {
             filter.correct(link, distance_m, 1e-6);
         }
         for drone in 0..2 {
-            let found_m = filter.state.fixed_rows::<3>(3 * drone) + filter.origin_m;
-            let off_m = (found_m - place(drone, 40.0)).norm();
+            let off_m = (filter.at(drone).0 - place(drone, 40.0)).norm();
             assert!(off_m < 1e-6, "drone {drone}: {off_m} m");
         }
     }
@@ -459,7 +377,6 @@ mod tests {
         for (name, anchors_m) in GEOMETRIES {
             let (linear, ekf) =
                 (found(anchors_m, 60, true, true), found(anchors_m, 60, false, true));
-            println!("{name}: {linear} of 60, EKF {ekf}");
             assert!(linear >= 59, "{name}: {linear} of 60");
             assert!(ekf < 55, "{name}: EKF {ekf} of 60");
         }

@@ -1,25 +1,30 @@
 //! Localization of drones from ranges, apart from any controller: the observer of two drones that
 //! share an anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
 //! ([`share_left`], [`observability`]), and the filter without a local region that they wished for
-//! ([`Enlarged`], handed over to [`Positions`]). Both need the motion; [`locate`] turns the ranges of
-//! a log into positions without it.
+//! ([`Enlarged`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
+//! [`locate_enlarged`]); [`locate`] turns the ranges of a log into positions without it.
 //!
 //! The filter that flies is the estimator `cooperative`.
 
 mod anchors;
 mod enlarged;
+mod known_motion;
 mod observer;
+mod positions;
 mod region;
 mod smoother;
+mod start;
 
 pub use anchors::read_anchors;
-pub use enlarged::{Enlarged, Positions};
-pub use observer::{FiveRanges, SharedAnchorObserver};
+pub use enlarged::Enlarged;
+pub use known_motion::{Track, locate_enlarged, locate_shared};
+pub use observer::{FiveRanges, SharedAnchorObserver, shared_anchor};
+pub use positions::Positions;
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
 pub use smoother::{LocateOptions, Located, RangeSample, locate};
 
 /// What a range is measured between.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Link {
     /// A drone and an anchor.
     Anchor {

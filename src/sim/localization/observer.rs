@@ -37,6 +37,19 @@ pub struct FiveRanges {
     pub between_m: f64,
 }
 
+/// The anchor of the first drone alone, that of the second, and the one that both hear, where two
+/// drones hear two anchors each.
+#[must_use]
+pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
+    let [one, two] = heard else { return None };
+    if one.len() != 2 || two.len() != 2 {
+        return None;
+    }
+    let shared = *one.iter().find(|anchor| two.contains(anchor))?;
+    let own = |list: &[usize]| list.iter().copied().find(|anchor| *anchor != shared);
+    Some([own(one)?, own(two)?, shared]).filter(|[a, b, _]| a != b)
+}
+
 impl SharedAnchorObserver {
     /// The true ranges of drones at two places.
     #[must_use]

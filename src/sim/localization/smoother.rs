@@ -6,7 +6,7 @@
 //! (position and velocity of all drones), the backward pass that of Rauch, Tung and Striebel (AIAA
 //! Journal 3(8), 1965); repeated with slopes at the smoothed places it is Gauss and Newton's method
 //! on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute.
-//! It starts from the place that fits the first second best.
+//! It starts from the place that fits the first second best ([`start`]).
 //!
 //! A link that the gate refuses five times in a row is believed again, as in flight.
 
@@ -15,23 +15,16 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Link;
-use super::enlarged::slope;
+use super::positions::slope;
+use super::start::start;
+use crate::control::LockOut;
 use crate::error::{Error, Result};
 
 /// Ranges closer in time share one state.
 const STEP_S: f64 = 0.01;
-/// Ranges of this time after the first give the place at the start.
-const START_S: f64 = 1.0;
-/// σ of the velocity at the start, and least σ of the place.
-const START_SPEED_M_S: f64 = 0.5;
-const START_SIGMA_M: f64 = 0.05;
 /// Most passes, and the change at which they end.
 const MAX_PASSES: usize = 8;
 const RESTS_M: f64 = 1e-4;
-const MOST_REFUSALS: u32 = 5;
-/// Starts of the static fit, around the middle of the anchors, in shares of their extent.
-const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
-const FIT_STEPS: usize = 40;
 /// Thickness of a set of anchors below which it counts as a plane.
 const PLANE_M: f64 = 0.05;
 
@@ -72,10 +65,11 @@ pub struct Located {
     pub time_s: Vec<f64>,
     /// Positions: for each drone one at each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
-    /// Their covariances.
+    /// Their covariances; empty for an observer without.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
-    /// Mean normalized innovation squared of the forward pass: 1 where noise and motion are right.
-    pub nis: f64,
+    /// Mean normalized innovation squared of the filter: 1 where noise and motion are right; `None`
+    /// for an observer without a covariance.
+    pub nis: Option<f64>,
     /// Share of ranges that the gate refused.
     pub refused_frac: f64,
     /// What the ranges leave open.
@@ -102,15 +96,9 @@ pub fn locate(
     samples: &[RangeSample],
     options: &LocateOptions,
 ) -> Result<Located> {
-    let mut samples = checked(anchors_m, n_drones, samples)?;
-    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let samples = checked(anchors_m, n_drones, samples)?;
     let (start_m, start_m2) = start(anchors_m, n_drones, &samples, options.range_sigma_m)?;
-    let mut warnings = Vec::new();
-    if thickness_m(anchors_m) < PLANE_M && n_drones * anchors_m.len() > 0 {
-        warnings
-            .push("the anchors lie in a plane: the mirror image behind it fits as well".to_owned());
-    }
-    let (mut steps, mut nis, mut refused) =
+    let (mut steps, nis, refused) =
         forward(anchors_m, &samples, options, (&start_m, &start_m2), None);
     let mut smoothed = None;
     if options.smooth {
@@ -131,9 +119,6 @@ pub fn locate(
             (steps, ..) = forward(anchors_m, &samples, options, start, Some(&about));
         }
     }
-    if !nis.is_finite() {
-        (nis, refused) = (0.0, 1.0);
-    }
     let ends: Vec<(DVector<f64>, DMatrix<f64>)> = smoothed.unwrap_or_else(|| {
         steps.iter().map(|step| (step.state.clone(), step.covariance.clone())).collect()
     });
@@ -152,11 +137,48 @@ pub fn locate(
         covariance_m2: (0..n_drones).map(covariance).collect(),
         nis,
         refused_frac: refused,
-        warnings,
+        warnings: plane_warning(anchors_m).into_iter().collect(),
     })
 }
 
-fn checked(
+impl Located {
+    /// No position yet.
+    pub(super) fn empty(n_drones: usize) -> Self {
+        Self {
+            time_s: Vec::new(),
+            position_m: vec![Vec::new(); n_drones],
+            covariance_m2: vec![Vec::new(); n_drones],
+            nis: None,
+            refused_frac: 0.0,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Appends the position of each drone with its covariance.
+    pub(super) fn push(&mut self, time_s: f64, at: impl Fn(usize) -> (Vector3<f64>, Matrix3<f64>)) {
+        self.time_s.push(time_s);
+        for drone in 0..self.position_m.len() {
+            let (position_m, covariance_m2) = at(drone);
+            self.position_m[drone].push(position_m);
+            self.covariance_m2[drone].push(covariance_m2);
+        }
+    }
+}
+
+/// Ranges that share one state, in order.
+pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
+    let mut left = samples;
+    std::iter::from_fn(move || {
+        let first = left.first()?;
+        let n = left.partition_point(|s| s.time_s < first.time_s + STEP_S);
+        let (step, rest) = left.split_at(n.max(1));
+        left = rest;
+        Some(step)
+    })
+}
+
+/// The samples in the order of time.
+pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
     samples: &[RangeSample],
@@ -182,7 +204,15 @@ fn checked(
             return Err(Error::input(place, found, wanted, hint));
         }
     }
-    Ok(samples.to_vec())
+    let mut samples = samples.to_vec();
+    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(samples)
+}
+
+/// What anchors in a plane leave open.
+pub(super) fn plane_warning(anchors_m: &[Vector3<f64>]) -> Option<String> {
+    let flat = !anchors_m.is_empty() && thickness_m(anchors_m) < PLANE_M;
+    flat.then(|| "the anchors lie in a plane: the mirror image behind it fits as well".to_owned())
 }
 
 /// The distance of the farthest anchor from the plane that fits best.
@@ -196,110 +226,6 @@ fn thickness_m(anchors_m: &[Vector3<f64>]) -> f64 {
     anchors_m.iter().map(|a| (a - middle_m).dot(&normal).abs()).fold(0.0, f64::max)
 }
 
-/// The places that fit the first second best, drones at rest, and their covariance.
-fn start(
-    anchors_m: &[Vector3<f64>],
-    n_drones: usize,
-    samples: &[RangeSample],
-    sigma_m: f64,
-) -> Result<(DVector<f64>, DMatrix<f64>)> {
-    let n = 3 * n_drones;
-    let first_s = samples.first().map_or(0.0, |first| first.time_s);
-    let mut links: BTreeMap<[usize; 3], (Link, f64, f64)> = BTreeMap::new();
-    for sample in samples.iter().filter(|s| s.time_s <= first_s + START_S) {
-        let (link, key) = match sample.link {
-            Link::Anchor { drone, anchor } => (sample.link, [0, drone, anchor]),
-            Link::Drones(i, j) => (Link::Drones(i.min(j), i.max(j)), [1, i.min(j), i.max(j)]),
-        };
-        let mean = links.entry(key).or_insert((link, 0.0, 0.0));
-        (mean.1, mean.2) = (mean.1 + sample.distance_m, mean.2 + 1.0);
-    }
-    if links.len() < n {
-        return Err(Error::Infeasible {
-            what: format!(
-                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges alone \
-                 leave the places open",
-                links.len()
-            ),
-            hint: "three anchors a drone, or more drones that range to each other, are needed; a \
-                   drone that flies with its motion sensors does with fewer"
-                .into(),
-        });
-    }
-    let low = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::NEG_INFINITY, f64::max);
-    let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low(axis) + high(axis)));
-    let reach_m = (0..3).map(|axis| high(axis) - low(axis)).fold(1.0, f64::max);
-    let residuals = |p: &DVector<f64>| -> (DMatrix<f64>, DVector<f64>) {
-        let mut slopes = DMatrix::zeros(links.len(), n);
-        let mut left = DVector::zeros(links.len());
-        for (row, (link, sum, count)) in links.values().enumerate() {
-            let (h, expected_m) = slope(*link, anchors_m, p);
-            slopes.set_row(row, &h.transpose());
-            left[row] = sum / count - expected_m;
-        }
-        (slopes, left)
-    };
-    let mut best: Option<(f64, DVector<f64>)> = None;
-    for k in 0..27_usize {
-        let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
-        let mut p = DVector::from_fn(n, |i, _| {
-            // Drones apart from each other, or their range has no direction.
-            #[expect(clippy::cast_precision_loss, reason = "a few drones")]
-            let apart = 0.05 * (i / 3) as f64;
-            middle[i % 3] + reach_m * (share[i % 3] + apart)
-        });
-        let mut damping = 1e-2;
-        let mut cost = residuals(&p).1.norm_squared();
-        for _ in 0..FIT_STEPS {
-            let (slopes, left) = residuals(&p);
-            let mut normal = slopes.transpose() * &slopes;
-            for i in 0..n {
-                normal[(i, i)] += damping;
-            }
-            let Some(step) = normal.cholesky().map(|c| c.solve(&(slopes.transpose() * left)))
-            else {
-                break;
-            };
-            let next = &p + step;
-            let next_cost = residuals(&next).1.norm_squared();
-            if next_cost < cost {
-                (p, cost, damping) = (next, next_cost, (damping * 0.2).max(1e-12));
-            } else {
-                damping *= 5.0;
-            }
-        }
-        if best.as_ref().is_none_or(|(least, _)| cost < *least - 1e-9) {
-            best = Some((cost, p));
-        }
-    }
-    let (_, p) = best.expect("there are starts");
-    let slopes = residuals(&p).0;
-    let information = slopes.transpose() * slopes;
-    let eigen = information.clone().symmetric_eigen();
-    if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
-        return Err(Error::Infeasible {
-            what:
-                "the links leave a direction open at the start: the anchors lie in a line, or in a \
-                   plane with the drone"
-                    .into(),
-            hint: "place an anchor off that line or plane".into(),
-        });
-    }
-    let variance = (sigma_m * sigma_m).max(START_SIGMA_M * START_SIGMA_M);
-    let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
-    let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
-    let at = |i: usize| 6 * (i / 3) + i % 3;
-    for i in 0..n {
-        state[at(i)] = p[i];
-        covariance[(at(i) + 3, at(i) + 3)] = START_SPEED_M_S * START_SPEED_M_S;
-        for j in 0..n {
-            covariance[(at(i), at(j))] = places[(i, j)];
-        }
-    }
-    Ok((state, covariance))
-}
-
 /// The filter forward, its slopes at its own estimates or at the given ones; with its mean normalized
 /// innovation squared and the share that was refused.
 fn forward(
@@ -308,25 +234,22 @@ fn forward(
     options: &LocateOptions,
     (state, covariance): (&DVector<f64>, &DMatrix<f64>),
     about: Option<&[DVector<f64>]>,
-) -> (Vec<Step>, f64, f64) {
+) -> (Vec<Step>, Option<f64>, f64) {
     let (mut x, mut p) = (state.clone(), covariance.clone());
     let n_drones = x.len() / 6;
     let variance = options.range_sigma_m * options.range_sigma_m;
     let gate = options.gate_sigmas * options.gate_sigmas;
-    let mut refusals: BTreeMap<[usize; 3], u32> = BTreeMap::new();
-    let (mut steps, mut nis, mut taken, mut refused) = (Vec::<Step>::new(), 0.0, 0.0, 0.0);
-    let mut k = 0;
-    while k < samples.len() {
-        let time_s = samples[k].time_s;
+    let mut gates: BTreeMap<Link, LockOut> = BTreeMap::new();
+    let (mut steps, mut nis, mut used, mut refused) = (Vec::<Step>::new(), 0.0, 0.0, 0.0);
+    for step in together(samples) {
+        let time_s = step[0].time_s;
         let span_s = steps.last().map_or(0.0, |last| time_s - last.time_s);
         let (phi, noise) = motion(n_drones, span_s, options.acceleration_m_s2_sqrt_hz);
         x = &phi * x;
         p = &phi * p * phi.transpose() + noise;
         let predicted = (x.clone(), p.clone());
         let here = about.and_then(|about| about.get(steps.len()));
-        while k < samples.len() && samples[k].time_s < time_s + STEP_S {
-            let sample = samples[k];
-            k += 1;
+        for sample in step {
             let places =
                 |x: &DVector<f64>| DVector::from_fn(3 * n_drones, |i, _| x[6 * (i / 3) + i % 3]);
             let at = here.unwrap_or(&x);
@@ -338,30 +261,22 @@ fn forward(
             let innovation = sample.distance_m - expected_m - h.dot(&(&x - at));
             let a = &p * &h;
             let spread = h.dot(&a);
-            let key = match sample.link {
-                Link::Anchor { drone, anchor } => [0, drone, anchor],
-                Link::Drones(i, j) => [1, i, j],
-            };
-            let in_a_row = refusals.entry(key).or_default();
-            let mut r = variance;
-            if *in_a_row >= MOST_REFUSALS {
-                r = r.max(innovation * innovation);
-            }
-            if innovation * innovation > gate * (spread + r) {
-                *in_a_row += 1;
+            let link_gate = gates.entry(sample.link).or_default();
+            let s = spread + link_gate.variance(variance, innovation);
+            let taken = innovation * innovation <= gate * s;
+            link_gate.note(taken);
+            if !taken {
                 refused += 1.0;
                 continue;
             }
-            *in_a_row = 0;
-            let s = spread + r;
             nis += innovation * innovation / s;
-            taken += 1.0;
+            used += 1.0;
             x.axpy(innovation / s, &a, 1.0);
             p.ger(-1.0 / s, &a, &a, 1.0);
         }
         steps.push(Step { time_s, predicted, state: x.clone(), covariance: p.clone() });
     }
-    (steps, nis / taken, refused / (taken + refused))
+    (steps, (used > 0.0).then(|| nis / used), refused / (used + refused))
 }
 
 /// Transition of positions and velocities over a span, and the covariance of its noise.
@@ -465,9 +380,12 @@ mod tests {
         };
         let (filtered, smoothed) = (run(false), run(true));
         let (filtered_m, smoothed_m) = (rmse_m(&filtered), rmse_m(&smoothed));
-        println!("filtered {filtered_m:.4} m, smoothed {smoothed_m:.4} m, NIS {}", filtered.nis);
         assert!(smoothed_m < 0.7 * filtered_m && filtered_m < 0.08, "{smoothed_m} {filtered_m}");
-        assert!((0.7..1.2).contains(&filtered.nis), "NIS {}", filtered.nis);
+        assert!(
+            filtered.nis.is_some_and(|nis| (0.7..1.2).contains(&nis)),
+            "NIS {:?}",
+            filtered.nis
+        );
         let sigma_m = smoothed.covariance_m2[0][2000].trace().sqrt();
         assert!((0.5..2.0).contains(&(smoothed_m / sigma_m)), "{smoothed_m} m, σ {sigma_m} m");
     }
