@@ -4,6 +4,8 @@
 //! billions of points, which a parser would collect before anything can be said about them. So they
 //! are counted first, in the tables `loca` and `glyf` (OpenType 1.9).
 
+use super::tables::{table, u16_at, u32_at};
+
 /// Composites within composites that are followed, as the parser does.
 const MAX_DEPTH: u32 = 32;
 
@@ -18,17 +20,9 @@ struct Tables<'a> {
 /// Points of every glyph of the first face of a file, composites followed; saturates. `None` for a
 /// face without such outlines.
 pub(super) fn points(file: &[u8]) -> Option<Vec<u32>> {
-    let start = if file.starts_with(b"ttcf") { u32_at(file, 12)? as usize } else { 0 };
-    let n_tables = usize::from(u16_at(file, start + 4)?);
-    let table = |tag: &[u8; 4]| {
-        let mut records = (0..n_tables).map(|i| start + 12 + 16 * i);
-        let at = records.find(|at| file.get(*at..*at + 4) == Some(tag))?;
-        let (from, length) = (u32_at(file, at + 8)? as usize, u32_at(file, at + 12)? as usize);
-        file.get(from..from.checked_add(length)?)
-    };
-    let long = u16_at(table(b"head")?, 50)? != 0;
-    let tables = Tables { loca: table(b"loca")?, glyf: table(b"glyf")?, long };
-    let n_glyphs = u16_at(table(b"maxp")?, 4)?;
+    let long = u16_at(table(file, b"head")?, 50)? != 0;
+    let tables = Tables { loca: table(file, b"loca")?, glyf: table(file, b"glyf")?, long };
+    let n_glyphs = u16_at(table(file, b"maxp")?, 4)?;
     let mut known = vec![None; n_glyphs.into()];
     Some((0..n_glyphs).map(|glyph| count(&tables, glyph, &mut known, 0)).collect())
 }
@@ -52,11 +46,16 @@ fn count(tables: &Tables<'_>, glyph: u16, known: &mut [Option<u32>], depth: u32)
             let mut at = 10;
             while let (Some(flags), Some(part)) = (u16_at(data, at), u16_at(data, at + 2)) {
                 points = points.saturating_add(count(tables, part, known, depth + 1));
-                let arguments = if flags & 0x1 != 0 { 4 } else { 2 };
-                let scale = match flags & 0xc8 {
-                    0x08 => 2,
-                    0x40 => 4,
-                    0x80 => 8,
+                // The parser takes arguments that are not a shift for none.
+                let arguments = match flags & 0x3 {
+                    0x3 => 4,
+                    0x2 => 2,
+                    _ => 0,
+                };
+                let scale = match flags {
+                    flags if flags & 0x80 != 0 => 8,
+                    flags if flags & 0x40 != 0 => 4,
+                    flags if flags & 0x08 != 0 => 2,
                     _ => 0,
                 };
                 at += 4 + arguments + scale;
@@ -84,16 +83,9 @@ impl<'a> Tables<'a> {
     }
 }
 
-fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
-    Some(u16::from_be_bytes(bytes.get(at..)?.first_chunk().copied()?))
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    Some(u32::from_be_bytes(bytes.get(at..)?.first_chunk().copied()?))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::tables::face;
     use super::*;
 
     const ROBOTO: &[u8] = include_bytes!("../../fonts/Roboto-Thin.ttf");
@@ -105,10 +97,11 @@ mod tests {
         for level in 0_u16..12 {
             glyf.extend([0xff, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]);
             for part in 0..10 {
-                let flags: u16 = if part < 9 { 0x20 } else { 0 };
+                // The last with a scale, which is not the one of four numbers.
+                let flags: u16 = if part < 9 { 0x22 } else { 0x48 };
                 glyf.extend(flags.to_be_bytes());
                 glyf.extend((level + 1).to_be_bytes());
-                glyf.extend([0, 0]);
+                glyf.extend([0; 4].iter().take(if part < 9 { 2 } else { 4 }));
             }
             loca.push(u32::try_from(glyf.len()).unwrap());
         }
@@ -118,18 +111,7 @@ mod tests {
         let mut head = vec![0; 54];
         head[51] = 1;
         let maxp = [0, 1, 0, 0, 0, 13].to_vec();
-        let tables = [(b"glyf", glyf), (b"head", head), (b"loca", loca), (b"maxp", maxp)];
-        let mut file = [&[0, 1, 0, 0, 0, 4][..], &[0; 6]].concat();
-        let mut at = 12 + 16 * tables.len();
-        for (tag, table) in &tables {
-            file.extend(*tag);
-            file.extend([0; 4]);
-            file.extend(u32::try_from(at).unwrap().to_be_bytes());
-            file.extend(u32::try_from(table.len()).unwrap().to_be_bytes());
-            at += table.len();
-        }
-        tables.into_iter().for_each(|(_, table)| file.extend(table));
-        file
+        face(&[(b"glyf", glyf), (b"head", head), (b"loca", loca), (b"maxp", maxp)])
     }
 
     #[test]
@@ -138,6 +120,9 @@ mod tests {
         assert_eq!(points[12], 4, "three points, and the glyph");
         assert_eq!(points[10], 1 + 10 * (1 + 10 * 4));
         assert_eq!(points[0], u32::MAX, "a trillion");
+        let maxp = |n: u8| (b"maxp", vec![0, 1, 0, 0, 0, n]);
+        let two = face(&[maxp(1), maxp(2)]);
+        assert_eq!(table(&two, b"maxp").unwrap()[5], 2, "the later of two, as the parser");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! Letters know no speed and no drone.
 
 mod center_line;
+mod charstrings;
 mod composites;
 mod curves;
 mod drawing;
@@ -16,6 +17,7 @@ mod outline;
 mod shape;
 mod smooth;
 mod stroke_font;
+mod tables;
 mod typeface;
 mod vector;
 

@@ -14,6 +14,7 @@ use kurbo::{Affine, BezPath};
 
 use super::Trace;
 use super::center_line::{FLATNESS, center_lines};
+use super::charstrings::are_few;
 use super::composites::points;
 use super::curves::{glyph_outline, polylines};
 use super::outline::{Contour, Ink, rim};
@@ -128,7 +129,10 @@ impl Typeface {
     fn outline(&self, character: char) -> Option<BezPath> {
         let id = self.face.glyph_id(character);
         let points = self.points.as_ref().and_then(|points| points.get(usize::from(id.0)));
-        if id.0 == 0 || points.is_some_and(|n| *n as usize > MAX_POINTS) {
+        if id.0 == 0
+            || points.is_some_and(|n| *n as usize > MAX_POINTS)
+            || !are_few(self.face.as_slice(), id.0)
+        {
             return None;
         }
         let path = glyph_outline(&self.face, id)?;

@@ -86,12 +86,16 @@ const WORDS: [&[u8]; 24] = [
     b"null",
 ];
 
+/// Largest case: lines repeated again and again would otherwise fill the memory by themselves.
+const MAX_BYTES: usize = 1 << 20;
+
 /// A seed, changed in one to eight places.
 pub(crate) fn mutated(seeds: &[Seed], random: &mut Random) -> Vec<u8> {
     let mut bytes = seeds[random.below(seeds.len())].bytes.clone();
     for _ in 0..=random.below(8) {
         let other = &seeds[random.below(seeds.len())].bytes;
         change(&mut bytes, other, random);
+        bytes.truncate(MAX_BYTES);
     }
     bytes
 }

@@ -17,6 +17,7 @@ use crate::geometry::{arc_lengths, bounds, simplify};
 mod entities;
 mod handwriting;
 mod inkml;
+mod plain;
 mod svg;
 
 /// Character of a drawing's only glyph: U+FFFC, the object replacement character.
@@ -49,8 +50,8 @@ struct Trace {
 /// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
 ///
 /// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
-/// filled rectangle behind everything is paper. Clips, masks, patterns, pictures and text are not
-/// drawn. Handwriting keeps its order and times, and is smoothed by at most
+/// filled rectangle behind everything is paper. Clips, masks, filters, patterns, pictures, markers on
+/// markers and text are not drawn. Handwriting keeps its order and times, and is smoothed by at most
 /// [`LetterOptions::smoothing_m`].
 ///
 /// # Errors

@@ -8,11 +8,12 @@ use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
+use super::plain::{STYLE, plain};
 use super::{MAX_POINTS, entities, too_many};
 use crate::error::{Error, Result};
 use crate::geometry;
 
-/// Most elements and attributes of a file; usvg's own limit, 1,000,000, holds after `use`.
+/// Most elements and attributes of a file, before `use`.
 const MAX_NODES: u32 = 200_000;
 
 /// The paths of an SVG file in its user units, y up.
@@ -27,7 +28,6 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
-    check_rules(&document).map_err(refuse)?;
     let text = document.descendants().find(|node| node.tag_name().name() == "text");
     if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
         let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
@@ -41,14 +41,16 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
     };
-    let options = Options { image_href_resolver, ..Options::default() };
+    let style_sheet = Some(STYLE.to_owned());
+    let options = Options { image_href_resolver, style_sheet, ..Options::default() };
+    let plain = plain(&document).map_err(refuse)?;
     // usvg may panic on broken files.
-    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_xmltree(&document, &options)));
+    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &options)));
     let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let size = tree.size();
     let paper = [f64::from(size.width()), f64::from(size.height())];
-    let mut paths = Vec::new();
+    let (mut paths, mut left) = (Vec::new(), MAX_POINTS as f64);
     let mut nodes: Vec<&Node> = tree.root().children().iter().rev().collect();
     while let Some(node) = nodes.pop() {
         match node {
@@ -57,27 +59,13 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
                 let drawn = convert(path.data(), path.abs_transform());
                 let filled = path.stroke().is_none();
                 if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
-                    paths.push(dashed(drawn, path, file)?);
+                    paths.push(dashed(drawn, path, &mut left, file)?);
                 }
             }
             Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
         }
     }
     Ok(paths)
-}
-
-/// Most rules of a style sheet times elements: each is tried on each.
-const MAX_RULES: usize = 5_000_000;
-
-fn check_rules(document: &roxmltree::Document<'_>) -> std::result::Result<(), String> {
-    let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
-    let text = sheets.flat_map(|sheet| sheet.descendants().filter_map(|node| node.text()));
-    let rules: usize = text.map(|css| css.matches(['{', ',']).count()).sum();
-    let elements = document.descendants().filter(roxmltree::Node::is_element).count();
-    if rules.saturating_mul(elements) <= MAX_RULES {
-        return Ok(());
-    }
-    Err(format!("{rules} style rules over {elements} elements, at most {MAX_RULES} pairs are read"))
 }
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.
@@ -120,8 +108,9 @@ fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) ->
     drawn
 }
 
-/// The dashes of a path, or the path. Under an uneven transform dashes have their mean length.
-fn dashed(drawn: BezPath, path: &usvg::Path, file: &str) -> Result<BezPath> {
+/// The dashes of a path, or the path, while some of the points are left. Under an uneven transform
+/// dashes have their mean length.
+fn dashed(drawn: BezPath, path: &usvg::Path, left: &mut f64, file: &str) -> Result<BezPath> {
     let Some(stroke) = path.stroke() else { return Ok(drawn) };
     let Some(dashes) = stroke.dasharray() else { return Ok(drawn) };
     let transform = path.abs_transform();
@@ -129,7 +118,8 @@ fn dashed(drawn: BezPath, path: &usvg::Path, file: &str) -> Result<BezPath> {
     let dashes: Vec<f64> = dashes.iter().map(|dash| scale * f64::from(*dash)).collect();
     let period: f64 = dashes.iter().sum();
     let n_dashes = drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
-    if n_dashes.is_nan() || n_dashes > MAX_POINTS as f64 {
+    *left -= n_dashes;
+    if left.is_nan() || *left < 0.0 {
         return Err(too_many(file));
     }
     let offset = scale * f64::from(stroke.dashoffset());

@@ -1,0 +1,304 @@
+//! An SVG file reduced to what is drawn, so that reading it costs bounded work.
+//!
+//! Clips, masks and filters become `defs`: they are not drawn, but elements within them may be used
+//! elsewhere. Gradients and patterns become gradients of one stop: only whether there is paint
+//! matters. What is left grows by `use` and by markers alone, which are counted here; a marker
+//! within a marker is not drawn.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use usvg::roxmltree::{Document, Node};
+
+/// Most elements with those of `use` and of markers; usvg keeps some 500 bytes of each.
+const MAX_ELEMENTS: usize = 100_000;
+
+/// Most bytes of their attributes.
+const MAX_BYTES: usize = 16 << 20;
+
+/// Most elements within elements, those of `use` included.
+const MAX_DEPTH: usize = 128;
+
+/// Most steps of matching style rules with elements.
+const MAX_RULES: usize = 5_000_000;
+
+/// Style sheet that turns off what is not drawn.
+pub(super) const STYLE: &str = "*{clip-path:none!important;mask:none!important;\
+    filter:none!important}marker *{marker:none!important}";
+
+const SVG: &str = "http://www.w3.org/2000/svg";
+const XLINK: &str = "http://www.w3.org/1999/xlink";
+const XML: &str = "http://www.w3.org/XML/1998/namespace";
+
+/// The document that is drawn.
+///
+/// # Errors
+///
+/// What was found instead of a drawing of bounded work.
+pub(super) fn plain(document: &Document<'_>) -> Result<String, String> {
+    check_rules(document)?;
+    let mut ids = HashMap::new();
+    for node in document.descendants() {
+        if let Some(id) = node.attribute("id") {
+            ids.entry(id).or_insert(node);
+        }
+    }
+    let mut counting = Counting { ids, known: HashMap::new(), marker: Size::default() };
+    let all = counting.size(document.root_element(), 0)?;
+    // Each vertex may have a marker, and a path's ends one more each.
+    let n_markers = if counting.marker.elements == 0 { 0 } else { all.vertices + 2 * all.elements };
+    let elements = all.elements.saturating_add(n_markers.saturating_mul(counting.marker.elements));
+    let bytes = all.bytes.saturating_add(n_markers.saturating_mul(counting.marker.bytes));
+    if elements > MAX_ELEMENTS || bytes > MAX_BYTES {
+        let what = if n_markers > 0 { "markers" } else { "<use>" };
+        return Err(format!("{elements} elements, those of {what} counted"));
+    }
+    let mut text = String::new();
+    write_element(document.root_element(), &mut text);
+    Ok(text)
+}
+
+/// What an element becomes.
+#[derive(Clone, Copy, Default)]
+struct Size {
+    elements: usize,
+    bytes: usize,
+    /// Vertices of its paths, at most.
+    vertices: usize,
+    /// Elements within each other.
+    depth: usize,
+}
+
+struct Counting<'a, 'input> {
+    ids: HashMap<&'a str, Node<'a, 'input>>,
+    /// `None` while an element is being counted.
+    known: HashMap<Node<'a, 'input>, Option<Size>>,
+    /// The largest marker.
+    marker: Size,
+}
+
+impl<'a, 'input> Counting<'a, 'input> {
+    fn size(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<Size, String> {
+        match self.known.get(&node) {
+            Some(Some(size)) => return Ok(*size),
+            Some(None) => return Err("elements that use each other without end".into()),
+            None if depth > MAX_DEPTH => return Err(too_deep()),
+            None => {}
+        }
+        self.known.insert(node, None);
+        let length = |name| node.attribute(name).map_or(0, str::len);
+        let mut size = Size {
+            elements: 1,
+            bytes: node.attributes().map(|attribute| attribute.value().len()).sum(),
+            vertices: 10 + (length("d") + length("points")) / 2,
+            depth: 1,
+        };
+        let tag = node.tag_name().name();
+        let mut parts: Vec<_> = node.children().filter(Node::is_element).collect();
+        if tag == "use" {
+            let links = node.attributes().filter(|attribute| attribute.name() == "href");
+            let used =
+                links.filter_map(|link| self.ids.get(link.value().trim().strip_prefix('#')?));
+            parts.extend(used);
+        }
+        for part in parts {
+            let part = self.size(part, depth + 1)?;
+            size.elements = size.elements.saturating_add(part.elements);
+            size.bytes = size.bytes.saturating_add(part.bytes);
+            size.vertices = size.vertices.saturating_add(part.vertices);
+            size.depth = size.depth.max(part.depth + 1);
+        }
+        if size.depth > MAX_DEPTH {
+            return Err(too_deep());
+        }
+        if tag == "marker" {
+            if node.descendants().any(|node| node.tag_name().name() == "use") {
+                return Err("a marker with <use>".into());
+            }
+            self.marker.elements = self.marker.elements.max(size.elements);
+            self.marker.bytes = self.marker.bytes.max(size.bytes);
+        }
+        self.known.insert(node, Some(size));
+        Ok(size)
+    }
+}
+
+fn too_deep() -> String {
+    format!("more than {MAX_DEPTH} elements within each other")
+}
+
+/// Checks that style rules are matched with elements in bounded time. Each is tried on each, and
+/// one of several parts on all elements around.
+fn check_rules(document: &Document<'_>) -> Result<(), String> {
+    let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
+    let text = sheets.flat_map(|sheet| sheet.descendants().filter_map(|node| node.text()));
+    let elements = document.descendants().filter(Node::is_element);
+    let depths = elements.clone().map(|node| node.ancestors().take(MAX_DEPTH).count());
+    let depth = depths.max().unwrap_or(0);
+    let steps = |selector: &str| {
+        let n_parts = selector.split_whitespace().count().saturating_sub(1);
+        (0..n_parts).fold(1, |steps: usize, _| steps.saturating_mul(depth))
+    };
+    // Before each brace that opens stand selectors.
+    let selectors = |block: &'_ str| {
+        let n_braces = block.matches('{').count();
+        block
+            .split('{')
+            .take(n_braces)
+            .flat_map(|list| list.split(','))
+            .map(steps)
+            .fold(0, usize::saturating_add)
+    };
+    let rules = text.flat_map(|css| css.split('}').map(selectors));
+    let steps = rules.fold(0, usize::saturating_add);
+    let elements = elements.count();
+    if steps.saturating_mul(elements) <= MAX_RULES {
+        return Ok(());
+    }
+    Err(format!(
+        "style rules of {steps} steps over {elements} elements, at most {MAX_RULES} in all"
+    ))
+}
+
+/// Writes an element as it is drawn.
+fn write_element(node: Node<'_, '_>, text: &mut String) {
+    let name = node.tag_name().name();
+    if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
+        return;
+    }
+    let tag = match name {
+        "linearGradient" | "radialGradient" | "pattern" => {
+            if let Some(id) = node.attribute("id") {
+                text.push_str("<linearGradient id=\"");
+                escape(id, text);
+                text.push_str("\"><stop/></linearGradient>");
+            }
+            "defs"
+        }
+        "clipPath" | "mask" | "filter" => "defs",
+        name => name,
+    };
+    text.push('<');
+    text.push_str(tag);
+    if node.parent_element().is_none() {
+        let _ = write!(text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
+    }
+    for attribute in node.attributes().filter(|_| tag == name) {
+        let prefix = match attribute.namespace() {
+            None => "",
+            Some(XLINK) => "xlink:",
+            Some(XML) => "xml:",
+            Some(_) => continue,
+        };
+        let _ = write!(text, " {prefix}{}=\"", attribute.name());
+        escape(attribute.value(), text);
+        text.push('"');
+    }
+    text.push('>');
+    for child in node.children() {
+        match child.text().filter(|_| child.is_text()) {
+            Some(content) => escape(content, text),
+            None if child.is_element() => write_element(child, text),
+            None => {}
+        }
+    }
+    let _ = write!(text, "</{tag}>");
+}
+
+fn escape(value: &str, text: &mut String) {
+    for c in value.chars() {
+        match c {
+            '&' => text.push_str("&amp;"),
+            '<' => text.push_str("&lt;"),
+            '"' => text.push_str("&quot;"),
+            '\n' | '\r' | '\t' => {
+                let _ = write!(text, "&#{};", u32::from(c));
+            }
+            c => text.push(c),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{LetterOptions, Strokes};
+    use super::super::draw;
+    use crate::error::Result;
+
+    fn drawn(inner: &str) -> Result<Strokes> {
+        let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();
+        let text = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
+        );
+        std::fs::write(file.path(), text).unwrap();
+        draw(file.path(), &LetterOptions::default())
+    }
+
+    fn n_lit(inner: &str) -> usize {
+        let strokes = drawn(inner).unwrap();
+        strokes.glyphs[0].moves.iter().filter(|step| step.lit).count()
+    }
+
+    /// Six levels of an element, each of ten that refer to the next.
+    fn levels(open: &str, part: &str, close: &str) -> String {
+        let level = |n: usize| {
+            let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);
+            open.replace("THIS", &format!("e{n}")) + &part + close
+        };
+        (0..12).map(level).collect()
+    }
+
+    #[test]
+    fn references_that_multiply_cost_little_or_are_refused() {
+        let shape = "<rect width='9' height='9' PROPERTY='url(#NEXT)'/>";
+        let tried = "<path d='M0 0h9v9' stroke='red' fill='url(#e0)' PROPERTY='url(#e0)'/>";
+        for (tag, property) in
+            [("clipPath", "clip-path"), ("mask", "mask"), ("pattern", "fill"), ("filter", "filter")]
+        {
+            let open = format!("<{tag} id='THIS' width='1' height='1'>");
+            let part = shape.replace("PROPERTY", property);
+            let all = levels(&open, &part, &format!("</{tag}>"));
+            let tried = tried.replace("fill='url(#e0)' PROPERTY", property);
+            assert_eq!(n_lit(&(all + &tried)), 2, "{tag}");
+        }
+        let long = format!("M0 0{}", "h1v1".repeat(20_000));
+        let refused = [
+            levels("<g id='THIS'>", "<use href='#NEXT'/>", "</g>") + "<g id='e12'/>",
+            format!("<path id='p' d='{long}'/>") + &"<use href='#p'/>".repeat(5000),
+            "<marker id='m'>".to_owned()
+                + &"<path d='M0 0h1' stroke='red'/>".repeat(100)
+                + &format!("</marker><path d='{long}' stroke='red' marker-mid='url(#m)'/>"),
+            "<g id='a'><use href='#b'/></g><g id='b'><use href='#a'/></g>".to_owned(),
+            "<g>".repeat(200) + &"</g>".repeat(200),
+            (0..300).map(|n| format!("<g id='g{}'><use href='#g{n}'/></g>", n + 1)).collect(),
+            "<style>q * * * * * *{fill:red}</style>".to_owned()
+                + &"<g>".repeat(100)
+                + &"</g>".repeat(100),
+            "<path d='M0 0h90' stroke='red' stroke-dasharray='0.001'/>".repeat(100),
+        ];
+        for (n, inner) in refused.iter().enumerate() {
+            let error = drawn(inner).unwrap_err().to_string();
+            assert!(!error.contains("nothing drawn"), "{n}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_drawn_changes_nothing_else() {
+        let line = "<path id='p' d='M0 0h9' stroke='red'/>";
+        let clipped = line.replace("/>", " clip-path='url(#c)' mask='url(#gone)'/>");
+        assert_eq!(n_lit(&format!("<clipPath id='c'/>{clipped}")), 1, "clipped");
+        let within = format!("<clipPath id='c'>{line}</clipPath><use href='#p'/>");
+        assert_eq!(n_lit(&within), 1, "used from within a clip");
+        let filled = "<path d='M0 0h9v9z' fill='url(#g)'/>";
+        for server in ["linearGradient", "radialGradient", "pattern"] {
+            let filled = format!("<{server} id='g'><stop/></{server}>{filled}");
+            assert_eq!(n_lit(&filled), 3, "{server}");
+        }
+        let arrow = "<marker id='m' overflow='visible'><path d='M0 0l-2 1' stroke='red'/></marker>\
+                     <path d='M0 0h9' stroke='red' marker-end='url(#m)'/>";
+        assert_eq!(n_lit(arrow), 2, "an arrow and its head");
+        let styled = "<style>.a > path, #b{stroke:red}</style><g class='a'><path d='M0 0h9'/></g>\
+                      <path id='b' d='M0 5h9'/><path d='M0 7h9'/>";
+        assert_eq!(n_lit(styled), 2, "two of three have a style");
+    }
+}
