@@ -16,7 +16,7 @@ const MAX_DEPTH: u8 = 10;
 /// Whether the parser draws a glyph of a file's first face in little work. Letters composed by the
 /// obsolete `endchar` of four numbers count as more.
 pub(super) fn are_few(file: &[u8], glyph: u16) -> bool {
-    let run = |tag, open: fn(&[u8], u16) -> Option<(Program<'_>, &[u8])>| {
+    let run = |tag, open: fn(&[u8], u16) -> Option<Opened<'_>>| {
         let Some(table) = table(file, tag) else { return true };
         open(table, glyph).is_some_and(|(mut program, code)| program.run(code, 0).is_some())
     };
@@ -31,9 +31,15 @@ struct Index<'a> {
     data: &'a [u8],
 }
 
+/// An index, and what is behind it.
+type Read<'a> = (Index<'a>, &'a [u8]);
+
+/// A program, and the charstring that begins it.
+type Opened<'a> = (Program<'a>, &'a [u8]);
+
 impl<'a> Index<'a> {
     /// Reads an index of `count` pieces; what is behind it.
-    fn read(count: u32, bytes: &'a [u8]) -> Option<(Self, &'a [u8])> {
+    fn read(count: u32, bytes: &'a [u8]) -> Option<Read<'a>> {
         if count == 0 || count == u32::MAX {
             return Some((Self::default(), bytes));
         }
@@ -50,12 +56,12 @@ impl<'a> Index<'a> {
     }
 
     /// Reads an index of `CFF `.
-    fn short(bytes: &'a [u8]) -> Option<(Self, &'a [u8])> {
+    fn short(bytes: &'a [u8]) -> Option<Read<'a>> {
         Self::read(u16_at(bytes, 0)?.into(), &bytes[2..])
     }
 
     /// Reads an index of `CFF2`.
-    fn long(bytes: &'a [u8]) -> Option<(Self, &'a [u8])> {
+    fn long(bytes: &'a [u8]) -> Option<Read<'a>> {
         Self::read(u32_at(bytes, 0)?, &bytes[4..])
     }
 
@@ -143,7 +149,7 @@ fn operand(dictionary: &[u8], wanted: u16) -> Option<usize> {
 fn private<'a>(
     table: &'a [u8],
     dictionary: &[u8],
-    index: fn(&'a [u8]) -> Option<(Index<'a>, &'a [u8])>,
+    index: fn(&'a [u8]) -> Option<Read<'a>>,
 ) -> Option<Index<'a>> {
     const PRIVATE: u16 = 18;
     const SUBROUTINES: u16 = 19;
@@ -160,7 +166,7 @@ fn private<'a>(
 }
 
 /// Opens a glyph of the table `CFF `.
-fn cff(table: &[u8], glyph: u16) -> Option<(Program<'_>, &[u8])> {
+fn cff(table: &[u8], glyph: u16) -> Option<Opened<'_>> {
     let (_names, rest) = Index::short(table.get(usize::from(*table.get(2)?).max(4)..)?)?;
     let (tops, rest) = Index::short(rest)?;
     let (_strings, rest) = Index::short(rest)?;
@@ -195,7 +201,7 @@ fn font_of(select: &[u8], glyph: u16) -> Option<usize> {
 }
 
 /// Opens a glyph of the table `CFF2`.
-fn cff2(table: &[u8], glyph: u16) -> Option<(Program<'_>, &[u8])> {
+fn cff2(table: &[u8], glyph: u16) -> Option<Opened<'_>> {
     let top_at = usize::from(*table.get(2)?).max(5);
     let top_end = top_at + usize::from(u16_at(table, 3)?);
     let top = table.get(top_at..top_end)?;

@@ -4,8 +4,8 @@
 pub(super) fn table<'a>(file: &'a [u8], tag: &[u8; 4]) -> Option<&'a [u8]> {
     let start = if file.starts_with(b"ttcf") { u32_at(file, 12)? as usize } else { 0 };
     let n_tables = usize::from(u16_at(file, start + 4)?);
-    let records = (0..n_tables).map(|i| start + 12 + 16 * i);
-    let at = records.filter(|at| file.get(*at..*at + 4) == Some(tag)).last()?;
+    let mut records = (0..n_tables).map(|i| start + 12 + 16 * i);
+    let at = records.rfind(|at| file.get(*at..*at + 4) == Some(tag))?;
     let (from, length) = (u32_at(file, at + 8)? as usize, u32_at(file, at + 12)? as usize);
     file.get(from..from.checked_add(length)?)
 }
