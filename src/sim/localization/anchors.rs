@@ -50,7 +50,15 @@ fn parse(yaml: &str) -> Result<Vec<[f64; 3]>> {
             crate::error::within(&format!("anchors, anchor {anchor}"), value, -1e4, 1e4)?;
         }
     }
-    Ok(places.into_values().map(|place| [place.x, place.y, place.z]).collect())
+    let places: Vec<[f64; 3]> =
+        places.into_values().map(|place| [place.x, place.y, place.z]).collect();
+    for (index, place) in places.iter().enumerate() {
+        if let Some(first) = places[..index].iter().position(|other| other == place) {
+            let found = format!("the place of anchor {first}");
+            return Err(Error::input(format!("anchors, anchor {index}"), found, "another", HINT));
+        }
+    }
+    Ok(places)
 }
 
 #[cfg(test)]
@@ -66,6 +74,7 @@ mod tests {
             (file.replace("z: 1.8", "z: much"), "anchors"),
             (file.replace("  x: 0.99\n", ""), "anchors"),
             (file.replace("1.49", ".nan"), "NaN"),
+            (file.replace("3.29", "1.49"), "the place of anchor 0"),
         ] {
             let error = parse(&broken).unwrap_err();
             assert!(error.to_string().contains(wanted), "{error}");
