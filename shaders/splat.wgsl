@@ -1,6 +1,6 @@
 // Splat: every record adds its light to a sheet. Twin of src/expose/cpu.rs.
 // reads   lists, records : of a tile, 32 bytes each (gpu.rs); curves : what they multiply (curves.rs)
-// writes  sheet : counts of one colour, tile after tile of 64 x 64 pixels
+// writes  sheet : counts of one color, tile after tile of 64 x 64 pixels
 // thread  every 8th column of one tile, through all of its records; a workgroup is a tile
 // repeats as all is integers, and no two threads add to one pixel
 

@@ -49,7 +49,7 @@ pub(crate) struct Setting {
     pub(crate) missing_frac: f64,
 }
 
-/// The ten faults. Levels are of a word half a metre high that is written at 0.2 m/s.
+/// The ten faults. Levels are of a word half a meter high that is written at 0.2 m/s.
 pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "wander",
@@ -114,7 +114,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         },
     },
     Fault {
-        // A lens at f/1.4 behind a grey filter, focused before the word.
+        // A lens at f/1.4 behind a gray filter, focused before the word.
         name: "blur",
         unit: "m across",
         levels: [0.1, 0.2, 0.3, 0.35, 0.4, 0.45],

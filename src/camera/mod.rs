@@ -1,7 +1,7 @@
 //! The camera as a description without pixels: pose, lens, shutter, sensitivity.
 //!
 //! Camera frame: x right, y down, z forward. Image: origin top left, pixel centers at +0.5.
-//! Not modelled: rolling shutter, field curvature, chromatic aberration.
+//! Not modeled: rolling shutter, field curvature, chromatic aberration.
 
 use nalgebra::{Matrix3, Vector3};
 

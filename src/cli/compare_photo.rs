@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::photo::Photo;
 use crate::photo::flip::{Difference, difference};
 use crate::photo::register::{Registration, register};
-use crate::report::photos::{overlay, placed, shrunk};
+use crate::report::photos::{overlay, placed, shrink};
 
 #[derive(Debug, Args)]
 pub(super) struct ComparePhotoArgs {
@@ -29,7 +29,7 @@ const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (Photo::read(&args.render)?, Photo::read(&args.photo)?);
-    let photo = shrunk(photo, LONGEST_PX);
+    let photo = shrink(photo, LONGEST_PX);
     let folder = OutputFolder::create(&args.output)?;
     let found = register(&render, &photo)?;
     let (laid, covered) = placed(&render, &found.transform, [photo.width_px, photo.height_px]);

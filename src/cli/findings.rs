@@ -94,7 +94,7 @@ fn found(finding: &Finding) -> String {
         Check::Motors if is_fine => "never".into(),
         Check::Motors => format!("{value:.2} s at the limit, first{at}"),
         Check::Battery if is_fine => "lasts".into(),
-        Check::Battery if detail.is_empty() => "this drone's is not modelled".into(),
+        Check::Battery if detail.is_empty() => "this drone's is not modeled".into(),
         Check::Battery => detail.clone(),
         Check::LitTransit if finding.value.is_none() => "no stroke".into(),
         Check::LitTransit => {
@@ -207,7 +207,7 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         ),
         Check::Coverage if finding.value.is_none() => (
             "two Lighthouse stations see every place".into(),
-            "name them with --lighthouse FILE, or under sensors.stations",
+            "name them with --lighthouse FILE, or under sensors.lighthouse.stations",
         ),
         Check::Coverage => (
             "two Lighthouse stations see every place".into(),

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::flags::{FlightFlags, SetFlag, find_scene};
 use super::message;
@@ -79,24 +79,9 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     let names: Vec<String> = names.collect();
     let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
     let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
-    let (mut text, mut rounds) = (String::new(), Vec::new());
-    let mut helped = None;
+    let (mut rounds, mut helped) = (Rounds::default(), None);
     let plans = if args.flight.is_empty() {
-        text += "round   P(read)   contour      rmse      lag\n                     mm        \
-                 mm        s\n";
-        let mut watch = |round: &Round| {
-            let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
-            let number = rounds.len();
-            message("", &format!("round {number}: read with probability {p:.3}"));
-            let note = if kept { "" } else { "  not significantly better" };
-            let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
-            text += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
-            rounds.push(json!({
-                "legibility": p, "contour_m": contour_m, "rmse_m": rmse_m, "lag_s": lag_s,
-                "kept": kept,
-            }));
-        };
-        let learned = learn(&ready, &options, Some(&store), &mut watch)?;
+        let learned = learn(&ready, &options, Some(&store), &mut |round| rounds.add(round))?;
         helped = Some(learned.helped());
         learned.plans
     } else {
@@ -113,19 +98,41 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     for (file, plan) in plan_files.into_iter().zip(&plans) {
         paths.push(file.keep(|out| plan.write_csv(out))?);
     }
-    text += &match helped {
-        Some(false) => line(
-            "learned",
-            &format!(
-                "nothing: no round of {} is significantly better than the design, which is kept; \
-                 try more repeats, less gain, or another controller",
-                rounds.len().saturating_sub(1)
-            ),
+    let outcome = match helped {
+        Some(false) => format!(
+            "nothing: no round of {} is significantly better than the design, which is kept; try \
+             more repeats, less gain, or another controller",
+            rounds.json.len().saturating_sub(1)
         ),
-        _ => line("learned", ready.word()),
+        _ => ready.word().to_owned(),
     };
-    let json = json!({ "word": ready.word(), "rounds": rounds, "helped": helped });
-    Ok(Report::new(text, json).with_files(&paths))
+    let json = json!({ "word": ready.word(), "rounds": rounds.json, "helped": helped });
+    Ok(Report::new(rounds.table + &line("learned", &outcome), json).with_files(&paths))
+}
+
+/// The rounds so far, for people and for programs.
+#[derive(Default)]
+struct Rounds {
+    table: String,
+    json: Vec<Value>,
+}
+
+impl Rounds {
+    fn add(&mut self, round: &Round) {
+        let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
+        let number = self.json.len();
+        message("", &format!("round {number}: read with probability {p:.3}"));
+        if number == 0 {
+            self.table += "round   P(read)   contour      rmse      lag\n";
+            self.table += "                     mm        mm        s\n";
+        }
+        let note = if kept { "" } else { "  not significantly better" };
+        let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
+        self.table += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
+        self.json.push(json!({
+            "legibility": p, "contour_m": contour_m, "rmse_m": rmse_m, "lag_s": lag_s, "kept": kept,
+        }));
+    }
 }
 
 /// One round from flights that were flown elsewhere, by one drone.

@@ -18,7 +18,7 @@ use crate::report::study_sheet;
 use crate::scene::NamedScene;
 use crate::settings::similar;
 use crate::study::statistics::Estimate;
-use crate::study::{Conditions, Ranking, Record, Store, Study, flights_csv, ranking_csv};
+use crate::study::{Conditions, Measures, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -178,15 +178,22 @@ pub(super) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -
 pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     let words = match study.words.as_slice() {
         [(word, n)] => format!("{word}, {n} seeds"),
-        words => format!(
-            "{} words, {} flights each scene",
-            words.len(),
-            words.iter().map(|(_, n)| *n as usize).sum::<usize>()
-        ),
+        words => {
+            let flights: usize = words.iter().map(|(_, n)| *n as usize).sum();
+            format!("{} words, {flights} flights each scene", words.len())
+        }
     };
-    let mut text = wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"));
-    text += "\n      scene              P(read)  interval        worst 10 %  all letters  lost\n";
-    for m in &ranking.measures {
+    wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"))
+        + &legibility_table(&ranking.measures)
+        + &tracking_table(&ranking.measures)
+        + &pairs_table(ranking)
+}
+
+fn legibility_table(measures: &[Measures]) -> String {
+    let mut text = String::from(
+        "\n      scene              P(read)  interval        worst 10 %  all letters  lost\n",
+    );
+    for m in measures {
         let (p, read) = (m.legibility, 100.0 * m.all_read.value);
         text += &format!(
             "{:>4}  {:16}{:10.3}  {:.3} to {:.3}{:13.3}{read:11.1} %{:6}\n",
@@ -199,9 +206,15 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
             m.n_lost
         );
     }
-    text += "\nscene           contour    lag  rms x     y     z   y max   sat.   time  energy\n";
-    text += "                     mm      s     mm    mm    mm      mm      %      s       J\n";
-    for m in &ranking.measures {
+    text
+}
+
+fn tracking_table(measures: &[Measures]) -> String {
+    let mut text = String::from(
+        "\nscene           contour    lag  rms x     y     z   y max   sat.   time  energy\n                     \
+         mm      s     mm    mm    mm      mm      %      s       J\n",
+    );
+    for m in measures {
         let name = shortened(&m.contender, 16);
         let Some(f) = &m.flown else {
             text += &format!("{name:16}lost on every flight\n");
@@ -221,8 +234,14 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
             f.energy_j.value
         );
     }
+    text
+}
+
+/// Which scenes cannot be told apart, and from how many flights they could.
+fn pairs_table(ranking: &Ranking) -> String {
+    let (mut text, pairs) = (String::new(), &ranking.pairs);
     let n_flights = ranking.measures.first().map_or(0, |measures| measures.n_flights);
-    if !ranking.pairs.is_empty() && n_flights < ranking.least_flights as usize {
+    if !pairs.is_empty() && n_flights < ranking.least_flights as usize {
         let few = format!(
             "too few flights: {} scenes can be told apart from {} flights each, not from {n_flights}",
             ranking.measures.len(),
@@ -230,8 +249,8 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
         );
         text += &wrapped("\n", &few);
     }
-    let alike: Vec<_> = ranking.pairs.iter().filter(|pair| !pair.distinguishable).collect();
-    text += match (ranking.pairs.len(), alike.len()) {
+    let alike: Vec<_> = pairs.iter().filter(|pair| !pair.distinguishable).collect();
+    text += match (pairs.len(), alike.len()) {
         (0, _) => "",
         (_, 0) => "\nevery two of them are distinguishable\n",
         _ => "\nNOT distinguishable (difference of P, interval for all pairs together):\n",

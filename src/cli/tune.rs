@@ -95,23 +95,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(cap_height_m) = args.cap_height {
         scale_letters(&mut base.scene, cap_height_m)?;
     }
-    let knobs = match args.knob.as_slice() {
-        [] => Knob::usual(&base.scene),
-        knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
-    };
-    if let Some(longest_s) = args.longest {
-        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
-    }
-    let options = TuneOptions {
-        knobs,
-        search: args.search,
-        words: args.study.words(6)?,
-        budget: budget.flights,
-        limits: Limits { duration_s: args.longest, ..Limits::default() },
-        conditions: args.study.conditions()?,
-        seed: args.study.seed,
-    };
-    options.check()?;
+    let options = options(args, &base.scene, budget.flights)?;
     let store = open_store(&args.output)?;
     let files = ["scene.toml", "candidates.csv", "pareto.svg"];
     let [scene_file, candidates_file, pareto_file] =
@@ -123,17 +107,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = budget.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
-            let wanted = options.least_budget() as f64 / n_flights as f64;
-            if spent * wanted > 1.0 {
-                let text = format!(
-                    "{} is too short: {} flights, the least, take about {:.1} of it",
-                    args.budget,
-                    options.least_budget(),
-                    spent * wanted
-                );
-                message("warning: ", &text);
-            }
+            warn_of_short_time(&args.budget, options.least_budget(), spent, n_flights);
         }
         #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
         let spent = spent.unwrap_or(n_flights as f64 / budget.flights as f64);
@@ -161,6 +135,39 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         "tests": tests,
     });
     Ok(Report::new(report(&options, &tuned) + &tested + "\n", json).with_files(&paths))
+}
+
+fn options(args: &TuneArgs, scene: &Scene, budget: usize) -> Result<TuneOptions> {
+    let knobs = match args.knob.as_slice() {
+        [] => Knob::usual(scene),
+        knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
+    };
+    if let Some(longest_s) = args.longest {
+        crate::error::within("longest", longest_s, 1.0, 3600.0)?;
+    }
+    let options = TuneOptions {
+        knobs,
+        search: args.search,
+        words: args.study.words(6)?,
+        budget,
+        limits: Limits { duration_s: args.longest, ..Limits::default() },
+        conditions: args.study.conditions()?,
+        seed: args.study.seed,
+    };
+    options.check()?;
+    Ok(options)
+}
+
+/// Warns where the time that the first flights took says that the budget is too short.
+fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights: usize) {
+    #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
+    let needed = spent * least_flights as f64 / n_flights as f64;
+    if needed > 1.0 {
+        let text = format!(
+            "{budget} is too short: {least_flights} flights, the least, take about {needed:.1} of it"
+        );
+        message("warning: ", &text);
+    }
 }
 
 /// Scales the letters, and all lengths of their layout with them.

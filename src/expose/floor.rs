@@ -9,7 +9,7 @@
 //!    mean of its corners, or while a lamp is above it at less than its own side.
 //! 3. Light is bilinear within a square, and counted with the film's dither.
 //!
-//! Not modelled: a glossy floor, walls, the drone's shadow.
+//! Not modeled: a glossy floor, walls, the drone's shadow.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;

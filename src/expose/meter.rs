@@ -156,7 +156,7 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-/// Segments of one trail from which on neighbours at one place are metered as one.
+/// Segments of one trail from which on neighbors at one place are metered as one.
 const MANY: usize = 20_000;
 
 /// Share of the spot's σ within which segments count as at one place.

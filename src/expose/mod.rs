@@ -22,7 +22,7 @@
 //! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source of
 //! the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
-//! Not modelled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
+//! Not modeled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
 //! light, glare and noise belong to `photo`.
 
 mod cpu;

@@ -61,7 +61,7 @@ fn fitting(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
 }
 
-/// A text with so many more line ends in place of spaces: each time the longest line is broken at
+/// A text with `breaks` more line ends in place of spaces: each time the longest line is broken at
 /// the space nearest to its middle.
 fn broken(text: &str, breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();

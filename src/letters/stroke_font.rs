@@ -1,6 +1,6 @@
 //! Stroke fonts: letters as runs of the pen, kept as text.
 //!
-//! A line is a letter: the character (or `U+0023`), then its runs, each `+` (lit) or `-` (dark) and
+//! A line is a letter: the character, or its code point (`U+0023` for `#`), then its runs, each `+` (lit) or `-` (dark) and
 //! its points `x,y`, y up from the baseline. `#` begins a comment line. There are two kinds:
 //! - the letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
 //!   one, and every move of the pen is listed, jumps included;

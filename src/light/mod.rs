@@ -13,7 +13,7 @@
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
-//! modelled: light reflected by the body, rare stalls of the radio (up to 0.7 s in the team's log),
+//! modeled: light reflected by the body, rare stalls of the radio (up to 0.7 s in the team's log),
 //! the clock of the firmware that ran 1.2 % slow until 2026, effects of the ring that depend on
 //! sensors, a falling battery voltage.
 

@@ -125,7 +125,7 @@ const PLACES: [[f64; 2]; 12] = [
 ///
 /// 250, 139, 210 and 50 lm as the firmware has them, spread as cosine: lm/π cd along the axis.
 /// Assumptions: the dome lets all of it through and spills 20 % sideways; 10 mm across; pulse width
-/// at 1 kHz. Its throttling when hot is not modelled.
+/// at 1 kHz. Its throttling when hot is not modeled.
 #[must_use]
 pub fn color_led() -> Vec<Fixture> {
     let die = |intensity_cd, chromaticity| Die { intensity_cd, chromaticity };

@@ -5,7 +5,7 @@
 //! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
 //! scattered within 4 px stays in its pixel. Every count is conserved.
 //!
-//! Not modelled: ghosts, and light that crosses the border of the picture (it is mirrored).
+//! Not modeled: ghosts, and light that crosses the border of the picture (it is mirrored).
 
 use rayon::prelude::*;
 

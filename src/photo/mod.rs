@@ -11,7 +11,7 @@
 //! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
 //! with any number of threads.
 //!
-//! Not modelled: ghosts, glare of the background (a photo has its own), the color filter mosaic,
+//! Not modeled: ghosts, glare of the background (a photo has its own), the color filter mosaic,
 //! JPEG.
 
 use rayon::prelude::*;

@@ -6,7 +6,7 @@
 //! 3. The best few are refined on finer pictures by the enhanced correlation coefficient
 //!    (Evangelidis and Psarakis 2008), and the one with the highest correlation is the result.
 //!
-//! Not modelled: perspective and distortion, which stay in the residual.
+//! Not modeled: perspective and distortion, which stay in the residual.
 
 mod ink;
 

@@ -13,7 +13,7 @@
 //!
 //! White is [`Camera::saturation_lx_s`].
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
-//! modelled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
+//! modeled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
 
 use super::narrow;
 use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};

@@ -6,7 +6,7 @@
 //! trail spikes smear to nothing, so only lamps at rest have them. Their light is taken from the
 //! point.
 //!
-//! The light of a spike on a pixel is rounded down to an integer. Not modelled: the fine structure of
+//! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure of
 //! spikes by color.
 
 use super::glare::{CELL_PX, WHOLE};

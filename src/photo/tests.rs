@@ -257,7 +257,7 @@ fn blocks_of_even_light_pass_the_z_test() {
         let accepted = z.iter().filter(|z| z.abs() < 4.42).count();
         assert!(accepted as f64 >= 0.9975 * z.len() as f64, "{accepted} at {electrons} e-");
         let spread = z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64;
-        assert!((spread - 1.0).abs() < 0.13, "neighbours are not independent: {spread}");
+        assert!((spread - 1.0).abs() < 0.13, "neighbors are not independent: {spread}");
     }
 }
 

@@ -24,7 +24,7 @@ settings! {
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
         reference: ReferenceKind = ReferenceKind::Design;
-        /// Mean of `flown - design` per world axis in an earlier flight, taken off the setpoints.
+        /// Mean of `flown - design` per world axis in an earlier flight, subtracted from the setpoints.
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;

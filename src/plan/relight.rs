@@ -1,8 +1,8 @@
 //! Relight: letters and headlight schedule of a flight whose log has neither.
 //!
 //! The team's logs hold the setpoints, and its letters know along which moves the headlights were
-//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move, from the
-//! current one on, on which it lies without going back.
+//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
+//! after the current one that contains it, and never backward.
 
 use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
@@ -30,9 +30,9 @@ pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let glyphs = strokes.glyphs.iter().enumerate();
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
-    let (mut at, mut levels, mut n_on) = (Progress::default(), Vec::new(), 0);
+    let (mut progress, mut levels, mut n_on) = (Progress::default(), Vec::new(), 0);
     for sample in &mut flight.samples {
-        let begun = at.advance(&moves, [sample.design_m.x, sample.design_m.z]);
+        let begun = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
         sample.letter = begun.map(|(letter, _)| letter);
         levels.push(f64::from(begun.is_some_and(|(_, lit)| lit)));
         n_on += usize::from(begun.is_some());

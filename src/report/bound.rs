@@ -44,6 +44,11 @@ impl View {
             self.top_px + (self.corner_m[1] - up) * self.px_per_m,
         ]
     }
+
+    /// The end at which a label is anchored so that it stays within the view.
+    fn text_anchor(&self, x_px: f64) -> &'static str {
+        if x_px > self.left_px + 0.5 * VIEW_PX { "end" } else { "start" }
+    }
 }
 
 /// Draws the strokes of all drones colored by the bound, and beside them the anchors from above with
@@ -55,23 +60,14 @@ pub fn bound_map(
     uwb: &UwbOptions,
     one_more_m: [f64; 3],
 ) -> String {
-    let lit = |bound: &Bound| -> Vec<f64> {
-        let pairs = bound.sigma_m.iter().zip(&bound.letter);
-        pairs.filter(|(_, letter)| letter.is_some()).map(|(sigma_m, _)| *sigma_m).collect()
-    };
-    let mut sigmas_m: Vec<f64> = bounds.iter().flat_map(lit).collect();
-    sigmas_m.sort_by(f64::total_cmp);
-    let least_m = sigmas_m.first().copied().unwrap_or(0.0);
-    let most_m = sigmas_m.last().copied().unwrap_or(1.0);
-    let color = |sigma_m: f64| viridis((sigma_m - least_m) / (most_m - least_m).max(1e-6));
-    let paths = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
-    let paths: Vec<Vector3<f64>> = paths.collect();
-    let anchors: Vec<Vector3<f64>> = uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
-    let more = Vector3::from(one_more_m);
-    let front: Vec<[f64; 2]> = paths.iter().map(|p| [p.x, p.z]).collect();
-    let above = paths.iter().chain(&anchors).chain([&more]).map(|p| [p.x, p.y]);
+    let flown_m = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
+    let flown_m: Vec<Vector3<f64>> = flown_m.collect();
+    let front: Vec<[f64; 2]> = flown_m.iter().map(|p| [p.x, p.z]).collect();
+    let flown_m = flown_m.iter().map(|p| [p.x, p.y]);
+    let anchors_m = uwb.anchors_m.iter().chain([&one_more_m]).map(|[x, y, _]| [*x, *y]);
+    let above: Vec<[f64; 2]> = flown_m.chain(anchors_m).collect();
     let front = View::new(&front, MARGIN_PX, MARGIN_PX);
-    let above = View::new(&above.collect::<Vec<_>>(), 2.0 * MARGIN_PX + VIEW_PX, MARGIN_PX);
+    let above = View::new(&above, 2.0 * MARGIN_PX + VIEW_PX, MARGIN_PX);
 
     let width = 3.0 * MARGIN_PX + 2.0 * VIEW_PX + LEGEND_PX;
     let height = 2.0 * MARGIN_PX + VIEW_PX;
@@ -80,81 +76,121 @@ pub fn bound_map(
          font-family=\"sans-serif\" font-size=\"13\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
     );
-    let label =
-        |x: f64, y: f64, text: &str| format!("<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>\n");
     svg += &label(MARGIN_PX, 30.0, "best possible estimate along the strokes, seen from the front");
     svg += &label(above.left_px, 30.0, "anchors and flight, seen from above");
+    let scale = Scale::new(bounds);
     for (plan, bound) in plans.iter().zip(bounds) {
-        let mut shown_s = f64::NEG_INFINITY;
-        let mut before: Option<[f64; 2]> = None;
-        for ((time_s, sigma_m), letter) in
-            bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter)
-        {
-            if time_s - shown_s < STEP_S {
-                continue;
-            }
-            shown_s = *time_s;
-            let place_m = plan.design_m(*time_s);
-            let at = front.px([place_m.x, place_m.z]);
-            if let Some(from) = before {
-                let (stroke, width_px) = match letter {
-                    Some(_) => (color(*sigma_m), 6.0),
-                    None => ("#dddddd".to_owned(), 1.0),
-                };
-                let _ = writeln!(
-                    svg,
-                    "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{stroke}\" \
-                     stroke-width=\"{width_px}\" stroke-linecap=\"round\"/>",
-                    from[0], from[1], at[0], at[1]
-                );
-            }
-            before = Some(at);
+        draw_strokes(&mut svg, &front, plan, bound, &scale);
+        let points = plan.setpoints.iter().map(|s| above.px([s.position_m.x, s.position_m.y]));
+        let points: Vec<String> = points.map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        let points = points.join(" ");
+        let _ = writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"#888888\"/>");
+    }
+    draw_anchors(&mut svg, &above, uwb, plans.len());
+    draw_one_more(&mut svg, &above, one_more_m);
+    draw_legend(&mut svg, &scale);
+    svg + "</svg>\n"
+}
+
+/// Colors from the least to the greatest bound of a lit stroke.
+struct Scale {
+    least_m: f64,
+    most_m: f64,
+}
+
+impl Scale {
+    fn new(bounds: &[Bound]) -> Self {
+        let samples = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
+        let lit_m = samples.filter(|(_, letter)| letter.is_some()).map(|(sigma_m, _)| *sigma_m);
+        let (least_m, most_m) = lit_m
+            .fold((f64::INFINITY, 0.0_f64), |(least_m, most_m), sigma_m| {
+                (least_m.min(sigma_m), most_m.max(sigma_m))
+            });
+        if least_m > most_m { Self { least_m: 0.0, most_m: 1.0 } } else { Self { least_m, most_m } }
+    }
+
+    fn color(&self, sigma_m: f64) -> String {
+        viridis((sigma_m - self.least_m) / (self.most_m - self.least_m).max(1e-6))
+    }
+}
+
+fn label(x: f64, y: f64, text: &str) -> String {
+    format!("<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>\n")
+}
+
+/// A drone's way from the front: lit strokes in the color of their bound, the rest thin.
+fn draw_strokes(svg: &mut String, front: &View, plan: &Plan, bound: &Bound, scale: &Scale) {
+    let mut shown_s = f64::NEG_INFINITY;
+    let mut before: Option<[f64; 2]> = None;
+    for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
+        if time_s - shown_s < STEP_S {
+            continue;
         }
-        let ends = plan.setpoints.iter().map(|s| above.px([s.position_m.x, s.position_m.y]));
-        let line: Vec<String> = ends.map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        shown_s = *time_s;
+        let place_m = plan.design_m(*time_s);
+        let at = front.px([place_m.x, place_m.z]);
+        if let Some(from) = before {
+            let (stroke, width_px) = match letter {
+                Some(_) => (scale.color(*sigma_m), 6.0),
+                None => ("#dddddd".to_owned(), 1.0),
+            };
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{stroke}\" \
+                 stroke-width=\"{width_px}\" stroke-linecap=\"round\"/>",
+                from[0], from[1], at[0], at[1]
+            );
+        }
+        before = Some(at);
+    }
+}
+
+/// The anchors from above, each with its height and the number of drones that hear it.
+fn draw_anchors(svg: &mut String, above: &View, uwb: &UwbOptions, n_drones: usize) {
+    for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
+        let [x, y] = above.px([*x_m, *y_m]);
+        let hears = |list: &&Vec<usize>| list.contains(&index);
+        let n = match uwb.heard.is_empty() {
+            true => n_drones,
+            false => uwb.heard.iter().filter(hears).count(),
+        };
+        let by = if n == n_drones { "all".to_owned() } else { n.to_string() };
         let _ = writeln!(
             svg,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"#888888\"/>",
-            line.join(" ")
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#0072b2\"/>\n\
+             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{}\">{index}: z {z_m:.1} m, heard by \
+             {by}</text>",
+            y - 10.0,
+            above.text_anchor(x)
         );
     }
-    for (index, anchor) in anchors.iter().enumerate() {
-        let [x, y] = above.px([anchor.x, anchor.y]);
-        let heard = |list: &&Vec<usize>| list.contains(&index);
-        let n =
-            if uwb.heard.is_empty() { plans.len() } else { uwb.heard.iter().filter(heard).count() };
-        let by = if n == plans.len() { "all".to_owned() } else { n.to_string() };
-        let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#0072b2\"/>");
-        let text = format!("{index}: z {:.1} m, heard by {by}", anchor.z);
-        let anchored = if x > above.left_px + 0.5 * VIEW_PX { "end" } else { "start" };
-        let _ = writeln!(
-            svg,
-            "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{anchored}\">{text}</text>",
-            y - 10.0
-        );
-    }
-    let [x, y] = above.px([more.x, more.y]);
-    let anchored = if x > above.left_px + 0.5 * VIEW_PX { "end" } else { "start" };
+}
+
+/// The best place of one more anchor, from above.
+fn draw_one_more(svg: &mut String, above: &View, [x_m, y_m, z_m]: [f64; 3]) {
+    let [x, y] = above.px([x_m, y_m]);
     let _ = writeln!(
         svg,
         "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" fill=\"none\" stroke=\"#d55e00\" \
          stroke-width=\"3\"/>\n<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"#d55e00\" \
-         text-anchor=\"{anchored}\">one more here: z {:.1} m</text>",
+         text-anchor=\"{}\">one more here: z {z_m:.1} m</text>",
         y + 22.0,
-        more.z
+        above.text_anchor(x)
     );
+}
+
+fn draw_legend(svg: &mut String, scale: &Scale) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
-    svg += &label(x, MARGIN_PX, "1 \u{3c3} over 3 axes");
+    *svg += &label(x, MARGIN_PX, "1 \u{3c3} over 3 axes");
     for step in 0..=5 {
         let share = f64::from(step) / 5.0;
-        let (y, sigma_m) =
-            (MARGIN_PX + 14.0 + 20.0 * f64::from(step), least_m + share * (most_m - least_m));
+        let y = MARGIN_PX + 14.0 + 20.0 * f64::from(step);
+        let sigma_m = scale.least_m + share * (scale.most_m - scale.least_m);
+        let color = viridis(share);
         let _ = writeln!(
             svg,
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"20\" fill=\"{}\"/>",
-            viridis(share)
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"20\" fill=\"{color}\"/>"
         );
-        svg += &label(x + 26.0, y + 15.0, &format!("{:.1} cm", 100.0 * sigma_m));
+        *svg += &label(x + 26.0, y + 15.0, &format!("{:.1} cm", 100.0 * sigma_m));
     }
-    svg + "</svg>\n"
 }

@@ -188,7 +188,7 @@ fn span(places_m: &[f64]) -> f64 {
     places_m[places_m.len() - 1] - places_m[0]
 }
 
-/// Where the cells from `first` to `last` begin and end: midway to their neighbours.
+/// Where the cells from `first` to `last` begin and end: midway to their neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     let midway = |i: usize, j: usize| 0.5 * (places_m[i] + places_m[j.min(places_m.len() - 1)]);
     [midway(first.saturating_sub(1), first), midway(last, last + 1)]

@@ -160,7 +160,7 @@ impl View {
         self.y = self.y.start.min(y)..self.y.end.max(y);
     }
 
-    /// What both axes cover, with a margin, so that a metre is as long on either.
+    /// What both axes cover, with a margin, so that a meter is as long on either.
     pub(super) fn ranges(&self) -> [Range<f64>; 2] {
         let [x, y] = [&self.x, &self.y].map(|range| {
             let margin = (0.04 * (range.end - range.start)).max(0.02);

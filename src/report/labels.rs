@@ -24,7 +24,7 @@ pub struct Label {
 
 /// The photo with its labels.
 #[must_use]
-pub fn labelled(photo: &Photo, labels: &[Label]) -> Photo {
+pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
     let pixels = photo.rgb8.as_chunks::<3>().0.iter();
     let mut rgba: Vec<u8> = pixels.flat_map(|&[r, g, b]| [r, g, b, 255]).collect();
     let mut canvas = PixmapMut::from_bytes(&mut rgba, photo.width_px, photo.height_px)
@@ -88,7 +88,7 @@ mod tests {
         let photo =
             Photo { width_px: 200, height_px: 100, rgb8: vec![0; 60_000], scene_toml: None };
         let label = Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
-        let drawn = labelled(&photo, &[label]);
+        let drawn = labeled(&photo, &[label]);
         let inked = |xs: std::ops::Range<usize>, ys: std::ops::Range<usize>| {
             let at = |(x, y): (usize, usize)| drawn.rgb8[3 * (200 * y + x)] > 100;
             xs.flat_map(|x| ys.clone().map(move |y| (x, y))).filter(|at_px| at(*at_px)).count()

@@ -6,7 +6,7 @@
 //! ([`specimen`]).
 //!
 //! Method: curves are thinned to what a pixel can show and drawn with plotters; nothing but the
-//! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colours are those of
+//! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colors are those of
 //! Okabe and Ito (2008), which people with any color vision can tell apart.
 //!
 //! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
@@ -31,7 +31,7 @@ pub use bound::bound_map;
 pub use coverage::coverage_map;
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use hold::{hold_figure, hold_page};
-pub use labels::{Label, labelled};
+pub use labels::{Label, labeled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
 pub use sheet::study_sheet;

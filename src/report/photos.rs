@@ -3,10 +3,10 @@
 use crate::photo::register::Similarity;
 use crate::photo::{Photo, srgb};
 
-/// A photo with a longer side of at most so many pixels: every pixel is the mean light of those
-/// that fall on it. Smaller ones stay as they are.
+/// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
+/// it replaces. Smaller photos stay as they are.
 #[must_use]
-pub fn shrunk(photo: Photo, longest_px: u32) -> Photo {
+pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
         return photo;
@@ -43,7 +43,7 @@ pub fn shrunk(photo: Photo, longest_px: u32) -> Photo {
     Photo { width_px, height_px, rgb8, ..photo }
 }
 
-/// A render where a transform lays it in a frame, black around; and which pixels it covers.
+/// Warps a render into a frame, padded with black; also returns which pixels it covers.
 #[must_use]
 pub fn placed(
     render: &Photo,
@@ -54,8 +54,8 @@ pub fn placed(
     // A render with more pixels than the frame is shrunk first, or its trails would have gaps.
     let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
-    let small = shrunk(render.clone(), (smaller.round() as u32).max(1));
-    let shrink = [
+    let small = shrink(render.clone(), (smaller.round() as u32).max(1));
+    let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),
     ];
@@ -66,7 +66,7 @@ pub fn placed(
     for y in 0..height_px {
         for x in 0..width_px {
             let [x, y] = back.apply([f64::from(x) + 0.5, f64::from(y) + 0.5]);
-            let (x, y) = (x * shrink[0], y * shrink[1]);
+            let (x, y) = (x * ratio[0], y * ratio[1]);
             let inside = (0.0..w).contains(&x) && (0.0..h).contains(&y);
             covered.push(inside);
             if !inside {
@@ -140,10 +140,10 @@ mod tests {
 
     #[test]
     fn light_is_shrunk_in_linear_light() {
-        let half = shrunk(checks(8, 6), 4);
+        let half = shrink(checks(8, 6), 4);
         assert_eq!((half.width_px, half.height_px), (4, 3));
         assert!(half.rgb8.iter().all(|level| *level == 188), "half the light is level 188");
-        assert_eq!(shrunk(checks(8, 6), 8), checks(8, 6));
+        assert_eq!(shrink(checks(8, 6), 8), checks(8, 6));
     }
 
     #[test]

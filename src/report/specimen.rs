@@ -1,6 +1,6 @@
 //! Specimen: a sheet of a font's characters with the order and direction of their strokes.
 //!
-//! Lit strokes are coloured in their order and numbered where they begin, an arrow in their middle
+//! Lit strokes are colored in their order and numbered where they begin, an arrow in their middle
 //! tells the direction; what the pen does in the dark is dashed. As SVG text, or as pixels.
 
 use std::fmt::Write;
@@ -23,7 +23,7 @@ const PER_ROW: usize = 13;
 /// Lower edge of the capitals below the upper edge of their field.
 const BASELINE_PX: f64 = 104.0;
 
-/// Colours of the strokes in their order, from the start again after the last.
+/// Colors of the strokes in their order, from the start again after the last.
 const INKS: [Ink; 6] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [160, 60, 150], [190, 140, 0], [20, 20, 20]];
 const GUIDE: Ink = [224, 224, 224];

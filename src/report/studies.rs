@@ -20,8 +20,8 @@ const COLORS: [RGBColor; 7] = [
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
 
-/// Candidates as flight time (s) and legibility (0 to 1), those that none beats in both as a line, and
-/// where they began. SVG.
+/// Candidates as flight time (s) and legibility (0 to 1), their Pareto front as a line, and the
+/// start. SVG.
 #[must_use]
 pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)>) -> String {
     let times = all.iter().chain(front).chain(&start).map(|point| point.0);
@@ -33,25 +33,25 @@ pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)
         let [dx, dy] = [wide * size, high * size];
         [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
     };
-    let grey = Pen { color: GRAY, width_px: 1.5 };
+    let gray = Pen { color: GRAY, width_px: 1.5 };
     let blue = Pen { color: BLUE, width_px: 2.0 };
-    let red = Pen { color: VERMILION, width_px: 3.0 };
+    let vermilion = Pen { color: VERMILION, width_px: 3.0 };
     let crosses = |points: &[(f64, f64)], size| -> Vec<_> {
         points.iter().flat_map(|point| cross(point, size)).collect()
     };
     let mut curves = vec![
-        Curve { pen: grey, pieces: crosses(all, 0.6) },
+        Curve { pen: gray, pieces: crosses(all, 0.6) },
         Curve { pen: blue, pieces: vec![front.to_vec()] },
         Curve { pen: blue, pieces: crosses(front, 0.8) },
     ];
     let start: Vec<_> = start.into_iter().collect();
-    curves.push(Curve { pen: red, pieces: crosses(&start, 1.0) });
+    curves.push(Curve { pen: vermilion, pieces: crosses(&start, 1.0) });
     Figure {
         title: "Flight time against legibility".to_owned(),
         legend: vec![
-            ("candidates".to_owned(), grey),
-            ("beaten by none in both".to_owned(), blue),
-            ("the scene as it was".to_owned(), red),
+            ("candidates".to_owned(), gray),
+            ("Pareto front".to_owned(), blue),
+            ("the scene given".to_owned(), vermilion),
         ],
         x_name: "flight time (s)",
         panels: vec![Panel {
@@ -66,7 +66,7 @@ pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)
     .svg()
 }
 
-/// Curves by name: probability of being read over multiples of the usual. Two rows of names fit. SVG.
+/// Curves by name: probability of being read over multiples of the nominal disturbance. Two rows of names fit. SVG.
 #[must_use]
 pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     let pens = COLORS.into_iter().cycle().map(|color| Pen { color, width_px: 2.0 });
@@ -75,7 +75,7 @@ pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     Figure {
         title: title.to_owned(),
         legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
-        x_name: "times the usual",
+        x_name: "multiple of the nominal disturbance",
         panels: vec![Panel {
             x,
             y: 0.0..1.0,
@@ -108,13 +108,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plots_hold_every_curve_and_stand_nothing_at_all() {
+    fn plots_hold_every_curve_and_accept_empty_input() {
         let svg =
             pareto(&[(60.0, 0.8), (40.0, 0.7)], &[(40.0, 0.7), (60.0, 0.8)], Some((60.0, 0.8)));
-        assert!(svg.starts_with("<svg") && svg.contains("beaten by none"), "{svg}");
+        assert!(svg.starts_with("<svg") && svg.contains("Pareto front"), "{svg}");
         assert!(pareto(&[], &[], None).starts_with("<svg"));
         let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
         let svg = endurance("team", &[curve("mass"), curve("gusts")]);
-        assert!(svg.contains("mass") && svg.contains("gusts") && svg.contains("times the usual"));
+        assert!(
+            svg.contains("mass")
+                && svg.contains("gusts")
+                && svg.contains("multiple of the nominal disturbance")
+        );
     }
 }

@@ -66,7 +66,7 @@ impl Scene {
     /// preset, a scene file, or a folder with `scene.toml` and learned plans, `plan-WORD.csv` for
     /// one drone, `plan1-WORD.csv` and so on for several.
     ///
-    /// Names go before files: a folder called as a shipped scene is `./tuned`.
+    /// Names go before files: write `./tuned` for a folder of that name.
     ///
     /// # Errors
     ///
@@ -139,8 +139,15 @@ fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
         }
     }
     let mut plans: BTreeMap<String, Vec<Plan>> = BTreeMap::new();
-    for ((word, _), path) in paths {
-        plans.entry(word).or_default().push(Plan::read_csv(&path)?);
+    for ((word, number), path) in paths {
+        let read = plans.entry(word).or_default();
+        // `plan-` sorts before `plan1-`, so that a word with both fails at the second.
+        if number.is_some_and(|number| number as usize != read.len() + 1) {
+            let wanted = "plan-WORD.csv alone, or plan1-WORD.csv, plan2-WORD.csv and so on";
+            let found = path.display().to_string();
+            return Err(Error::input("plans", found, wanted, "remove or rename the file"));
+        }
+        read.push(Plan::read_csv(&path)?);
     }
     Ok(plans)
 }
@@ -215,7 +222,14 @@ mod tests {
         std::fs::write(folder.path().join("scene.toml"), Scene::default().to_toml()).unwrap();
         let learned = Scene::find(folder.path().to_str().unwrap(), &[]).unwrap();
         assert_eq!((learned.plans["I"].len(), learned.plans["ON"].len()), (1, 2));
-        assert!(Scene::find("tuned", &[]).unwrap().plans.is_empty(), "in every working folder");
+        for extra in ["plan-ON.csv", "plan4-ON.csv"] {
+            let extra = folder.path().join(extra);
+            std::fs::write(&extra, &csv).unwrap();
+            let error = Scene::find(folder.path().to_str().unwrap(), &[]).unwrap_err();
+            assert!(error.to_string().contains("plan1-WORD.csv, plan2-WORD.csv"), "{error}");
+            std::fs::remove_file(extra).unwrap();
+        }
+        assert!(Scene::find("tuned", &[]).unwrap().plans.is_empty());
         let json = serde_json::to_string(&learned).unwrap();
         assert_eq!(serde_json::from_str::<NamedScene>(&json).unwrap(), learned);
     }

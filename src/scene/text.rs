@@ -1,5 +1,5 @@
-//! The scene file as text: the commented file that is printed, keys that do not exist, and the
-//! line of a mistake.
+//! The scene file as text: the commented file that is printed, unknown keys, and the line
+//! numbers of errors.
 
 use std::collections::BTreeSet;
 
@@ -164,7 +164,7 @@ fn name(text: &mut String, variant: &Variant) {
 
 fn first_paragraph(doc: &[&str]) -> String {
     let lines = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
-    lines.collect::<Vec<_>>().join(" ").replace(['`', '[', ']'], "")
+    lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
 }
 
 /// Words in lines of at most [`WIDTH`] columns.
@@ -266,8 +266,8 @@ fn unknown_key(place: &str, key: &str) -> Error {
     collect_paths("", Scene::SHAPE.settings(), &mut paths);
     let renamed = RENAMED.iter().find(|(old, _)| *old == place).map(|(_, new)| (*new).to_owned());
     let moved = || {
-        let same = |path: &&String| path.rsplit('.').next() == Some(key);
-        paths.iter().find(same).cloned()
+        let mut same = paths.iter().filter(|path| path.rsplit('.').next() == Some(key));
+        same.next().filter(|_| same.next().is_none()).cloned()
     };
     let hint = match renamed.or_else(moved) {
         Some(path) => format!("the key is {path}"),
@@ -410,6 +410,7 @@ mod tests {
         assert_eq!(hint("[air]\ngust_time_s = 1.0"), "the key is air.gusts.time_s");
         assert_eq!(hint("[sensors]\nstations = []"), "the key is sensors.lighthouse.stations");
         assert_eq!(hint("[plan]\nstyle = \"evn\""), "did you mean even?");
+        assert!(!hint("[sensors]\nnoise_m = 0.1").starts_with("the key is"), "several have it");
         assert_eq!(hint("preset = \"cf-21\""), "did you mean cf21?");
         let other = "[plan.style]\nkind = \"team\"\njerk_m_s3 = 20.0";
         assert!(hint(other).contains("plan.style.kind = \"even\""), "{}", hint(other));
@@ -425,5 +426,6 @@ mod tests {
         }
         assert!(text.contains("# Speed along every leg; in style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
         assert!(text.contains("\n[plan.style]\n#   team: "), "{text}");
+        assert!(text.contains("in order: [[20, 30]] is silence from"), "{text}");
     }
 }

@@ -2,7 +2,7 @@
 //! photo.
 //!
 //! The place of a word does not matter to a viewer, so within limits it costs nothing; it is reported
-//! as a measure of the flight. Not modelled: shear and perspective (the camera is known).
+//! as a measure of the flight. Not modeled: shear and perspective (the camera is known).
 
 use super::ink::Page;
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};

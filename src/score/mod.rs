@@ -11,7 +11,7 @@
 //!    the readability, calibrated with readers at first sight (docs/calibration.md).
 //! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
 //!
-//! [`read`] uses the same net without knowledge of the word. Not modelled: a dictionary, and
+//! [`read`] uses the same net without knowledge of the word. Not modeled: a dictionary, and
 //! characters other than Latin letters and digits. Score knows no plan, no flight and no lamp.
 
 use crate::camera::Camera;

@@ -81,7 +81,7 @@ impl Trace {
     }
 }
 
-/// Neighbours of a pixel on a page.
+/// Neighbors of a pixel on a page.
 pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (index % width, index / width);
     let rows = y.saturating_sub(1)..(y + 2).min(n_pixels / width);

@@ -77,6 +77,40 @@ impl View {
         Photo { width_px, height_px, rgb8, scene_toml: None }
     }
 
+    /// A photo of a line of writing seen square on, from the four corners of its box in the
+    /// photo, clockwise from the upper left; with a margin for letters that leave the box.
+    ///
+    /// # Errors
+    ///
+    /// As [`Homography::from_corners`].
+    pub fn rectified_by_corners(photo: &Photo, corners_px: [[f64; 2]; 4]) -> Result<Photo> {
+        let side = |a: usize, b: usize| {
+            let [[x, y], [to_x, to_y]] = [corners_px[a], corners_px[b]];
+            libm::hypot(to_x - x, to_y - y)
+        };
+        let [width, height] = [side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2))];
+        let size_px = [photo.width_px, photo.height_px];
+        let plane = Homography::from_corners([0.0, 0.0, width, height], corners_px, size_px)?;
+        let margin = CORNERS_MARGIN * height;
+        let bounds = [-margin, -margin, width + margin, height + margin];
+        Ok(Self::Plane(plane).square_on(photo, bounds, 1.0))
+    }
+
+    /// A photo of the word's plane seen square on, from the camera that took it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a camera that looks past the plane.
+    pub fn rectified_by_camera(photo: &Photo, camera: &Camera) -> Result<Photo> {
+        let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
+            let wanted = "a camera all of whose picture shows the plane of the word";
+            let hint = "name the scene of the photo, or the corners of the word in the photo";
+            Error::input("camera", "one that looks past the word", wanted, hint)
+        })?;
+        let px_per_m = f64::from(photo.width_px) / (bounds_m[2] - bounds_m[0]);
+        Ok(Self::from(camera).square_on(photo, bounds_m, px_per_m))
+    }
+
     /// Size of the photo that it was made for.
     #[must_use]
     pub fn size_px(&self) -> [u32; 2] {
@@ -86,6 +120,9 @@ impl View {
         }
     }
 }
+
+/// Margin around a box given by its corners, in heights of the box.
+const CORNERS_MARGIN: f64 = 0.5;
 
 /// Longest side of a picture seen square on.
 const MAX_SQUARE_ON_PX: f64 = 4096.0;

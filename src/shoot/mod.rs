@@ -14,7 +14,7 @@
 //! the flight, and the photo is encoded while it is read.
 //!
 //! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
-//! side. Not modelled: wake and collisions between drones.
+//! side. Not modeled: wake and collisions between drones.
 
 use std::num::NonZero;
 use std::path::Path;

@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn with_feed_forward_the_letters_are_flown_within_fifteen_millimetres() {
+    fn with_feed_forward_the_letters_are_flown_within_fifteen_millimeters() {
         for kind in [
             ControllerKind::LqrFeedforward,
             ControllerKind::LqrIntegral,
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_teams_own_lights_leave_streaks_of_a_decimetre() {
+    fn the_teams_own_lights_leave_streaks_of_a_decimeter() {
         let team = scene(PlanOptions::default(), ControllerKind::Lqr);
         let plan = plan(&team, &noor()).unwrap().swap_remove(0).plan;
         let ends = ends(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();

@@ -112,7 +112,7 @@ impl Shoot {
             painted: &painted,
             cap_height_m: self.strokes.as_ref().and_then(cap_height_m),
             motor_max: scene.vehicle.motor_max,
-            battery_modelled: scene.battery.capacity_ah > 0.0,
+            battery_modeled: scene.battery.capacity_ah > 0.0,
         };
         Ok(check_flown(&flown, profile))
     }

@@ -19,7 +19,7 @@
 //! Sources: common random numbers and paired comparison, Law, "Simulation Modeling and Analysis"
 //! (2015), chapter 11; bootstrap intervals, Efron, Tibshirani (1993).
 //!
-//! Not modelled: readers who differ, learning pilots, photographers who choose another exposure for
+//! Not modeled: readers who differ, learning pilots, photographers who choose another exposure for
 //! each controller.
 
 mod conditions;

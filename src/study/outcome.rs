@@ -224,11 +224,11 @@ fn saturated_frac(flight: &Flight) -> f64 {
 /// Energy drawn from the battery; where the scene has none, that of a full one.
 fn energy_j(flight: &Flight, options: &SimOptions) -> f64 {
     let drawn_j = flight.extra.get(ENERGY_J).and_then(|column| column.last());
-    drawn_j.copied().unwrap_or_else(|| modelled_energy_j(&flight.samples, options))
+    drawn_j.copied().unwrap_or_else(|| modeled_energy_j(&flight.samples, options))
 }
 
 /// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.
-fn modelled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
+fn modeled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
     let battery = &options.battery;
     let volts = battery.open_circuit_v(battery.charge_frac);
     let power_w = |sample: &FlightSample| {
@@ -257,7 +257,7 @@ mod tests {
         let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
         // 40 000 units of 1.95 µN draw 6.68 A/N; a full battery has 4.2 V.
         let want_j = 2.0 * 4.2 * (0.24 + 6.68 * 0.078);
-        let found_j = modelled_energy_j(&[sample, later], &SimOptions::default());
+        let found_j = modeled_energy_j(&[sample, later], &SimOptions::default());
         assert!((found_j - want_j).abs() < 1e-9, "{found_j} for {want_j}");
     }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use noctograph::expose::BackendChoice;
 use noctograph::photo::{Noise, Photo, flip};
-use noctograph::report::{Label, labelled};
+use noctograph::report::{Label, labeled};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
@@ -113,7 +113,7 @@ fn the_pictures_of_the_readme_look_like_the_photos_of_their_commands() {
 }
 
 #[test]
-fn the_labelled_picture_looks_like_the_render_of_its_scene() {
+fn the_labeled_picture_looks_like_the_render_of_its_scene() {
     let toml = std::fs::read_to_string(repository("docs/photograph.toml")).unwrap();
     let scene = Scene { word: "NOOR".into(), ..Scene::parse(&toml, "photograph.toml").unwrap() };
     let label = |text: &str, text_px, named_px| Label { text: text.into(), text_px, named_px };
@@ -125,5 +125,5 @@ fn the_labelled_picture_looks_like_the_render_of_its_scene() {
         label("5 lit tail before the N", [20.0, 300.0], [293.0, 262.0]),
         label("6 take-off blob, glow of the ring on the floor", [560.0, 400.0], [487.0, 359.0]),
     ];
-    assert_illustration("phenomena.png", &labelled(&photograph(scene), &labels));
+    assert_illustration("phenomena.png", &labeled(&photograph(scene), &labels));
 }

@@ -59,7 +59,7 @@ impl Taken {
 }
 
 #[test]
-fn a_displaced_centre_of_mass_shifts_the_letters_left_by_7_cm() {
+fn a_displaced_center_of_mass_shifts_the_letters_left_by_7_cm() {
     let balanced = on_cpu("NOOR", |scene| scene.vehicle.center_of_mass_m = [0.0, 0.0]);
     let displaced = on_cpu("NOOR", |_| {});
     // The left stroke of the second O, designed at x = 0.2 m.

@@ -43,7 +43,7 @@ fn assert_near(found: &Value, want: [f64; 3], tolerance: f64) {
 /// of the observer against the firmware 0.012, 0.013 and 0.014 m, 0.003, 0.004 and 0.003 rad. The
 /// log is flight 4. Its figures, with NumPy's `interp` on a grid of 100 Hz over the whole log:
 /// 0.0986, 0.0513, 0.0681 m; 0.0135, 0.0181, 0.0201 m; 0.0022, 0.0286, 0.0173 rad. In the air the
-/// observers agree to a millimetre: 0.0010, 0.0005, 0.0008 m.
+/// observers agree to a millimeter: 0.0010, 0.0005, 0.0008 m.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_tables_1_and_2_come_from_their_log() {

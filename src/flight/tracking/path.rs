@@ -105,7 +105,7 @@ fn in_plane_distance_m(point: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>
     (arm - leg * along.clamp(0.0, 1.0)).norm()
 }
 
-/// Leaves out corners that lie on an even, straight leg between their neighbours.
+/// Leaves out corners that lie on an even, straight leg between their neighbors.
 ///
 /// Swinging door: as long as one velocity from the leg's start passes all its samples within the
 /// tolerance, the leg goes on.

@@ -24,7 +24,7 @@ const UPRIGHT: f64 = 0.05;
 /// cut off flat.
 const FAR: f64 = 10.0;
 
-/// Farthest that a meeting point may lie from its junction, by the junction's radius.
+/// Farthest that a meeting point may lie from its junction, in radii of the junction.
 const REACH: f64 = 3.0;
 
 /// Lines through the junctions of an axis, straight strokes joined.

@@ -5,10 +5,10 @@ use crate::statistics::median;
 
 use super::super::vector::direction;
 
-/// A branch is used from where its radius has fallen to this, by its median radius.
+/// A branch is used from where its radius has fallen to this multiple of its median radius.
 const SETTLED: f64 = 1.06;
 
-/// Least and greatest distance from the junction at which it is used, by the junction's radius, and
+/// Least and greatest distance from the junction at which it is used, in radii of the junction, and
 /// the largest share of a branch that is left out.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
 const SKIPPED_SHARE: f64 = 0.4;
@@ -47,8 +47,8 @@ pub(super) struct Limb {
     used: bool,
 }
 
-/// The way from a limb's end to where it meets others, and the limb that continues there: whether
-/// by its tail.
+/// The way from a limb's end to where it meets others, and the next limb with whether it is
+/// entered at its tail.
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,

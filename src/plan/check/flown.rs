@@ -20,7 +20,7 @@ pub struct Flown<'a> {
     /// Largest motor command.
     pub motor_max: f64,
     /// Whether the simulated drone has a battery that sags.
-    pub battery_modelled: bool,
+    pub battery_modeled: bool,
 }
 
 /// Ratio to the median dose within which light is even: half a stop.
@@ -91,7 +91,7 @@ fn motors(flown: &Flown<'_>) -> Finding {
 
 fn battery(flown: &Flown<'_>) -> Finding {
     let warning = flown.flight.warnings.iter().find(|warning| warning.contains("battery"));
-    let severity = match (flown.battery_modelled, warning) {
+    let severity = match (flown.battery_modeled, warning) {
         (false, _) => Severity::Unknown,
         (true, None) => Severity::Fine,
         (true, Some(_)) => Severity::Stop,
@@ -186,7 +186,7 @@ mod tests {
             painted: &[],
             cap_height_m: Some(0.5),
             motor_max: 1.0,
-            battery_modelled: true,
+            battery_modeled: true,
         }
     }
 

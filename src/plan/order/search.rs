@@ -88,7 +88,7 @@ impl Tour<'_> {
     /// 2-opt: reverses the run that brings the strokes at `i` and `j` side by side.
     fn reverse_between(&self, legs: &mut [Leg], i: usize, j: usize) -> Option<Range<usize>> {
         let (low, high) = (i.min(j), i.max(j));
-        // Behind the lower one or up to before the higher one, or either with both.
+        // Candidate runs: after `low` through `high`; `low` to before `high`; both included.
         let runs = [(low + 1, high), (low, high - 1), (low, high)];
         runs.into_iter().find_map(|(first, last)| {
             if first > last {
@@ -121,7 +121,7 @@ impl Tour<'_> {
             let (first, last) = (Some(run[0]), Some(run[length - 1]));
             let saved_s = self.between_s(before, first) + self.between_s(last, after)
                 - self.between_s(before, after);
-            // Gap after index `gap - 1`, in the order as it stands.
+            // `gap` is an insertion index in the unchanged order.
             for gap in [j, j + 1] {
                 if (i..=i + length).contains(&gap) {
                     continue;

@@ -49,7 +49,7 @@ pub(super) fn word(text: &str) -> Strokes {
     write(text, &LetterOptions::default()).unwrap()
 }
 
-/// A camera before the middle of the word, turned about it by an angle, with half a metre of room.
+/// A camera before the middle of the word, turned about it by an angle, with half a meter of room.
 pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera {
     let [left, bottom, right, top] = strokes.bounds_m();
     let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));

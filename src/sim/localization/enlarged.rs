@@ -375,7 +375,7 @@ mod tests {
     use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
     #[test]
-    fn without_noise_the_linear_filter_finds_any_start_to_a_micrometre() {
+    fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
         // Two drones on figures in space, from starts 3 m off, which the filter does not trust.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);

@@ -178,7 +178,8 @@ settings! {
     ///
     /// Default: firmware (`zranger2.c`).
     pub struct TimeOfFlightOptions {
-        /// White noise of a distance, σ up to 2 m; beyond, it rises to 0.2 m at 4 m.
+        /// White noise of a distance, σ near the floor. The sensor adds 2.5 mm at 2.5 m and
+        /// 0.2 m at 4 m.
         noise_m: f64 = 0.0025, in 0.0..=10.0;
         /// Distances per second.
         rate_hz: f64 = 40.0, in 0.1..=2000.0;

@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::station::StationPose;
 use crate::geometry::Attitude;
 use crate::sim::noise::{Field, Noise, Normals};
-use crate::sim::options::{Generation, LighthouseOptions};
+use crate::sim::options::{Generation, LighthouseOptions, Station};
 
 /// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
 /// firmware, `lighthouse_position_est.c`.
@@ -148,11 +148,13 @@ impl Rotor {
         truth.world_from_station *= turned.world_from_body();
 
         let mut chance = noise(&format!("station {i} sweeps"));
-        #[expect(clippy::cast_precision_loss, reason = "at most two stations")]
+        let is_v1 = |station: &&Station| station.generation == Generation::V1;
+        #[expect(clippy::cast_precision_loss, reason = "at most 16 stations")]
         let (turn_hz, phases, generation) = match station.generation {
             Generation::V1 => {
-                let slots = 2.0 * options.stations.len() as f64;
-                let first = 2.0 * i as f64 / slots;
+                // First-generation stations take turns; the others sweep on their own.
+                let slots = 2.0 * options.stations.iter().filter(is_v1).count() as f64;
+                let first = 2.0 * options.stations[..i].iter().filter(is_v1).count() as f64 / slots;
                 (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots], 0)
             }
             Generation::V2 => {
