@@ -17,6 +17,9 @@ const LEAST_SHARE: f64 = 0.001;
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
+/// Free readings that are tried as rivals.
+const N_FREE: usize = 2;
+
 /// A word that strips are expected to show, without its punctuation.
 pub(super) struct Expected {
     /// Index of each judged character in the word.
@@ -63,7 +66,7 @@ impl Expected {
         Judgment { choices, rival, readability }
     }
 
-    /// The likeliest other word, with one letter replaced or as the likeliest free reading has it, and ln of its
+    /// The likeliest other word, with one letter replaced or as a free reading has it, and ln of its
     /// odds against the expected one.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<(String, f64)> {
         let by_letter = choices.iter().enumerate().filter_map(|(index, choice)| {
@@ -74,9 +77,8 @@ impl Expected {
         });
         let own = columns.ln_p(&self.classes);
         let all = names(0, self.digits.iter().all(|digit| *digit));
-        // The likeliest reading alone: the next ones are often the word with a letter doubled.
-        let free = search(columns, &all, &all).into_iter().map(|(text, _)| text).take(1);
-        let free = free.filter(|text| !text.is_empty() && !self.spells(text));
+        let free = search(columns, &all, &all).into_iter().map(|(text, _)| text);
+        let free = free.filter(|text| !text.is_empty() && !self.spells(text)).take(N_FREE);
         let free = free.map(|text| {
             let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
             let last = self.characters.len() - 1;

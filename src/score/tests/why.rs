@@ -95,14 +95,3 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
         assert_eq!(found, flawed, "{character}: {:#?}", verdict.causes);
     }
 }
-
-#[test]
-fn letters_of_the_teams_font_that_look_like_others_are_flaws_of_design() {
-    for text in ["FELIX", "WANDA", "UHU"] {
-        let strokes = word(text);
-        let verdict = explained(&Shot::of(&strokes), &strokes);
-        let design = verdict.causes.iter().filter(|cause| cause.kind == CauseKind::Design);
-        let found: Vec<_> = design.map(|cause| (cause.letter, cause.reads_as)).collect();
-        println!("{text} {found:?} {:?} {}", verdict.letters.iter().map(|l| l.p).collect::<Vec<_>>(), verdict.readability);
-    }
-}
