@@ -111,7 +111,8 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
     let text = json(&read.stdout)["text"].as_str().unwrap().to_owned();
-    let n_wrong = text.chars().zip("NOOR".chars()).filter(|(found, wanted)| found != wanted).count();
+    let n_wrong =
+        text.chars().zip("NOOR".chars()).filter(|(found, wanted)| found != wanted).count();
     assert!(text.len() == 4 && n_wrong <= 1, "{text}");
     let score = noctograph(folder.path())
         .args(["score", photo, "NOOR", "--scene", "team", "--json"])
