@@ -1,6 +1,7 @@
 //! Findings of a check in words.
 
 use super::report::wrapped;
+use crate::export::poly4d::MAX_PIECES;
 use crate::plan::check::{Check, Finding, Severity};
 
 /// The table of findings, and what to change.
@@ -80,8 +81,8 @@ fn found(finding: &Finding) -> String {
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
         Check::Memory if finding.value.is_none() => detail.clone(),
-        Check::Memory if detail.is_empty() => format!("{value} bytes compressed, too much for any"),
-        Check::Memory => format!("{value} bytes compressed; it can be exported as {detail}"),
+        Check::Memory => memory(finding),
+        Check::LedMemory if value <= 1.0 => "not used".into(),
         Check::LedMemory => format!("{value} entries"),
         Check::Headlights if is_fine => "on or off".into(),
         Check::Headlights => format!("dimmed by {value} commands, first{at}"),
@@ -109,6 +110,22 @@ fn found(finding: &Finding) -> String {
         Check::Picture if is_fine => "shows the word while it is written".into(),
         Check::Picture => detail.clone(),
     }
+}
+
+/// Bytes and pieces, each of as many as the drone's memory holds.
+fn memory(finding: &Finding) -> String {
+    let (bytes, pieces) = (finding.value.unwrap_or(0.0), finding.count.unwrap_or_default());
+    let beyond = |is: bool| if is { ", too many" } else { "" };
+    let formats = match finding.detail.as_str() {
+        "" => "no form of export takes it".to_owned(),
+        formats => format!("it can be exported as {formats}"),
+    };
+    format!(
+        "{bytes} of {} bytes compressed{}; {pieces} of {MAX_PIECES} pieces as poly4d{}; {formats}",
+        finding.limit,
+        beyond(bytes > finding.limit),
+        beyond(pieces > MAX_PIECES)
+    )
 }
 
 /// Limit, and what to change beyond it.
@@ -154,7 +171,7 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             "write fewer letters, faster (--style even), or with --drones 2",
         ),
         Check::Memory => (
-            format!("{limit} bytes on board"),
+            format!("{limit} bytes or {MAX_PIECES} pieces on board"),
             "share the word among --drones, or send positions: `export --to cflib`",
         ),
         Check::LedMemory => (
@@ -194,12 +211,12 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             ("thrust to the end".into(), "write fewer letters, or share them (--drones 2)")
         }
         Check::LitTransit => (
-            format!("within {:.0} mm of strokes' ends", 1e3 * limit),
-            "set plan.light_clock = \"light\" (--style even), or slow down",
+            format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * limit),
+            "slow down (plan.stroke_speed_m_s); in style team also set plan.light_clock = \"light\"",
         ),
         Check::LitDwell => (
             format!("below {limit} s of light two stops over the rest"),
-            "set plan.light_clock = \"light\", or plan with --style even",
+            "plan with --style even; in style team, set plan.light_clock = \"light\"",
         ),
         Check::Evenness => (
             format!("{:.0} % of the lit length", 100.0 * limit),

@@ -90,7 +90,7 @@ fn table(found: &[HoldFigures]) -> String {
     for f in found {
         let nis = f.nis.map(|nis| nis.map_or("   -".to_owned(), |nis| format!("{nis:.2}")));
         text += &format!(
-            "{:12}{:8}{:6.2}{:7.2}{:7.3}{:11.4}     {}{:8.2}\n",
+            "{:12}{:8}{:6.2}{:7.2}{:7.3}{:11.4}     {} {:.2} of {:.2}\n",
             f.scenario,
             f.model,
             100.0 * f.estimate_m.value,
@@ -98,7 +98,8 @@ fn table(found: &[HoldFigures]) -> String {
             f.inside,
             f.hover_throttle,
             nis.join(" "),
-            f.steps,
+            f.steps[0],
+            f.steps[1],
         );
     }
     for (f, missed) in found.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {

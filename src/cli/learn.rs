@@ -64,7 +64,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     crate::error::within("smooth", args.smooth, 0.0, 10.0)?;
     crate::error::within("repeats", args.repeats.into(), 1.0, 1e4)?;
     let contender = find_scene(&args.scene, &args.set.set)?;
-    let ready = Prepared::new(&contender, &args.word, &Conditions::default())?;
+    let ready = Prepared::new(&contender, &args.word, &Conditions::any_drone())?;
     let options = LearnOptions {
         rounds: args.rounds,
         flights: args.repeats,

@@ -43,6 +43,7 @@ mod scene;
 mod score;
 mod show;
 mod specimen;
+mod spread;
 mod square_on;
 mod studies;
 mod sweep;

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
 use super::device::tried;
 use super::flags::{PictureFlags, SubjectFlags};
@@ -11,13 +12,16 @@ use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
 use super::report::{Outcome, Report, line, wrapped};
+use super::spread::SpreadFlags;
 use super::{findings, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, flown};
 use crate::plan::Plan;
 use crate::plan::check::Profile;
+use crate::score::Verdict;
 use crate::shoot::{Format, Shoot};
+use crate::study::remedies;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -25,6 +29,8 @@ pub(super) struct PreviewArgs {
     subject: SubjectFlags,
     #[command(flatten)]
     picture: PictureFlags,
+    #[command(flatten)]
+    spread: SpreadFlags,
     /// Fly the trajectory that is exported in this form, decoded as on board
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
@@ -38,6 +44,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     if let Some(form) = args.as_exported {
         fly_as_exported(&mut shoot, form)?;
     }
+    let conditions = args.spread.conditions()?;
     let folder = OutputFolder::create(&args.output)?;
     let before = shoot.clone();
     let backend = tried(args.picture.backend);
@@ -62,6 +69,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         folder.write("verdict.json", |out| writeln!(out, "{json:#}"))?;
         names.push("verdict.json".to_owned());
     }
+    let spread = args.spread.run(&before, &conditions, &folder)?;
+    names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
     let files = folder.keep(&names)?;
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
@@ -70,7 +79,19 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["backend"] = backend.into();
     json["adapter"] = adapter.as_str().into();
     json["photo_sha256"] = sha256(png).into();
+    let remedies = match verdict.filter(|verdict| !verdict.legible) {
+        // A plan from elsewhere is not made anew.
+        Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
+        _ => Vec::new(),
+    };
+    json["remedies"] = json!(remedies);
     let mut text = match verdict {
+        Some(verdict) if !remedies.is_empty() => {
+            // What was flown says more than what was retouched.
+            let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
+            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, r.change));
+            show::verdict_table(&verdict) + "\ngain   change\n" + &rows.collect::<String>()
+        }
         Some(verdict) => show::verdict_table(verdict),
         None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     };
@@ -84,6 +105,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     text.extend(findings::stops(&findings).map(|stops| wrapped("check     ", &stops)));
     text.extend(shot.flights.iter().map(show::flight_lines));
     text += &show::camera_line(&shot);
+    if let Some(spread) = spread {
+        text += &spread.text;
+        json["spread"] = spread.json;
+    }
     text += &line("exposed", &format!("by {backend} on {adapter}"));
     let outcome = verdict.map_or(Outcome::Done, Outcome::from);
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))

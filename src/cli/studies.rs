@@ -35,8 +35,8 @@ pub(super) struct StudyFlags {
     /// Seed that all seeds are drawn from
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// How flights differ from their scene: room (mass, center of mass, motor lag, Lighthouse,
-    /// gusts, LED delay, battery), still (noise alone), or a TOML file
+    /// How flights differ from their scene: room (the scene's drone, another room and evening),
+    /// drone (any drone of its make as well), still (noise alone), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }
@@ -63,18 +63,7 @@ impl StudyFlags {
 
     /// The conditions that were named.
     pub(super) fn conditions(&self) -> Result<Conditions> {
-        match self.conditions.as_str() {
-            "room" => Ok(Conditions::default()),
-            "still" => Ok(Conditions::still()),
-            file if Path::new(file).exists() => Conditions::parse(&read_text(file)?, file),
-            name => {
-                let hint = match similar(name, ["room", "still"]) {
-                    Some(similar) => format!("did you mean {similar}?"),
-                    None => "name a file that exists".into(),
-                };
-                Err(Error::input("conditions", name, "room, still, or a TOML file", hint))
-            }
-        }
+        conditions(&self.conditions)
     }
 
     /// The words with their numbers of seeds, where none is given a usual one.
@@ -105,6 +94,23 @@ impl StudyFlags {
             Error::input("words", text, wanted, "for example NOOR:200,LOG:20")
         })?;
         Ok((word.to_owned(), n))
+    }
+}
+
+/// Conditions by their name or from a file.
+pub(super) fn conditions(named: &str) -> Result<Conditions> {
+    match named {
+        "room" => Ok(Conditions::default()),
+        "drone" => Ok(Conditions::any_drone()),
+        "still" => Ok(Conditions::still()),
+        file if Path::new(file).exists() => Conditions::parse(&read_text(file)?, file),
+        name => {
+            let hint = match similar(name, ["room", "drone", "still"]) {
+                Some(similar) => format!("did you mean {similar}?"),
+                None => "name a file that exists".into(),
+            };
+            Err(Error::input("conditions", name, "room, drone, still, or a TOML file", hint))
+        }
     }
 }
 

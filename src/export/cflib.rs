@@ -80,7 +80,8 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         }
     };
     let (bytes, pieces, refused) = match trajectory {
-        Ok(trajectory) => (trajectory.to_bytes(), trajectory.n_pieces(), None),
+        // A byte of the command, which the firmware does not read of a compressed trajectory.
+        Ok(trajectory) => (trajectory.to_bytes(), trajectory.n_pieces().min(255), None),
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
         Err(error) => (Vec::new(), 0, Some(error.to_string())),
     };

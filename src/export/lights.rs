@@ -33,13 +33,19 @@ pub struct Command {
     pub level: f64,
 }
 
-/// The command of a light channel at a level from 0 to 1.
-fn command(time_s: f64, channel: &str, level: f64, options: &LightOptions) -> Result<Command> {
+/// The command of a light channel at a level from 0 to 1, on a letter.
+fn command(
+    time_s: f64,
+    channel: &str,
+    level: f64,
+    letter: Option<usize>,
+    options: &LightOptions,
+) -> Result<Command> {
     let (parameter, value, level) = match channel {
         // A pin: whatever is dimmed is on.
         "headlights" => ("ring.headlightEnable", u32::from(level > 0.0), level.ceil()),
         "ring" => ("ring.fadeColor", packed(&ring_color(options), level), level),
-        "color-led" => ("colorLedBot.wrgb8888", packed(&options.color_led_wrgb, level), level),
+        "color-led" => ("colorLedBot.wrgb8888", packed(&options.wrgb_of(letter), level), level),
         other => {
             let wanted = "headlights, ring or color-led: lamps with a firmware parameter";
             return Err(Error::input("plan.lights", other, wanted, "light with one of these"));
@@ -71,9 +77,9 @@ fn packed(bytes: &[u8], level: f64) -> u32 {
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
     for (channel, levels) in &plan.lights {
-        let mut value = command(0.0, channel, 0.0, options)?.value;
+        let mut value = command(0.0, channel, 0.0, None, options)?.value;
         for (setpoint, level) in plan.setpoints.iter().zip(levels) {
-            let next = command(setpoint.time_s, channel, *level, options)?;
+            let next = command(setpoint.time_s, channel, *level, setpoint.letter, options)?;
             if next.value != value {
                 value = next.value;
                 commands.push(next);
@@ -90,7 +96,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 ///
 /// As [`commands`].
 pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
-    plan.lights.keys().map(|channel| command(0.0, channel, 0.0, options)).collect()
+    plan.lights.keys().map(|channel| command(0.0, channel, 0.0, None, options)).collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.

@@ -134,19 +134,34 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Names of the formats in which a plan fits the drone: its memory as either trajectory, and the
-/// radio as the setpoints of a script.
-#[must_use]
-pub fn fitting(plan: &Plan) -> Vec<&'static str> {
+/// What a plan takes of the trajectory memory on board, and how it can be sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Memory {
+    /// Bytes as a compressed trajectory, of [`compressed::MEMORY_BYTES`].
+    pub bytes: usize,
+    /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
+    pub pieces: usize,
+    /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
+    /// setpoints of a script.
+    pub formats: Vec<&'static str>,
+}
+
+/// The trajectory memory that a plan takes.
+///
+/// # Errors
+///
+/// As [`compressed::Compressed::n_bytes`] and [`poly4d::Poly4d::fit_any_length`].
+pub fn memory(plan: &Plan) -> Result<Memory> {
+    let bytes = compressed::Compressed::n_bytes(plan, Form::Compressed.tolerance_m())?;
+    let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
+    let pieces = all.n_pieces();
     let fits = [
-        (
-            Format::Compressed,
-            compressed::Compressed::encode(plan, Form::Compressed.tolerance_m()).is_ok(),
-        ),
-        (Format::Poly4d, poly4d::Poly4d::fit(plan, Form::Poly4d.tolerance_m()).is_ok()),
+        (Format::Compressed, bytes <= compressed::MEMORY_BYTES),
+        (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];
-    fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name()).collect()
+    let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
+    Ok(Memory { bytes, pieces, formats: formats.collect() })
 }
 
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {

@@ -12,8 +12,10 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint};
 
-/// Times between two setpoints at which a piece is held against the design.
-const CHECKS_PER_SETPOINT: u32 = 4;
+/// Times between two setpoints at which a piece is held against the design, at least, and the longest
+/// time between two of them, s: a run-up is 0.5 s without a setpoint.
+const CHECKS_PER_SETPOINT: f64 = 4.0;
+const CHECK_INTERVAL_S: f64 = 0.02;
 
 /// Time in which a trajectory on board comes from rest to the speed of the first letter, and from
 /// that of the last one to rest, s: 0.4 m/s² at 0.2 m/s.
@@ -31,6 +33,8 @@ const RETRIES: u32 = 200;
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     setpoints: Vec<Setpoint>,
+    /// Acceleration at the end of the letters, where the run-out begins, m/s².
+    stop_m_s2: Vector3<f64>,
 }
 
 impl Stretch {
@@ -77,7 +81,7 @@ impl Stretch {
                 hint: "write higher (letters.baseline_m)".into(),
             });
         }
-        Ok(Self { setpoints })
+        Ok(Self { setpoints, stop_m_s2: stop.acceleration_m_s2 })
     }
 
     /// Time of the first setpoint in the plan, s.
@@ -103,6 +107,16 @@ impl Stretch {
     /// One of its setpoints.
     pub(super) fn setpoint(&self, index: usize) -> &Setpoint {
         &self.setpoints[index]
+    }
+
+    /// Acceleration just before a setpoint, m/s²: run-up and run-out begin and end with a jump.
+    pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
+        match self.last() - index {
+            1 => self.stop_m_s2,
+            0 => self.setpoints[index - 1].acceleration_m_s2,
+            _ if index == 1 => self.setpoints[0].acceleration_m_s2,
+            _ => self.setpoints[index].acceleration_m_s2,
+        }
     }
 
     /// Position of the design at a time since the start, m.
@@ -142,9 +156,11 @@ impl Stretch {
     pub(super) fn check_times_s(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         (from..to).flat_map(move |index| {
             let (start_s, end_s) = (self.time_s(index), self.time_s(index + 1));
-            (1..=CHECKS_PER_SETPOINT).map(move |check| {
-                start_s + (end_s - start_s) * f64::from(check) / f64::from(CHECKS_PER_SETPOINT)
-            })
+            let n = ((end_s - start_s) / CHECK_INTERVAL_S).ceil().max(CHECKS_PER_SETPOINT);
+            (1..)
+                .map(f64::from)
+                .take_while(move |check| *check <= n)
+                .map(move |check| start_s + (end_s - start_s) * check / n)
         })
     }
 }
@@ -189,6 +205,15 @@ pub(super) fn motion<'a>(
     end
 }
 
+/// How the numbers of a piece are rounded to those of its form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rounding {
+    /// To the nearest.
+    Nearest,
+    /// To the neighbors with the least acceleration.
+    Gentlest,
+}
+
 /// The pieces of a stretch, each the longest within `tolerance_m` of the design and `max_piece_s`
 /// whose speed and acceleration stay within those of the design; where that leaves no such piece for
 /// the setpoints after it, a shorter one. `piece` makes the piece between two setpoints after the
@@ -198,23 +223,25 @@ pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
     max_piece_s: f64,
-    piece: impl Fn(usize, usize, &[P]) -> P,
+    piece: impl Fn(usize, usize, &[P], Rounding) -> P,
     polynomials: impl Fn(&P) -> Polynomials,
 ) -> Vec<P> {
     let [max_m_s, max_m_s2] = stretch.limits();
-    let near = |at: usize, to: usize, found: &[P]| {
-        let (made, start_s) = (polynomials(&piece(at, to, found)), stretch.time_s(at));
+    let near_as = |at: usize, to: usize, found: &[P], rounding: Rounding| {
+        let made = polynomials(&piece(at, to, found, rounding));
+        let start_s = stretch.time_s(at);
         let off_m = |t: f64| {
             (made.at((t - start_s).min(made.duration_s))[0] - stretch.position_m(t)).norm()
         };
         stretch.time_s(to) - start_s < max_piece_s
             && stretch.check_times_s(at, to).all(|t| off_m(t) <= tolerance_m)
     };
+    let near = |at: usize, to: usize, found: &[P]| near_as(at, to, found, Rounding::Nearest);
     let farthest =
         |at: usize, found: &[P]| longest(at, stretch.last(), |to: usize| near(at, to, found));
     // Largest speed or acceleration relative to the design's.
-    let effort = |at: usize, to: usize, found: &[P]| {
-        let made = polynomials(&piece(at, to, found));
+    let effort = |at: usize, to: usize, found: &[P], rounding: Rounding| {
+        let made = polynomials(&piece(at, to, found, rounding));
         let times_s = stretch.check_times_s(at, to).map(|t| t - stretch.time_s(at));
         let efforts = [0.0].into_iter().chain(times_s).map(|t| {
             let [_, v, a] = made.at(t);
@@ -231,7 +258,9 @@ pub(super) fn pieces<P>(
         match max_m_s2 {
             0.0 => vec![farthest],
             _ => (at + 1..=farthest)
-                .filter(|to| effort(at, *to, found) <= OVER_LIMITS && near(at, *to, found))
+                .filter(|to| {
+                    effort(at, *to, found, Rounding::Nearest) <= OVER_LIMITS && near(at, *to, found)
+                })
                 .collect(),
         }
     };
@@ -240,8 +269,8 @@ pub(super) fn pieces<P>(
     let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
     let mut untried = ends(0, &found);
     while at < stretch.last() {
-        let mut to = untried.pop();
-        if to.is_none() {
+        let mut next = untried.pop().map(|to| (to, Rounding::Nearest));
+        if next.is_none() {
             (stuck_at, retries) = if at > stuck_at { (at, 1) } else { (stuck_at, retries + 1) };
             let other = tried.iter().rposition(|(_, untried)| !untried.is_empty());
             if let Some(index) = other.filter(|_| retries <= RETRIES) {
@@ -250,14 +279,19 @@ pub(super) fn pieces<P>(
                 tried.truncate(index);
                 continue;
             }
-            let near = |to: &usize| *to == at + 1 || near(at, *to, &found);
-            let all = (at + 1..=farthest(at, &found)).filter(near);
-            let efforts = all.map(|to| (to, effort(at, to, &found)));
-            to = efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(to, _)| to);
+            let ends = (at + 1..=farthest(at, &found)).flat_map(|to| {
+                [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding))
+            });
+            let near = |(to, rounding): &(usize, Rounding)| {
+                (*to, *rounding) == (at + 1, Rounding::Nearest)
+                    || near_as(at, *to, &found, *rounding)
+            };
+            let efforts = ends.filter(near).map(|end| (end, effort(at, end.0, &found, end.1)));
+            next = efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end);
         }
-        let to = to.expect("the next setpoint");
-        let next = piece(at, to, &found);
-        found.push(next);
+        let (to, rounding) = next.expect("the next setpoint");
+        let made = piece(at, to, &found, rounding);
+        found.push(made);
         tried.push((at, untried));
         at = to;
         untried = ends(at, &found);

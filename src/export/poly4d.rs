@@ -61,7 +61,7 @@ impl Poly4d {
     /// [`crate::error::Error::Input`] for a plan without letters.
     pub fn fit_any_length(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
-        let next = |from, to, _: &[Polynomials]| fit(&stretch, from, to);
+        let next = |from, to, _: &[Polynomials], _| fit(&stretch, from, to);
         let pieces = pieces(&stretch, tolerance_m, f64::INFINITY, next, |piece| *piece);
         Ok(Self { pieces })
     }
@@ -117,9 +117,10 @@ impl Poly4d {
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
     let (start, end) = (stretch.setpoint(from), stretch.setpoint(to));
+    let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
     let quintics = [0, 1, 2].map(|axis| {
-        let ends = [start, end]
-            .map(|s| [s.position_m[axis], s.velocity_m_s[axis], s.acceleration_m_s2[axis]]);
+        let ends = [(start, &start.acceleration_m_s2), (end, &arrival_m_s2)];
+        let ends = ends.map(|(s, a_m_s2)| [s.position_m[axis], s.velocity_m_s[axis], a_m_s2[axis]]);
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
@@ -179,6 +180,7 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pieces::waves;
     use super::super::recorded;
     use super::*;
     use crate::letters::{LetterOptions, write};
@@ -203,6 +205,41 @@ mod tests {
         let error = Poly4d::fit(&plan, 0.001).unwrap_err();
         assert!(error.to_string().contains("of 4 letters fit"), "{error}");
         assert!(error.hint().contains("compressed"), "{}", error.hint());
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig {
+            cases: 1000,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(17),
+            ..Default::default()
+        })]
+
+        #[test]
+        fn random_plans_are_fitted_within_tolerance_and_limits(
+            size_m in proptest::array::uniform3(0.2..0.6_f64),
+            speed_m_s in proptest::array::uniform3(0.02..1.0_f64),
+            phase in proptest::array::uniform3(0.0..std::f64::consts::TAU),
+            n in 20..120_u32,
+            step_s in 0.02..0.05_f64,
+            tolerance_m in 0.001..0.01_f64,
+        ) {
+            let rate = std::array::from_fn(|axis| speed_m_s[axis] / size_m[axis]);
+            let plan = waves([size_m, rate, phase], n, step_s);
+            let trajectory = Poly4d::fit_any_length(&plan, tolerance_m).unwrap();
+            let worst_m = trajectory.worst_m(&plan);
+            proptest::prop_assert!(worst_m <= tolerance_m + 1e-9, "{} m", worst_m);
+            let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+            for piece in &trajectory.pieces {
+                for k in 0..=50 {
+                    let [_, v, a] = piece.at(piece.duration_s * f64::from(k) / 50.0);
+                    let (v, a) = (v.norm(), a.norm());
+                    proptest::prop_assert!(
+                        v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2,
+                        "{} of {} m/s, {} of {} m/s²", v, max_m_s, a, max_m_s2
+                    );
+                }
+            }
+        }
     }
 
     /// The pieces whose bytes the firmware was given, and its answers.

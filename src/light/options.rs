@@ -49,6 +49,9 @@ settings! {
         ///
         /// `colorLedBot.wrgb8888`.
         color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
+        /// White, red, green, blue of the letters in turn, in place of `color_led_wrgb`; empty: all
+        /// alike.
+        letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
         /// `colorLedBot.brightCorr`.
@@ -140,6 +143,16 @@ impl LightOptions {
     #[must_use]
     pub fn fixtures(&self) -> Vec<Fixture> {
         self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
+    }
+
+    /// Color of the color LED deck on a letter, counted from 0.
+    #[must_use]
+    pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
+        let colors = &self.letters_wrgb;
+        match letter {
+            Some(letter) if !colors.is_empty() => colors[letter % colors.len()],
+            _ => self.color_led_wrgb,
+        }
     }
 
     /// Checks the ranges.

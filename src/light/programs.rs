@@ -145,13 +145,43 @@ impl<'a> Programs<'a> {
             changes.extend(timer.hold(&arrivals));
             changes
         });
-        let switched = switched.unwrap_or_else(|| self.steady(1.0));
-        let levels = color_led_levels(self.options.color_led_wrgb, self.options.color_led_levels);
-        let die = |full: f64| {
-            let level = |on: f64| if on > 0.0 { full } else { 0.0 };
-            switched.iter().map(|c| Change { level: level(c.level), ..*c }).collect()
+        let mut switched = switched.unwrap_or_else(|| self.steady(1.0));
+        let letters = self.letters();
+        if !self.options.letters_wrgb.is_empty() {
+            // A lamp that stays lit from letter to letter changes its color.
+            let lit_at = |time_s: f64| {
+                let before = switched.partition_point(|change| change.time_s <= time_s);
+                before.checked_sub(1).map(|index| switched[index].level).filter(|l| *l > 0.0)
+            };
+            let turns = letters.iter();
+            let turns = turns.filter_map(|(time_s, _)| Some((*time_s, lit_at(*time_s)?)));
+            let turns: Vec<Change> =
+                turns.map(|(time_s, level)| Change { time_s, level }).collect();
+            switched.extend(turns);
+            switched.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        }
+        let levels = |change: &Change| {
+            let before = letters.partition_point(|(time_s, _)| *time_s <= change.time_s);
+            let letter = before.checked_sub(1).map(|index| letters[index].1);
+            color_led_levels(self.options.wrgb_of(letter), self.options.color_led_levels)
         };
-        levels.into_iter().map(die).collect()
+        let die = |die: usize| {
+            let level = |c: &Change| if c.level > 0.0 { levels(c)[die] } else { 0.0 };
+            switched.iter().map(|c| Change { level: level(c), ..*c }).collect()
+        };
+        (0..4).map(die).collect()
+    }
+
+    /// Letters of the flight, each from its first sample on.
+    fn letters(&self) -> Vec<(f64, usize)> {
+        let mut letters: Vec<(f64, usize)> = Vec::new();
+        for sample in &self.flight.samples {
+            let Some(letter) = sample.letter else { continue };
+            if letters.last().is_none_or(|(_, last)| *last != letter) {
+                letters.push((sample.time_s, letter));
+            }
+        }
+        letters
     }
 
     /// Levels between 0 and 1 as pulses of full level.

@@ -347,3 +347,32 @@ fn impossible_rows_are_refused_by_name() {
     );
     assert!(refused(|row| row.visible_cos = 1.5).contains("visible_cos"));
 }
+
+#[test]
+fn the_color_led_writes_each_letter_in_its_color() {
+    let sample = |k: u32| FlightSample {
+        time_s: 0.1 * f64::from(k),
+        letter: [None, Some(0), Some(1), Some(2)][(k as usize / 10) % 4],
+        ..FlightSample::default()
+    };
+    let samples: Vec<FlightSample> = (0..40).map(sample).collect();
+    let levels = (0..40).map(|k| if k >= 10 && k % 10 > 1 { 1.0 } else { 0.0 }).collect();
+    let lights = [("color-led".to_owned(), levels)].into();
+    let flight = Flight { samples, lights, ..Flight::default() };
+    let options = LightOptions {
+        deck: Deck::ColorLed,
+        letters_wrgb: vec![[0, 255, 0, 0], [0, 0, 0, 255]],
+        ..LightOptions::default()
+    };
+    let trace = light(&flight, &options, 1, 0).unwrap();
+    let color_at = |time_s: f64| {
+        let is_lit = |s: &&LightSample| s.level > 0.0 && (s.time_s - time_s).abs() < 0.3;
+        let mut lit = trace.lamps.iter().filter(|lamp| lamp.samples.iter().any(|s| is_lit(&s)));
+        let (lamp, other) = (lit.next().unwrap(), lit.find(|l| l.emitter.name == "color LED"));
+        assert!(other.is_none_or(|other| other == lamp), "one color at a time");
+        lamp.emitter.rgb
+    };
+    let [first, second, third] = [1.5, 2.5, 3.5].map(color_at);
+    assert!(first[0] > 2.0 * first[2] && second[2] > 2.0 * second[0], "{first:?}, {second:?}");
+    assert_eq!(first, third, "two colors in turn");
+}

@@ -155,12 +155,19 @@ fn draw_anchors(svg: &mut String, above: &View, uwb: &UwbOptions, n_drones: usiz
             false => uwb.heard.iter().filter(hears).count(),
         };
         let by = if n == n_drones { "all".to_owned() } else { n.to_string() };
+        // Anchors on one pole have a line each.
+        let near = |[other_x_m, other_y_m, _]: &&[f64; 3]| {
+            libm::hypot(other_x_m - x_m, other_y_m - y_m) * above.px_per_m < 80.0
+        };
+        let line = uwb.anchors_m[..index].iter().filter(near).count();
+        #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
+        let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         let _ = writeln!(
             svg,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#0072b2\"/>\n\
              <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{}\">{index}: z {z_m:.1} m, heard by \
              {by}</text>",
-            y - 10.0,
+            y + down_px,
             above.text_anchor(x)
         );
     }

@@ -188,8 +188,9 @@ impl Panel {
     }
 
     /// Where the words of the marks begin, right of and below their places: each at the nearest of
-    /// several places that is free of other words and within the panel.
+    /// several places within the panel that is free of other words, and of curves if there is one.
     fn places(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<(f64, f64)> {
+        let drawn = self.drawn_px([x_per_px, y_per_px]);
         let mut taken: Vec<[f64; 4]> = Vec::new();
         let place = |mark: &Mark| {
             let x_px = (mark.at.0 - self.x.start) / x_per_px;
@@ -216,11 +217,38 @@ impl Panel {
                         .iter()
                         .all(|[l, t, r, b]| right < *l || *r < left || bottom < *t || *b < top)
             };
-            let found = around.iter().find(free).copied().unwrap_or(around[0]);
+            let clear = |place: &&(f64, f64)| {
+                let [left, top, right, bottom] = corners(**place);
+                let across =
+                    |[x, y]: &[f64; 2]| (left..=right).contains(x) && (top..=bottom).contains(y);
+                free(place) && !drawn.iter().any(across)
+            };
+            let found = around.iter().find(clear).or_else(|| around.iter().find(free));
+            let found = found.copied().unwrap_or(around[0]);
             taken.push(corners(found));
             found
         };
         self.marks.iter().map(place).collect()
+    }
+
+    /// Points of all curves from the panel's upper left corner, a few pixels apart.
+    fn drawn_px(&self, [x_per_px, y_per_px]: [f64; 2]) -> Vec<[f64; 2]> {
+        const STEP_PX: f64 = 3.0;
+        let place =
+            |(x, y): (f64, f64)| [(x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px];
+        let lines = self.curves.iter().flat_map(|curve| &curve.pieces).flat_map(|p| p.windows(2));
+        let mut points = Vec::new();
+        for line in lines {
+            let [from, to] = [line[0], line[1]].map(place);
+            let [x, y] = [to[0] - from[0], to[1] - from[1]];
+            let n = (libm::hypot(x, y) / STEP_PX).ceil().max(1.0);
+            let mut part = 0.0;
+            while part < n {
+                points.push([from[0] + x * part / n, from[1] + y * part / n]);
+                part += 1.0;
+            }
+        }
+        points
     }
 }
 
@@ -257,15 +285,16 @@ fn at(x_px: f64, y_px: f64) -> (i32, i32) {
     (whole(x_px), whole(y_px))
 }
 
+/// Pixels on the fine canvas, also to the left or above.
 fn whole(px: f64) -> i32 {
-    i32::try_from(fine(px)).expect("a figure is a few thousand pixels")
+    #[expect(clippy::cast_possible_truncation, reason = "a figure is a few thousand pixels")]
+    let whole = (px * FINENESS).round() as i32;
+    whole
 }
 
-/// Pixels on the fine canvas.
+/// A length on the fine canvas.
 fn fine(px: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
-    let whole = (px * FINENESS).round() as u32;
-    whole
+    whole(px).unsigned_abs()
 }
 
 #[cfg(test)]
@@ -314,6 +343,32 @@ mod tests {
                 assert!(right < l || r < left || bottom < t || b < top, "{boxes:?}");
             }
         }
+    }
+
+    #[test]
+    fn words_stand_in_the_drawing_where_they_were_placed_beside_curves_and_not_on_them() {
+        let mark = |text: &str| Mark { at: (5.0, 5.0), text: text.to_owned() };
+        let pen = Pen { color: BLUE, width_px: 2.0 };
+        let bar = Curve { pen, pieces: vec![vec![(5.0, 5.0), (9.0, 5.0)]] };
+        let panel = Panel {
+            x: 0.0..10.0,
+            y: 0.0..10.0,
+            height_px: 400.0,
+            y_name: "z",
+            curves: vec![bar],
+            marks: vec![mark("one"), mark("two")],
+        };
+        let figure =
+            Figure { title: "t".into(), legend: Vec::new(), x_name: "x", panels: vec![panel] };
+        let svg = figure.svg();
+        let y_of = |text: &str| -> f64 {
+            let before = svg.split(&format!("\n{text}\n")).next().unwrap();
+            let y = before.rsplit(" y=\"").next().unwrap().split('"').next().unwrap();
+            y.parse::<f64>().unwrap() / FINENESS
+        };
+        let [one, two] = ["one", "two"].map(y_of);
+        let bar_px = HEAD_PX + 200.0;
+        assert!(one < bar_px - 5.0 && two > bar_px + 5.0, "{one} and {two} beside {bar_px}");
     }
 
     #[test]

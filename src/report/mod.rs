@@ -24,6 +24,7 @@ pub mod photos;
 mod plans;
 mod sheet;
 pub mod specimen;
+mod spread;
 mod studies;
 mod text;
 
@@ -34,5 +35,6 @@ pub use hold::{hold_figure, hold_page};
 pub use labels::{Label, labeled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use plans::plan_view;
-pub use sheet::study_sheet;
+pub use sheet::{spread_sheet, study_sheet};
+pub use spread::{spread_front, spread_over_time};
 pub use studies::{endurance, pareto};

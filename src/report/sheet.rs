@@ -19,6 +19,8 @@ const GROUND: u8 = 24;
 /// Its text.
 const INK: u8 = 235;
 
+/// Photos of a spread beside each other.
+const ROW_PHOTOS: usize = 4;
 /// Height of a capital in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
@@ -29,6 +31,18 @@ const CAP_HEIGHT_PX: f64 = 110.0;
 /// As [`Prepared::photo`](crate::study::Prepared::photo).
 pub fn study_sheet(study: &Study, ranking: &Ranking, records: &[Record]) -> Result<Photo> {
     Ok(contact_sheet(&study_rows(study, ranking, records)?))
+}
+
+/// Photos with their captions, in rows of a few.
+#[must_use]
+pub fn spread_sheet(title: &str, photos: Vec<(Photo, String)>) -> Photo {
+    let mut photos = photos.into_iter().peekable();
+    let mut rows = Vec::new();
+    while photos.peek().is_some() {
+        let title = if rows.is_empty() { title.to_owned() } else { String::new() };
+        rows.push(SheetRow { title, photos: photos.by_ref().take(ROW_PHOTOS).collect() });
+    }
+    contact_sheet(&rows)
 }
 
 /// A row for each scene: its median and its worst photo.

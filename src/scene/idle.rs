@@ -177,6 +177,11 @@ const RULES: &[Rule] = &[
         "the plan sends no color of the ring",
     ),
     ("light.color_led_wrgb", |s| !has_color_led(s), "no lamp is of the color LED deck"),
+    (
+        "light.letters_wrgb",
+        |s| !has_color_led(s),
+        "headlights are white, and no lamp is of the color LED deck",
+    ),
     ("light.color_led_levels", |s| !has_color_led(s), "no lamp is of the color LED deck"),
     ("light.led_bitmask", |s| !has_lamp(s, |f| f.bitmask_bit.is_some()), "no lamp has a bit in it"),
     (

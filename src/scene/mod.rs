@@ -18,7 +18,7 @@ use crate::light::LightOptions;
 use crate::photo::PhotoOptions;
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
-use crate::settings::settings;
+use crate::settings::{Described, settings};
 use crate::sim::{
     AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions,
     SensorOptions, SimOptions, VehicleOptions,
@@ -143,7 +143,8 @@ impl Scene {
             scene.camera.metering = Metering::Off;
         }
         let mut values = Table::try_from(scene).expect("a preset is a table");
-        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer));
+        let settings = Self::SHAPE.settings();
+        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
         let scene: std::result::Result<Self, _> = Value::Table(values).try_into();
         let scene = scene.map_err(|error| with_line(text::type_error(&error)))?;
         scene.check().map_err(with_line)?;
@@ -269,7 +270,7 @@ impl Scene {
         self.sim().check()?;
         self.light.check()?;
         self.camera.check()?;
-        crate::settings::Described::check(&self.expose, "expose", None)?;
+        Described::check(&self.expose, "expose", None)?;
         self.photo.check()?;
         self.score.check()
     }
@@ -329,6 +330,18 @@ mod tests {
         assert_eq!(typed.plan, want);
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
         assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
+    }
+
+    #[test]
+    fn another_kind_of_a_group_keeps_the_keys_beside_it() {
+        let toml = "[observer]\nkind = \"ekf\"\nekf.gate_sigmas = 7.0\n[controller.pid]\n";
+        let mut want = Scene::parse(toml, "my.toml").unwrap();
+        want.observer.kind = crate::sim::EstimatorKind::Truth;
+        want.controller.kind = crate::sim::ControllerKind::Geometric;
+        for observer in ["observer.kind", "observer"] {
+            let set = [(observer, "truth"), ("controller.kind", "geometric")];
+            assert_eq!(Scene::parse_with(toml, "my.toml", &set).unwrap(), want, "{observer}");
+        }
     }
 
     #[test]

@@ -124,6 +124,17 @@ mod tests {
     }
 
     #[test]
+    fn another_controller_keeps_the_gains_of_the_preset() {
+        let text =
+            "preset = \"cf21\"\ncontroller.kind = \"geometric\"\nobserver.kind = \"truth\"\n";
+        let scene = Scene::parse(text, "my.toml").unwrap();
+        let preset = Scene::preset(Preset::Cf21);
+        assert_eq!(scene.controller.kind, ControllerKind::Geometric);
+        assert_eq!(scene.controller.geometric, preset.controller.geometric);
+        assert_eq!(scene.observer.ekf, preset.observer.ekf);
+    }
+
+    #[test]
     fn an_unknown_name_is_refused_with_the_list() {
         let error = "cf22".parse::<Preset>().unwrap_err().to_string();
         assert!(error.contains("cf21, cf21-thrust-kit, cf-brushless, bzzz, ae483-2022"), "{error}");

@@ -295,32 +295,47 @@ fn collect_paths(path: &str, settings: &[Setting], paths: &mut BTreeSet<String>)
     }
 }
 
-/// Lays a table over another, table into table. A choice takes a bare name for its `kind`, and
-/// where the kind changes nothing is left of the settings below.
-pub(super) fn overlay(base: &mut Table, over: Table) {
+/// Lays a table of some settings over another, table into table. A choice takes a bare name for its
+/// `kind`, and where the kind changes nothing is left of the settings below; a group that has a
+/// `kind` among other keys keeps these.
+pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
-        match (base.get_mut(&key), value) {
-            (Some(Value::Table(base)), Value::String(kind)) if base.contains_key("kind") => {
-                overlay_choice(
-                    base,
-                    [("kind".to_owned(), Value::String(kind))].into_iter().collect(),
-                );
+        let setting = settings.iter().find(|setting| setting.key == key);
+        let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
+        match (shape, base.get_mut(&key), value) {
+            (Shape::Tagged(variants), Some(Value::Table(base)), Value::Table(over)) => {
+                overlay_choice(base, over, variants);
             }
-            (Some(Value::Table(base)), Value::Table(over)) if base.contains_key("kind") => {
-                overlay_choice(base, over);
+            (Shape::Tagged(variants), Some(Value::Table(base)), Value::String(kind)) => {
+                overlay_choice(base, kind_alone(kind), variants);
             }
-            (Some(Value::Table(base)), Value::Table(over)) => overlay(base, over),
-            (_, value) => {
+            (Shape::Group(settings), Some(Value::Table(base)), Value::Table(over)) => {
+                overlay(base, over, settings);
+            }
+            (Shape::Group(settings), Some(Value::Table(base)), Value::String(kind))
+                if base.contains_key("kind") =>
+            {
+                overlay(base, kind_alone(kind), settings);
+            }
+            (_, _, value) => {
                 base.insert(key, value);
             }
         }
     }
 }
 
-fn overlay_choice(base: &mut Table, over: Table) {
+fn kind_alone(kind: String) -> Table {
+    [("kind".to_owned(), Value::String(kind))].into_iter().collect()
+}
+
+fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match over.get("kind") {
         Some(kind) if Some(kind) != base.get("kind") => *base = over,
-        _ => overlay(base, over),
+        _ => {
+            let kind = base.get("kind").and_then(Value::as_str);
+            let variant = variants.iter().find(|variant| Some(variant.name) == kind);
+            overlay(base, over, variant.map_or(&[], |variant| variant.settings));
+        }
     }
 }
 

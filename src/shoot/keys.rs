@@ -75,6 +75,7 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         }
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
         ("camera.white_balance", ..) => vec!["3200.0".into()],
+        ("light.letters_wrgb", ..) => vec!["[[0, 0, 255, 0]]".into()],
         ("light.led_bitmask", ..) => vec!["128".into(), "255".into()],
         (_, shape @ (Shape::Names(_) | Shape::Tagged(_)), value) => {
             let now = value.and_then(|v| v.as_str().or_else(|| v.get("kind")?.as_str()));

@@ -63,6 +63,8 @@ pub struct Shoot {
     pub recordings: Vec<Recording>,
     /// True drones where they differ from the scene's, in the order of the plans.
     pub actual: Vec<Actual>,
+    /// Seed of what is wrong with the room; `None`: the scene's.
+    pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
     /// Format in which the photo is encoded, while it is read; `None`: not encoded.
@@ -191,6 +193,7 @@ impl Shoot {
             plans: Vec::new(),
             recordings: Vec::new(),
             actual: Vec::new(),
+            room_seed: None,
             judging: Judging::default(),
             format: None,
             reader: None,
@@ -243,7 +246,9 @@ impl Shoot {
     /// A drone of the fleet, which its controller believes to be the scene's.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
-        Drone { believed, actual, seed: self.scene.seed, index: drone as u64 }
+        let seed = self.scene.seed;
+        let room_seed = self.room_seed.unwrap_or(seed);
+        Drone { believed, actual, seed, room_seed, index: drone as u64 }
     }
 
     /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::planned::ends;
 use super::{Lighting, Planned, Recording, Shoot};
 use crate::error::{Error, Result};
-use crate::export::compressed::{Compressed, MEMORY_BYTES};
-use crate::export::{Form, fitting};
+use crate::export::compressed::MEMORY_BYTES;
+use crate::export::{Memory, memory};
 use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::letters::Strokes;
@@ -138,17 +138,17 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     Some(letter.cell.cap_height_m)
 }
 
-/// Whether the plan fits the memory on board as a compressed trajectory, and in which formats it can
-/// be exported.
+/// Whether the plan fits the memory on board as a compressed trajectory, how many pieces it takes as
+/// polynomials, and in which formats it can be exported.
 fn check_memory(plan: &Plan) -> Finding {
     #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
     let limit = MEMORY_BYTES as f64;
-    match Compressed::n_bytes(plan, Form::Compressed.tolerance_m()) {
+    match memory(plan) {
         #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
-        Ok(bytes) => {
+        Ok(Memory { bytes, pieces, formats }) => {
             let fits = bytes <= MEMORY_BYTES;
             let finding = Finding::new(Check::Memory, fits, Severity::Warning, bytes as f64, limit);
-            Finding { detail: fitting(plan).join(", "), ..finding }
+            Finding { count: Some(pieces), detail: formats.join(", "), ..finding }
         }
         Err(error) => {
             let finding = Finding::without_value(Check::Memory, Severity::Unknown, limit);

@@ -43,9 +43,10 @@ pub(super) struct Avionics {
 impl Avionics {
     /// The onboard system of a drone that starts at rest, as the fleet is told.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
-        let Drone { believed, actual, seed, .. } = *drone;
+        let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
-        let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seed, fleet);
+        let seeds = [seed, room_seed];
+        let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
         Ok(Self {
             controller: controller(believed)?,

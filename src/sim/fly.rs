@@ -55,7 +55,7 @@ pub fn fly_fleet(
     let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
     let mut members = Vec::new();
     for (plan, drone) in fleet {
-        let Drone { believed, actual, seed, index } = *drone;
+        let Drone { believed, actual, seed, index, .. } = *drone;
         assert_eq!(believed.rates, actual.rates, "one clock");
         assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
         believed.check()?;
@@ -180,7 +180,7 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 /// Checks that the plan stays above the steps of the floor from its first setpoint above them to its
 /// last. Before and after, where a ramp begins and ends that rises above the step, the drone stands on
 /// the step.
-fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+pub(super) fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
     let above = |s: &Setpoint| s.position_m.z > below_m(s);
     let all = &plan.setpoints;

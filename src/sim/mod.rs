@@ -17,8 +17,7 @@
 //! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
 //! sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
-//! Not modeled: lag of the radio, lost packets, downwash between drones, errors that drones in one
-//! room share; whole-number motor commands; filters and offsets of the inertial sensors,
+//! Not modeled: lag of the radio, lost packets, downwash between drones; whole-number motor commands; filters and offsets of the inertial sensors,
 //! reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
 
 pub mod altitude;

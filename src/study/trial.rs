@@ -170,7 +170,7 @@ impl Prepared {
 
 /// Takes pixels from the camera until capitals are as high as wanted. A pixel is then the mean of
 /// many, which leaves no noise of the sensor: it is switched off.
-fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
+pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m, scene) = (strokes.bounds_m(), &mut shoot.scene);
@@ -201,7 +201,7 @@ fn cap_height(camera: &Camera, [left, bottom, right, top]: [f64; 4]) -> Option<f
 const MAX_READERS: usize = 64;
 
 /// The reader of a word, made once for all scenes that share it.
-fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Reader>> {
+pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Reader>> {
     type Made = (Strokes, ScoreOptions, Arc<Reader>);
     static MADE: Mutex<Vec<Made>> = Mutex::new(Vec::new());
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);

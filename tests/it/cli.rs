@@ -416,3 +416,36 @@ fn gains_warns_of_a_gain_that_only_motors_without_lag_obey() {
         .stderr(predicate::str::contains("stable only without motor lag"));
     noctograph(folder.path()).args(["gains", "--motor-lag", "2"]).assert().code(2);
 }
+
+#[test]
+fn a_spread_has_a_band_photos_and_verdicts() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["preview", "HI", "--spread", "3", "--size", "320x180", "-o", "out", "--json"];
+    let output = noctograph(folder.path()).args(args).output().unwrap();
+    let spread = &json(&output.stdout)["spread"];
+    let flights = spread["flights"].as_array().unwrap();
+    assert_eq!(flights.len(), 3);
+    assert!(flights.iter().all(|flight| flight["readability"].is_number()), "{flights:?}");
+    let half_m = |key: &str| spread[key][0]["half_width_m"][2].as_f64().unwrap();
+    assert!(half_m("bands") > 0.0 && half_m("bands_within") > 0.0);
+    for name in ["spread.svg", "spread-xz.svg", "spread.png"] {
+        assert!(folder.path().join("out").join(name).exists(), "{name}");
+    }
+    assert!(String::from_utf8_lossy(&output.stderr).contains("fewer than 19 flights"));
+    let near = ["preview", "HI", "--spread", "3", "--conditions", "rom"];
+    fails(&near, &[], &["did you mean room?"]);
+}
+
+#[test]
+fn a_word_that_does_not_read_is_followed_by_settings_that_mend_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = ["--set", "camera.shutter_close_s=4", "--size", "320x180"];
+    let run = noctograph(folder.path()).args(["preview", "HI"]).args(set).output().unwrap();
+    let text = String::from_utf8_lossy(&run.stdout).into_owned();
+    let advice = text.lines().skip_while(|line| *line != "gain   change").nth(1).unwrap();
+    assert!(advice.starts_with('+'), "{text}");
+    let (_, flags) = advice.split_once("  ").unwrap();
+    let mut mended = noctograph(folder.path());
+    let mended = mended.args(["preview", "HI"]).args(set).args(flags.split(' ')).output().unwrap();
+    assert_eq!(mended.status.code(), Some(0), "{}", String::from_utf8_lossy(&mended.stdout));
+}

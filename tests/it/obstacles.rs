@@ -23,6 +23,13 @@ fn each_obstacle_is_named_before_the_letters() {
     assert!(first(&[("camera.iso", "10000000")]).contains("everything is exposed"));
     let dark = [("camera.f_number", "256"), ("camera.iso", "1")];
     assert!(first(&dark).contains("nothing is exposed"));
+    // Behind the drone the headlights shine the other way: the nose points along x.
+    let behind = [
+        ("camera.framing.kind", "fixed"),
+        ("camera.framing.position_m", "[-4.0, -0.3, 0.75]"),
+        ("camera.framing.target_m", "[0.0, 0.0, 0.75]"),
+    ];
+    assert!(first(&behind).contains("face away from the camera"), "{}", first(&behind));
     assert!(
         first(&[("plan.lights", "[\"color-led\"]"), ("light.deck", "none")])
             .contains("no lamp that writes")

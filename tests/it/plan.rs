@@ -40,6 +40,20 @@ fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
         let finding = findings.iter().find(|finding| finding["check"] == check).unwrap();
         assert_eq!(finding["severity"], "fine", "{finding}");
     }
+    let row = |check: &str| {
+        let finding = findings.iter().find(|finding| finding["check"] == check).unwrap();
+        (finding["severity"].clone(), finding["found"].as_str().unwrap().to_owned())
+    };
+    let (severity, memory) = row("memory");
+    assert_eq!(severity, "fine");
+    assert!(memory.contains(" of 4096 bytes compressed; "), "{memory}");
+    assert!(memory.contains(" of 31 pieces as poly4d; it can be exported as "), "{memory}");
+    assert_eq!(row("LED memory"), ("fine".into(), "not used".to_owned()));
+    assert_eq!(row("lit transit").0, "fine", "{:?}", row("lit transit"));
+    let long = json(noctograph().args(["check", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"]), 0);
+    let memory = long["findings"].as_array().unwrap().iter().find(|f| f["check"] == "memory");
+    let found = memory.unwrap()["found"].as_str().unwrap();
+    assert!(found.contains("pieces as poly4d, too many"), "pieces bind before bytes: {found}");
     let careful = ["check", "NOOR", "--style", "even", "--profile", "careful"];
     noctograph().args(careful).assert().code(1).stdout(contains("STOP  speed"));
     noctograph().args(["check", "NOOR", "--profile", "brave"]).assert().code(2);

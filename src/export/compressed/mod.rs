@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::pieces::{Stretch, motion, pieces};
+use super::pieces::{Rounding, Stretch, motion, pieces};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -77,8 +77,8 @@ impl Compressed {
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = [0, 1, 2].map(|axis| round_mm(stretch.setpoint(0).position_m[axis]));
-        let next = |from, to, before: &[Piece]| {
-            piece(stretch, from, to, before.last().map_or(start_mm, Piece::end_mm))
+        let next = |from, to, before: &[Piece], rounding| {
+            piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
         };
         let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
         Ok(Self { pieces })
@@ -123,7 +123,12 @@ impl Compressed {
 }
 
 /// The piece between two setpoints: on each axis the simplest form that is near enough.
-fn piece(stretch: &Stretch, from: usize, to: usize, start_mm: [i16; 3]) -> Piece {
+fn piece(
+    stretch: &Stretch,
+    [from, to]: [usize; 2],
+    start_mm: [i16; 3],
+    rounding: Rounding,
+) -> Piece {
     let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 65 535")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
@@ -143,13 +148,29 @@ fn piece(stretch: &Stretch, from: usize, to: usize, start_mm: [i16; 3]) -> Piece
         // From the rounded ends, so that the velocities at them are rounded once.
         let third_s = duration_s / 3.0;
         let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
-        simple.unwrap_or(Axis::Cubic([
+        let cubic_mm = [
             round_mm(f64::from(start_mm[axis]) / 1000.0 + ahead_m),
             round_mm(f64::from(end_mm) / 1000.0 - behind_m),
             end_mm,
-        ]))
+        ];
+        simple.unwrap_or(match rounding {
+            Rounding::Nearest => Axis::Cubic(cubic_mm),
+            Rounding::Gentlest => gentlest(start_mm[axis], cubic_mm),
+        })
     };
     Piece { start_mm, duration_ms, axes: std::array::from_fn(axis) }
+}
+
+/// The cubic whose inner control points are within a millimeter of given ones, with the least
+/// acceleration at its ends.
+fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> Axis {
+    let around = |mm: i16| [mm, mm.saturating_sub(1), mm.saturating_add(1)];
+    let cubics = around(b).into_iter().flat_map(|b| around(c).map(|c| [b, c, end_mm]));
+    let effort = |points_mm: &[i16; 3]| {
+        let [b, c, d] = points_mm.map(i32::from);
+        (i32::from(start_mm) - 2 * b + c).abs().max((b - 2 * c + d).abs())
+    };
+    Axis::Cubic(cubics.min_by_key(effort).expect("nine cubics"))
 }
 
 fn check_range(stretch: &Stretch) -> Result<()> {
@@ -273,10 +294,8 @@ mod tests {
             let late_m = 0.0005 * max_m_s;
             proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
             let [v, a] = sampled(&trajectory);
-            // Of 4000 such plans 14 are more than 5 % over, and none more than 9 %: whole
-            // millimeters leave no gentler pieces of a slow plan.
             proptest::prop_assert!(
-                v <= 1.15 * max_m_s && a <= 1.15 * max_m_s2 + 0.05,
+                v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2,
                 "{} of {} m/s, {} of {} m/s²", v, max_m_s, a, max_m_s2
             );
             proptest::prop_assert!(trajectory.pieces.iter().all(|p| p.duration_ms < 65_500));

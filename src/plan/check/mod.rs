@@ -66,9 +66,9 @@ pub enum Check {
     /// Time in the air, s.
     #[serde(rename = "flight time")]
     FlightTime,
-    /// Bytes of the compressed trajectory on board.
+    /// Bytes of the compressed trajectory on board; its count is that of polynomial pieces.
     Memory,
-    /// Entries of the LED timing memory on board.
+    /// Entries of the LED timing memory on board, which plays a ring alone.
     #[serde(rename = "LED memory")]
     LedMemory,
     /// Light commands that dim the headlights, which a pin switches.

@@ -80,12 +80,14 @@ fn duration(plan: &Plan, profile: &Profile) -> Finding {
 }
 
 fn led_entries(plan: &Plan) -> Finding {
-    let changes = plan.lights.values().map(|levels| {
+    // Headlights are a pin, and what the radio switches beside a ring it can switch as well.
+    let played = plan.lights.get("ring").filter(|_| plan.lights.len() == 1);
+    let changes = played.map(|levels| {
         usize::from(levels.first().is_some_and(|l| *l != 0.0))
             + levels.windows(2).filter(|pair| pair[0] != pair[1]).count()
     });
     // Each change is an entry, and one ends the list.
-    counted(Check::LedMemory, changes.max().unwrap_or(0) + 1, MAX_LED_ENTRIES)
+    counted(Check::LedMemory, changes.unwrap_or(0) + 1, MAX_LED_ENTRIES)
 }
 
 /// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`).
@@ -140,7 +142,7 @@ mod tests {
         let jump = findings.iter().find(|finding| finding.check == Check::Jump).unwrap();
         assert_eq!((jump.severity, jump.count), (Severity::Warning, Some(5)));
         assert!((jump.value.unwrap() - 0.2).abs() < 0.005, "{jump:?}");
-        assert_eq!(severity_of(&findings, Check::LedMemory), Severity::Fine, "nine entries");
+        assert_eq!(severity_of(&findings, Check::LedMemory), Severity::Fine, "headlights alone");
         assert_eq!(severity_of(&findings, Check::Speed), Severity::Fine);
     }
 
@@ -155,6 +157,17 @@ mod tests {
         assert_eq!((volume.check, volume.severity), (Check::Volume, Severity::Stop));
         let [x, ..] = volume.position_m.unwrap();
         assert!((x.abs() - 2.5 - volume.value.unwrap()).abs() < 1e-9, "{volume:?}");
+    }
+
+    #[test]
+    fn the_timing_memory_counts_the_lamps_that_it_plays() {
+        let entries = |lights: &[&str]| {
+            let lights = lights.iter().map(|light| (*light).to_owned()).collect();
+            let plan = plan(&strokes("NOOR"), &PlanOptions { lights, ..PlanOptions::even() });
+            led_entries(&plan.unwrap()).value
+        };
+        let (headlights, ring) = (entries(&["headlights"]), entries(&["ring"]));
+        assert_eq!((headlights, ring), (Some(1.0), Some(9.0)));
     }
 
     #[test]

@@ -8,7 +8,8 @@ use crate::error::Result;
 use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
-use crate::sim::options::{GRAVITY_M_S2, SimOptions};
+use crate::sim::fly::check_above;
+use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
 use crate::sim::peers::{Fleet, Member};
 use crate::sim::vehicle::Plant;
 
@@ -22,10 +23,11 @@ pub(super) fn hold(
     let actual = scenario.applied(believed, seed);
     actual.check()?;
     let (rates, plan) = (&actual.rates, level_flight(duration_s));
+    check_above(&plan, &actual.floor)?;
     let start_m = plan.setpoints[0].position_m;
     let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
     let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
-    let drone = Drone { believed, actual: &actual, seed, index: 0 };
+    let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let members = vec![Member::new(&actual, seed, 0, start_m)];
     let mut avionics = Avionics::new(&drone, &Fleet { members, place: 0 })?;
     let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
@@ -41,7 +43,8 @@ pub(super) fn hold(
             readings.extend_from_slice(filter.readings());
             if tick.is_multiple_of(ticks_per_sample) {
                 let throttle = motors.iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
-                let truth = truth(&plant, avionics.sensors().barometer_bias_m());
+                let barometer_m = avionics.sensors().barometer_bias_m();
+                let truth = truth(&plant, &actual.floor, barometer_m);
                 let readings = std::mem::take(&mut readings);
                 samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
                 steps = filter.steps();
@@ -54,11 +57,14 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 
-/// True states, in the order of [`super::AltitudeState`].
-fn truth(plant: &Plant, barometer_m: f64) -> [f64; 6] {
-    let (at_m, v) = (plant.body().position_m, plant.body().velocity_m_s.z);
-    let floor_m = plant.floor_m(at_m.x, at_m.y);
-    [at_m.z, v, -GRAVITY_M_S2, plant.gain_m_s2(), -floor_m, barometer_m]
+/// True states, in the order of [`super::AltitudeState`]. The floor is the one that the tilted ranger
+/// sees.
+fn truth(plant: &Plant, floor: &FloorOptions, barometer_m: f64) -> [f64; 6] {
+    let body = plant.body();
+    let (at_m, down) = (body.position_m, -body.matrix().column(2));
+    let ranger_m = -floor.distance_m(&at_m, &down) * down.z - at_m.z;
+    let (v, gain) = (body.velocity_m_s.z, plant.gain_m_s2());
+    [at_m.z, v, -GRAVITY_M_S2, gain, ranger_m, barometer_m]
 }
 
 /// Setpoints along x at a steady speed, one a second.

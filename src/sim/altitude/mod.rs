@@ -25,7 +25,7 @@ use crate::settings::settings;
 const SAMPLES_HZ: u32 = 10;
 /// Longest flight.
 const MAX_DURATION_S: f64 = 3600.0;
-/// A change of the floor from one sample to the next that is an event.
+/// A change of the floor that is an event.
 const EVENT_M: f64 = 0.1;
 /// Spread of the true lift per throttle about the vehicle's, as a share of it.
 const GAIN_SPREAD: f64 = 0.05;
@@ -103,12 +103,18 @@ impl HoldSample {
 }
 
 impl Hold {
-    /// Times at which the floor below the drone stepped.
+    /// Times at which the floor that the ranger sees stepped, for two samples at least.
     #[must_use]
     pub fn events_s(&self) -> Vec<f64> {
-        let pairs = self.samples.windows(2);
-        let steps = pairs.filter(|pair| (pair[1].truth[4] - pair[0].truth[4]).abs() > EVENT_M);
-        steps.map(|pair| pair[1].time_s).collect()
+        let floor_m = |sample: &HoldSample| sample.truth[4];
+        let (mut events_s, mut last_m) = (Vec::new(), self.samples.first().map_or(0.0, floor_m));
+        for pair in self.samples.windows(2) {
+            if pair.iter().all(|sample| (floor_m(sample) - last_m).abs() > EVENT_M) {
+                events_s.push(pair[0].time_s);
+                last_m = floor_m(&pair[0]);
+            }
+        }
+        events_s
     }
 }
 
@@ -212,7 +218,7 @@ mod tests {
             hold(Model::Full, &options, Scenario::Calm, 2.0, 0).unwrap_err().to_string()
         };
         type Change = fn(&mut SimOptions);
-        let cases: [(&str, Change); 8] = [
+        let cases: [(&str, Change); 9] = [
             ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
             ("sensors.time_of_flight.noise_m", |o| o.sensors.time_of_flight.noise_m = f64::NAN),
             ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {
@@ -228,6 +234,10 @@ mod tests {
             ("observer.altitude.gain_sigma_m_s2", |o| o.observer.altitude.gain_sigma_m_s2 = 0.0),
             ("observer.kind: found ekf, wanted altitude", |o| {
                 o.observer.kind = EstimatorKind::Ekf;
+            }),
+            ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
+                let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
+                o.floor.steps = vec![crate::sim::options::FloorStep { x_m, y_m, height_m: 3.0 }];
             }),
             ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
         ];

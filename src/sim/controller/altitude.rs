@@ -4,7 +4,7 @@
 //! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed: α⁰
 //! and α¹ follow the battery and the load.
 
-use nalgebra::{Matrix1, Matrix2, Vector2};
+use nalgebra::{Matrix1, Matrix2, Vector2, Vector3};
 
 use super::lqr::Lqr;
 use super::{Command, Controller, Reference};
@@ -17,6 +17,10 @@ use crate::sim::vehicle::{GRAVITY_M_S2, State, attitude, position, velocity};
 const LEAST_GAIN_M_S2: f64 = 1.0;
 /// Cosine of the largest tilt that the throttle makes up for.
 const LEAST_COS_TILT: f64 = 0.5;
+/// Horizontal distance from the design that the regulator sees at most, m. Satellites that are back
+/// after 10 s of silence move the estimate by meters, for which the regulator would turn the drone
+/// over.
+const REACH_M: f64 = 0.5;
 
 /// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +80,17 @@ impl AltitudeHold {
     }
 }
 
+/// The estimate, no farther from the design horizontally than the regulator bears.
+fn within_reach(estimate: &State, design_m: &Vector3<f64>) -> State {
+    let off_m = (position(estimate) - design_m).xy();
+    let mut near = *estimate;
+    if off_m.norm() > REACH_M {
+        let at_m = design_m.xy() + off_m * (REACH_M / off_m.norm());
+        near.fixed_rows_mut::<2>(0).copy_from(&at_m);
+    }
+    near
+}
+
 impl Controller for AltitudeHold {
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         let up = attitude(estimate).world_from_body().row(2).into_owned();
@@ -87,7 +102,8 @@ impl Controller for AltitudeHold {
             - k_v * (velocity_m_s - reference.velocity_m_s.z);
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);
-        self.regulator.command_lifting(estimate, reference, Some(throttle * self.full_thrust_n))
+        let bounded = within_reach(estimate, &reference.position_m);
+        self.regulator.command_lifting(&bounded, reference, Some(throttle * self.full_thrust_n))
     }
 
     fn rest(&mut self, estimate: &State) {
@@ -101,8 +117,6 @@ impl Controller for AltitudeHold {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
     use crate::sim::vehicle::at;
 
@@ -134,5 +148,12 @@ mod tests {
         assert!((share(&mut controller) - hover).abs() < 1e-12, "the vehicle's own");
         controller.set_thrust_map(ThrustMap { offset_m_s2: -9.0, gain_m_s2: 30.0 });
         assert!((share(&mut controller) - 0.3).abs() < 1e-12, "the estimated one");
+    }
+    #[test]
+    fn a_position_that_jumps_by_meters_tilts_no_more_than_half_a_meter_does() {
+        let design_m = Vector3::new(1.0, 2.0, 1.5);
+        let seen = |x_m: f64| within_reach(&at(design_m + Vector3::x() * x_m, 0.0), &design_m);
+        assert_eq!(seen(0.3), at(design_m + Vector3::x() * 0.3, 0.0));
+        assert_eq!(seen(-8.0), at(design_m - Vector3::x() * 0.5, 0.0));
     }
 }

@@ -92,16 +92,28 @@ enum Locator {
 }
 
 impl Sensors {
-    /// Sensors of a drone above a floor, read `rate_hz` times a second.
+    /// Sensors of a drone above a floor, read `rate_hz` times a second, in the room of their seed.
     ///
     /// # Panics
     ///
     /// As `Uwb::new`.
+    #[cfg(test)]
     pub(super) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
         seed: u64,
+        fleet: &Fleet,
+    ) -> Self {
+        Self::in_room(options, floor, rate_hz, [seed; 2], fleet)
+    }
+
+    /// The same with a seed of their noise and one of the room.
+    pub(super) fn in_room(
+        options: &SensorOptions,
+        floor: &FloorOptions,
+        rate_hz: u32,
+        [seed, room_seed]: [u64; 2],
         fleet: &Fleet,
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
@@ -113,8 +125,9 @@ impl Sensors {
                 || sensor.starts_with("station") && sensor.ends_with("pose")
                 || sensor.starts_with("station") && sensor.ends_with("distortion")
         };
-        let stream = |drone: u64, sensor: &str| {
-            Noise::new(seed, if of_room(sensor) { 0 } else { drone }, sensor)
+        let stream = |drone: u64, sensor: &str| match of_room(sensor) {
+            true => Noise::new(room_seed, 0, sensor),
+            false => Noise::new(seed, drone, sensor),
         };
         let noise = |sensor: &str| stream(drone, sensor);
         let uwb = |differences| {
@@ -274,6 +287,22 @@ mod tests {
             sensors.read(&body, Vector3::z() * 9.81, &[]).position_m
         };
         assert_ne!(first(0), first(1), "each has jitter of its own");
+
+        // Base stations that are not where the estimator has them, without any noise.
+        let mut sweeps = SensorOptions { positioning: Positioning::CrossingBeams, ..options };
+        sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
+        let settled_m = |seeds, drone| {
+            let fleet = Fleet::alone(drone);
+            let floor = FloorOptions::default();
+            let mut sensors = Sensors::in_room(&sweeps, &floor, 500, seeds, &fleet);
+            let body = RigidBody::at(at_m);
+            let read = |_| sensors.read(&body, Vector3::z() * 9.81, &[]).position_m;
+            (0..500).filter_map(read).last().unwrap()
+        };
+        let off_m = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm();
+        let (one, other) = (settled_m([1, 1], 0), settled_m([9, 1], 3));
+        assert!(off_m(one, other) < 1e-6, "one room, two drones, two flights: {one} {other}");
+        assert!(off_m(one, settled_m([1, 2], 0)) > 1e-3, "another room");
     }
 
     #[test]

@@ -1,0 +1,140 @@
+//! The spread of a preview: many flights under conditions, their photos and bands.
+
+use std::io::Write;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::output::OutputFolder;
+use super::report::{line, wrapped};
+use super::studies::{conditions, counter};
+use super::warn;
+use crate::error::Result;
+use crate::photo::Photo;
+use crate::report::{spread_front, spread_over_time, spread_sheet};
+use crate::shoot::Shoot;
+use crate::study::{Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
+
+#[derive(Debug, Args)]
+pub(super) struct SpreadFlags {
+    /// Fly N more times under --conditions: the band that holds 90 % of the flights, and the photos
+    /// with their verdicts (spread.svg, spread-xz.svg, spread.png)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
+    spread: Option<u16>,
+    /// How the flights of --spread differ: room (the scene's drone, another room and evening), drone
+    /// (any drone of its make as well), still (noise alone), or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "room")]
+    conditions: String,
+}
+
+/// A spread in words and as JSON, with the names of its files.
+pub(super) struct Shown {
+    pub(super) text: String,
+    pub(super) json: Value,
+    pub(super) names: Vec<String>,
+}
+
+impl SpreadFlags {
+    /// The conditions, which are read before the long work.
+    pub(super) fn conditions(&self) -> Result<Conditions> {
+        conditions(&self.conditions)
+    }
+
+    /// Flies the spread of a shoot, if one is asked for, and writes its pictures.
+    pub(super) fn run(
+        &self,
+        shoot: &Shoot,
+        conditions: &Conditions,
+        folder: &OutputFolder,
+    ) -> Result<Option<Shown>> {
+        let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
+        let found = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
+        if n < LEAST_FLIGHTS {
+            let text = format!("of fewer than {LEAST_FLIGHTS} flights the band is all they reach");
+            warn(&[text]);
+        }
+        let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
+        folder.write("spread-xz.svg", |out| out.write_all(spread_front(&found).as_bytes()))?;
+        let photos = found
+            .flights
+            .iter()
+            .filter_map(|flight| Some((flight.shot.as_ref().ok()?.photo.clone(), caption(flight))));
+        let title = format!("{n} flights, conditions {}", self.conditions);
+        let sheet: Photo = spread_sheet(&title, photos.collect());
+        folder.write("spread.png", |out| sheet.write_png(out, None, &[]))?;
+        for (drone, (all, within)) in found.all.iter().zip(&found.within).enumerate() {
+            let number =
+                if found.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
+            let name = format!("spread{number}.svg");
+            folder.write(&name, |out| out.write_all(spread_over_time(all, within).as_bytes()))?;
+            names.push(name);
+        }
+        Ok(Some(Shown { text: text(&found, &title), json: json(&found, &self.conditions), names }))
+    }
+}
+
+/// What stands below a photo.
+fn caption(flight: &SpreadFlight) -> String {
+    let verdict = flight.shot.as_ref().ok().and_then(|shot| shot.verdict.as_ref());
+    match verdict {
+        Some(verdict) => format!("{}: {} {:.2}", flight.seed, verdict.read, verdict.readability),
+        None => flight.seed.to_string(),
+    }
+}
+
+fn text(found: &Spread, title: &str) -> String {
+    let shots = found.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
+    let verdicts: Vec<_> = shots.clone().filter_map(|shot| shot.verdict.as_ref()).collect();
+    let mut words = title.to_owned();
+    let mut readability: Vec<f64> = verdicts.iter().map(|v| v.readability).collect();
+    readability.sort_by(f64::total_cmp);
+    if let [least, .., most] = readability[..] {
+        let legible = verdicts.iter().filter(|verdict| verdict.legible).count();
+        words += &format!(
+            ": {legible} legible; readability {least:.2} to {most:.2}, median {:.2}",
+            readability[readability.len() / 2]
+        );
+    }
+    let lost = found.flights.len() - shots.count();
+    if lost > 0 {
+        words += &format!("; {lost} lost the drone");
+    }
+    let mut text = wrapped("spread    ", &words);
+    for (all, within) in found.all.iter().zip(&found.within) {
+        text += &line("", &format!("90 % lie within {}", millimeters(all)));
+        text += &line("", &format!("one drone in one room: {}", millimeters(within)));
+    }
+    text
+}
+
+fn millimeters(band: &Band) -> String {
+    let [x, y, z] = band.half_width_m().map(|half_m| 1e3 * half_m).into();
+    format!("x ±{x:.0}, y ±{y:.0}, z ±{z:.0} mm over the letters")
+}
+
+fn json(found: &Spread, conditions: &str) -> Value {
+    let flight = |flight: &SpreadFlight| match &flight.shot {
+        Err(lost) => json!({ "seed": flight.seed, "lost": lost }),
+        Ok(shot) => json!({
+            "seed": flight.seed,
+            "read": shot.verdict.as_ref().map(|verdict| &verdict.read),
+            "legible": shot.verdict.as_ref().map(|verdict| verdict.legible),
+            "readability": shot.verdict.as_ref().map(|verdict| verdict.readability),
+        }),
+    };
+    let band = |band: &Band| {
+        let end = |end: usize| {
+            let places = band.ends_m.iter().map(|ends_m| <[f64; 3]>::from(ends_m[end]));
+            places.collect::<Vec<_>>()
+        };
+        let half_width_m = <[f64; 3]>::from(band.half_width_m());
+        json!({ "half_width_m": half_width_m, "time_s": band.time_s, "low_m": end(0),
+                "median_m": end(1), "high_m": end(2) })
+    };
+    json!({
+        "conditions": conditions,
+        "flights": found.flights.iter().map(flight).collect::<Vec<_>>(),
+        "bands": found.all.iter().map(band).collect::<Vec<_>>(),
+        "bands_within": found.within.iter().map(band).collect::<Vec<_>>(),
+    })
+}

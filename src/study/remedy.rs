@@ -1,0 +1,236 @@
+//! Remedies: settings that make the word of a scene easier to read.
+//!
+//! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
+//! candidate is planned, flown, exposed on the scene's own film and read with the scene's seed; those
+//! that gain are flown with two seeds more, and one that loses under any is no remedy. What nobody
+//! sets, such as gusts or the delay of the radio, is left as it is.
+
+use rayon::prelude::*;
+
+use crate::camera::{CameraOptions, Framing, Metering, TrailMetering};
+use crate::error::Result;
+use crate::expose::BackendChoice;
+use crate::light::{Deck, RingEffect};
+use crate::plan::{LightClock, PlanOptions, ReferenceKind, Style};
+use crate::scene::Scene;
+use crate::shoot::{Judging, Shoot};
+use crate::sim::ControllerKind;
+
+/// A change of a scene that makes its word easier to read.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Remedy {
+    /// What to type: flags, or keys with their values.
+    pub change: String,
+    /// Gain in readability, the mean over [`SEEDS`] flights.
+    pub gain: f64,
+}
+
+/// Flights of the scene and of a remedy.
+pub const SEEDS: u64 = 3;
+/// Most remedies.
+const MOST: usize = 3;
+/// Gains below this are no reason for advice.
+const LEAST_GAIN: f64 = 0.02;
+/// Cap height and luminance of the room that are good, as in the default scene.
+const GOOD_CAP_HEIGHT_M: f64 = 0.5;
+const DARK_ROOM_CD_M2: f64 = 0.008;
+/// Speed from which strokes are flown slower.
+const SLOW_M_S: f64 = 0.05;
+
+/// The changes that gain most, the most gainful first.
+///
+/// # Errors
+///
+/// Those of the stages for the scene itself; a change that cannot be flown is none.
+pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
+    let scene = &shoot.scene;
+    let own = readability(scene, scene.seed)?;
+    let gain = |(change, scene): (String, Scene)| {
+        let found = readability(&scene, scene.seed).ok()?;
+        (found - own >= LEAST_GAIN).then_some((found - own, change, scene))
+    };
+    let candidates = candidates(shoot)?;
+    let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
+    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
+    let before: Vec<f64> =
+        further.par_iter().map(|seed| readability(scene, *seed)).collect::<Result<_>>()?;
+    let mut found: Vec<Remedy> = Vec::new();
+    for (first, change, scene) in gains {
+        let after = further.par_iter().map(|seed| readability(&scene, *seed));
+        let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
+        let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+        gains.push(first);
+        #[expect(clippy::cast_precision_loss, reason = "three")]
+        let gain = gains.iter().sum::<f64>() / gains.len() as f64;
+        if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
+            found.push(Remedy { change, gain });
+        }
+        if found.len() == MOST {
+            break;
+        }
+    }
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    Ok(found)
+}
+
+/// Readability of the scene's word with a seed; 0 where nothing is read.
+fn readability(scene: &Scene, seed: u64) -> Result<f64> {
+    let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
+    (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
+    let verdict = shoot.take(&|_, _| {})?.verdict;
+    Ok(verdict.map_or(0.0, |verdict| verdict.readability))
+}
+
+/// Changes that may help, each with its scene.
+fn candidates(shoot: &Shoot) -> Result<Vec<(String, Scene)>> {
+    let mut found = Vec::new();
+    for (wanted, change, turn) in writing(&shoot.scene).into_iter().chain(pictures(shoot)?) {
+        if wanted {
+            let mut scene = shoot.scene.clone();
+            turn(&mut scene);
+            found.push((change, scene));
+        }
+    }
+    Ok(found)
+}
+
+/// Whether a change is one for a scene, what to type, and what it does.
+type Candidate = (bool, String, Box<dyn Fn(&mut Scene)>);
+
+fn candidate(wanted: bool, change: &str, turn: impl Fn(&mut Scene) + 'static) -> Candidate {
+    (wanted, change.to_owned(), Box::new(turn))
+}
+
+/// Changes of letters, plan, drone and lamps.
+fn writing(scene: &Scene) -> Vec<Candidate> {
+    let Scene { plan, letters, light, controller, .. } = scene;
+    let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
+    let is_word = letters.drawing.is_empty();
+    let only_headlights = vec!["headlights".to_owned()];
+    vec![
+        candidate(matches!(plan.style, Style::Team(_)), "--style even", |scene| {
+            let lights = scene.plan.lights.clone();
+            scene.plan = PlanOptions { lights, ..PlanOptions::even() };
+        }),
+        candidate(
+            plan.light_clock == LightClock::Setpoint,
+            "--set plan.light_clock=light",
+            |scene| scene.plan.light_clock = LightClock::Light,
+        ),
+        candidate(
+            plan.reference == ReferenceKind::Design,
+            "--set plan.reference=inverse",
+            |scene| scene.plan.reference = ReferenceKind::Inverse,
+        ),
+        candidate(
+            slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s,
+            &format!("--set plan.stroke_speed_m_s={slower_m_s}"),
+            move |scene| scene.plan.stroke_speed_m_s = slower_m_s,
+        ),
+        candidate(is_word && letters.font != "simplex", "--font simplex", |scene| {
+            scene.letters.font = "simplex".into();
+        }),
+        candidate(letters.spacing_m < 0.0, "--set letters.spacing_m=0", |scene| {
+            scene.letters.spacing_m = 0.0;
+        }),
+        candidate(
+            is_word && letters.cap_height_m < GOOD_CAP_HEIGHT_M,
+            &format!("--set letters.cap_height_m={GOOD_CAP_HEIGHT_M}"),
+            |scene| scene.letters.cap_height_m = GOOD_CAP_HEIGHT_M,
+        ),
+        candidate(
+            controller.kind == ControllerKind::Lqr,
+            "--set controller.kind=lqr-integral",
+            |scene| scene.controller.kind = ControllerKind::LqrIntegral,
+        ),
+        candidate(
+            plan.lights != only_headlights && light.deck == Deck::LedRing,
+            "--set plan.lights='[\"headlights\"]'",
+            move |scene| scene.plan.lights.clone_from(&only_headlights),
+        ),
+        candidate(light.ring != RingEffect::Off, "--set light.ring=off", |scene| {
+            scene.light.ring = RingEffect::Off;
+        }),
+        candidate(light.led_bitmask != 128, "--set light.led_bitmask=128", |scene| {
+            scene.light.led_bitmask = 128;
+        }),
+    ]
+}
+
+/// Changes of camera and room.
+fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
+    let Scene { camera, photo, .. } = &shoot.scene;
+    let good = CameraOptions::default();
+    let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
+    let end_s = end_s.ceil();
+    let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
+    let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
+    let away_m = (100.0 * away_m).round() / 100.0;
+    let few = camera.width_px < good.width_px;
+    Ok(vec![
+        candidate(!matches!(camera.framing, Framing::Word(_)), "--camera auto", |scene| {
+            scene.camera.framing = Framing::default();
+        }),
+        candidate(camera.metering == Metering::Off, "--set camera.metering=trail", |scene| {
+            scene.camera.metering = Metering::Trail(TrailMetering::default());
+        }),
+        candidate(
+            camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(),
+            &format!("--set camera.shutter_open_s=0 --set camera.shutter_close_s={end_s}"),
+            move |scene| {
+                (scene.camera.shutter_open_s, scene.camera.shutter_close_s) = (0.0, Some(end_s));
+            },
+        ),
+        candidate(
+            camera.focus_m.is_some_and(|focus_m| focus_m != away_m) && away_m > 0.0,
+            &format!("--set camera.focus_m={away_m}"),
+            move |scene| scene.camera.focus_m = Some(away_m),
+        ),
+        candidate(few, &format!("--size {}x{}", good.width_px, good.height_px), move |scene| {
+            (scene.camera.width_px, scene.camera.height_px) = (good.width_px, good.height_px);
+        }),
+        candidate(
+            photo.ambient_cd_m2 > DARK_ROOM_CD_M2,
+            &format!("--set photo.ambient_cd_m2={DARK_ROOM_CD_M2}"),
+            |scene| scene.photo.ambient_cd_m2 = DARK_ROOM_CD_M2,
+        ),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(change: impl FnOnce(&mut Scene)) -> Vec<Remedy> {
+        let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::default() };
+        (scene.camera.width_px, scene.camera.height_px) = (480, 270);
+        change(&mut scene);
+        remedies(&Shoot::new(scene).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_shutter_that_closes_early_and_a_camera_that_looks_away_are_mended() {
+        let shutter = of(|scene| scene.camera.shutter_close_s = Some(4.0));
+        assert!(shutter[0].change.starts_with("--set camera.shutter_open_s=0"), "{shutter:?}");
+        assert!(shutter[0].gain > 0.3, "{shutter:?}");
+        let away = of(|scene| {
+            let pose = crate::camera::FixedPose {
+                position_m: [1.5, -3.0, 0.75],
+                target_m: [4.0, 0.0, 0.75],
+                ..Default::default()
+            };
+            scene.camera.framing = Framing::Fixed(pose);
+        });
+        assert_eq!(away.first().map(|remedy| remedy.change.as_str()), Some("--camera auto"));
+    }
+
+    #[test]
+    fn a_scene_that_reads_needs_none() {
+        let found = of(|_| {});
+        assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
+        let own =
+            readability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
+        assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
+    }
+}
