@@ -104,8 +104,8 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
 
 /// By eye: the white of the first O ends at two thirds of its bottom (x of 472 to 540 pixels), N leans
 /// to the left of its place, the second O and the R stand beside theirs. The leg of the R is
-/// white to the half. Without the word, one letter may be taken for another (NDOR); told the word, every
-/// letter is the likeliest.
+/// white to the half. Without the word, one letter may be taken for another (NDOR); told the word,
+/// every letter is the likeliest.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_photograph_reads_and_its_faults_are_found() {
