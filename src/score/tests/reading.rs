@@ -65,3 +65,10 @@ fn a_photo_taken_at_an_angle_is_turned_square_on() {
     assert_eq!([flat.width_px, flat.height_px], [630, 330]);
     assert_eq!(read(&flat).unwrap().text, "NOOR");
 }
+
+#[test]
+fn two_lines_small_letters_and_accents_are_read_blindly() {
+    for (shown, text) in [("HELLO\nWORLD", "HELLO\nWORLD"), ("lemon", "lemon"), ("René", "Rene")] {
+        assert_eq!(read(&Shot::of(&simplex(shown)).photo()).unwrap().text, text);
+    }
+}
