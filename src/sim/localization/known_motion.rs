@@ -204,11 +204,8 @@ mod tests {
     use super::*;
     use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
-    /// The five links in turn, 200 a second, along the word; the motion; and the places.
-    fn flight(
-        sigma_m: f64,
-    ) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>, impl Fn(usize, f64) -> Vector3<f64>)
-    {
+    /// Anchors, motion along the word, and ranges of the five links in turn, 200 a second.
+    fn flight(sigma_m: f64) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>) {
         let (anchors_m, place, mut random) =
             (GEOMETRIES[0].1.map(Vector3::from), path(), Random(3));
         let track = |drone: usize| {
@@ -227,7 +224,7 @@ mod tests {
             };
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
         };
-        (anchors_m, tracks, (0..4000).map(sample).collect(), place)
+        (anchors_m, tracks, (0..4000).map(sample).collect())
     }
 
     fn off_m(found: &Located, place: impl Fn(usize, f64) -> Vector3<f64>) -> f64 {
@@ -238,21 +235,24 @@ mod tests {
 
     #[test]
     fn five_links_and_the_motion_place_two_drones_without_a_start() {
-        let (anchors_m, tracks, samples, place) = flight(0.06);
+        let (anchors_m, tracks, samples) = flight(0.06);
         let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
         let found = locate_enlarged(&anchors_m, &tracks, &samples, &options).unwrap();
-        assert!(off_m(&found, place) < 0.25, "{} m", off_m(&found, path()));
+        let off_m = off_m(&found, path());
+        assert!(off_m < 0.25, "{off_m} m");
         assert!(found.nis.is_some_and(|nis| (0.5..1.3).contains(&nis)), "NIS {:?}", found.nis);
         assert!(found.refused_frac < 0.01, "{}", found.refused_frac);
     }
 
     #[test]
     fn the_shared_anchor_observer_keeps_a_true_start_and_wants_its_five_links() {
-        let (anchors_m, tracks, samples, place) = flight(0.0);
+        let (anchors_m, tracks, samples) = flight(0.0);
+        let place = path();
         let starts_m = [place(0, 0.0), place(1, 0.0)];
         let found = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
         // Ranges are held for up to 25 ms.
-        assert!(off_m(&found, place) < 0.06, "{} m", off_m(&found, path()));
+        let off_m = off_m(&found, place);
+        assert!(off_m < 0.06, "{off_m} m");
         assert!(found.covariance_m2.is_empty());
         let no_range: Vec<_> =
             samples.into_iter().filter(|s| s.link != Link::Drones(0, 1)).collect();
