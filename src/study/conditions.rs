@@ -30,9 +30,10 @@ settings! {
     /// `room`, is an ordinary room and evening with a drone whose mass and trim the scene knows;
     /// [`Self::any_drone`] is any drone of its make.
     ///
-    /// Measured on the reference flight, of which mass and trim were fitted: the 90 % band of 40
-    /// replays under `room` holds it 86 to 93 % of the time on each axis
-    /// (`tests/it/team_data.rs`), with noise and gusts alone 64 to 87 %.
+    /// Measured on the reference flight, to which mass and trim were fitted, and on which the widths
+    /// below were chosen (no other real flight was at hand): the 90 % band of 40 replays under
+    /// `room` holds it 86 to 93 % of the time on each axis (`tests/it/team_data.rs`), with noise and
+    /// gusts alone 64 to 87 %.
     pub struct Conditions {
         /// Mass, σ as a share of the scene's: half a gram of 35 for tape and another battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;

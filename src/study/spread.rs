@@ -85,7 +85,7 @@ pub struct Held {
 impl Band {
     /// The band of flights of one plan.
     #[must_use]
-    pub fn of(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
+    pub fn new(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self::default();
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
@@ -220,7 +220,7 @@ pub fn spread(
     let again: Vec<_> = seeds.par_iter().map(again).collect::<Result<_>>()?;
     let of_drone = |drone: usize, flown: &[&Vec<Flight>]| {
         let flights: Vec<&Flight> = flown.iter().map(|flights| &flights[drone]).collect();
-        Band::of(&flights, |sample| sample.position_m)
+        Band::new(&flights, |sample| sample.position_m)
     };
     let flown: Vec<_> = flights.iter().filter_map(|f| f.shot.as_ref().ok()).collect();
     let flown: Vec<&Vec<Flight>> = flown.into_iter().map(|shot| &shot.flights).collect();
@@ -265,7 +265,7 @@ mod tests {
             Flight { samples: samples.collect(), ..Flight::default() }
         };
         let flights: Vec<Flight> = (0..199).map(flight).collect();
-        let band = Band::of(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
+        let band = Band::new(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
         let held = band.held(&flight(3).samples);
         assert!(
             (held.inside.x - 0.9).abs() < 0.02 && (held.width.x - 1.0).abs() < 0.02,

@@ -206,7 +206,7 @@ fn held(conditions: &Conditions) -> [Held; 2] {
     let in_air = |sample: &&FlightSample| sample.motors.iter().all(|motor| *motor > 20_000.0);
     let airborne: Vec<FlightSample> = real.samples.iter().filter(in_air).copied().collect();
     let place: [fn(&FlightSample) -> Vector3<f64>; 2] = [|s| s.position_m, |s| s.estimate_m];
-    place.map(|place| Band::of(&flights, place).held(&airborne))
+    place.map(|place| Band::new(&flights, place).held(&airborne))
 }
 
 #[test]
