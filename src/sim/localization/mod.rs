@@ -21,7 +21,7 @@ pub use known_motion::{Track, locate_enlarged, locate_shared};
 pub use observer::{FiveRanges, SharedAnchorObserver, shared_anchor};
 pub use positions::Positions;
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
-pub use smoother::{LocateOptions, Located, RangeSample, locate};
+pub use smoother::{LocateOptions, Located, locate};
 
 /// What a range is measured between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,6 +35,17 @@ pub enum Link {
     },
     /// Two drones.
     Drones(usize, usize),
+}
+
+/// One range of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeSample {
+    /// When.
+    pub time_s: f64,
+    /// Between what.
+    pub link: Link,
+    /// Measured distance.
+    pub distance_m: f64,
 }
 
 #[cfg(test)]

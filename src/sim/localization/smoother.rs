@@ -1,12 +1,12 @@
-//! Whole flights from range logs: a filter forward, a smoother backward, linearized anew until it
-//! rests.
+//! Whole flights from range logs: a filter forward, a smoother backward, relinearized until it
+//! converges.
 //!
 //! In: anchors, ranges. Out: [`Located`]. Each drone moves with a constant velocity but for white
 //! acceleration noise; no motion sensor is needed. The forward pass is an extended Kalman filter
 //! (position and velocity of all drones), the backward pass that of Rauch, Tung and Striebel (AIAA
-//! Journal 3(8), 1965); repeated with slopes at the smoothed places it is Gauss and Newton's method
+//! Journal 3(8), 1965); repeated with slopes at the smoothed places it is the Gauss–Newton method
 //! on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute.
-//! It starts from the place that fits the first second best ([`start`]).
+//! It starts from the position that best fits the ranges of the first second ([`start`]).
 //!
 //! A link that the gate refuses five times in a row is believed again, as in flight.
 
@@ -14,30 +14,20 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::Link;
 use super::positions::slope;
 use super::start::start;
+use super::{Link, RangeSample};
 use crate::control::LockOut;
 use crate::error::{Error, Result};
 
 /// Ranges closer in time share one state.
 const STEP_S: f64 = 0.01;
-/// Most passes, and the change at which they end.
+/// Most passes.
 const MAX_PASSES: usize = 8;
-const RESTS_M: f64 = 1e-4;
+/// Change of a position between two passes at which they end.
+const CONVERGED_M: f64 = 1e-4;
 /// Thickness of a set of anchors below which it counts as a plane.
 const PLANE_M: f64 = 0.05;
-
-/// One range of a log.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RangeSample {
-    /// When.
-    pub time_s: f64,
-    /// Between what.
-    pub link: Link,
-    /// Measured distance.
-    pub distance_m: f64,
-}
 
 /// How a log is turned into positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +66,7 @@ pub struct Located {
     pub warnings: Vec<String>,
 }
 
-/// State after a step: before and after its ranges.
+/// One step of the filter: its prediction, and the update by its ranges.
 struct Step {
     time_s: f64,
     predicted: (DVector<f64>, DMatrix<f64>),
@@ -110,7 +100,7 @@ pub fn locate(
                 pairs.map(moved).fold(0.0, f64::max)
             });
             smoothed = Some(next);
-            if moved_m < RESTS_M {
+            if moved_m < CONVERGED_M {
                 break;
             }
             let about: Vec<DVector<f64>> =
@@ -226,8 +216,8 @@ fn thickness_m(anchors_m: &[Vector3<f64>]) -> f64 {
     anchors_m.iter().map(|a| (a - middle_m).dot(&normal).abs()).fold(0.0, f64::max)
 }
 
-/// The filter forward, its slopes at its own estimates or at the given ones; with its mean normalized
-/// innovation squared and the share that was refused.
+/// Forward Kalman pass, linearized about its own estimates or about `about`; also returns the mean
+/// normalized innovation squared and the share of refused ranges.
 fn forward(
     anchors_m: &[Vector3<f64>],
     samples: &[RangeSample],

@@ -8,9 +8,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::Link;
 use super::positions::slope;
-use super::smoother::RangeSample;
+use super::{Link, RangeSample};
 use crate::error::{Error, Result};
 
 /// Ranges of this time after the first give the place at the start.
@@ -25,7 +24,7 @@ const FIT_STEPS: usize = 40;
 /// Mean range of each link in the first second.
 type Means = BTreeMap<Link, f64>;
 
-/// The state that fits the first second best, drones at rest, and its covariance.
+/// The state that best fits the ranges of the first second, drones at rest, and its covariance.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
