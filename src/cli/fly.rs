@@ -9,7 +9,8 @@ use super::flags::{FlightFlags, SceneFlags};
 use super::output::Outputs;
 use super::progress::watch;
 use super::report::Report;
-use super::{message, show, warn};
+use super::show::FlightFigures;
+use super::{message, warn};
 use crate::error::Result;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;
@@ -44,11 +45,14 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let flights = shoot.fly(&watch())?;
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let files = outputs.keep(&flights, |flight, mut out| flight.write_csv(&mut out))?;
-    let json = match flights.as_slice() {
-        [flight] => json!({ "flight": show::flight_json(flight) }),
-        flights => json!({ "flights": flights.iter().map(show::flight_json).collect::<Vec<_>>() }),
+    let figures: Vec<FlightFigures<'_>> = flights.iter().map(FlightFigures::new).collect();
+    let json = match figures.as_slice() {
+        [flight] => json!({ "flight": flight.json() }),
+        flights => {
+            json!({ "flights": flights.iter().map(FlightFigures::json).collect::<Vec<_>>() })
+        }
     };
-    Ok(Report::new(flights.iter().map(show::flight_lines).collect(), json).with_files(&files))
+    Ok(Report::new(figures.iter().map(FlightFigures::text).collect(), json).with_files(&files))
 }
 
 /// The setpoints of a log, as a plan.

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::output::Output;
 use super::report::{Report, line};
-use super::show;
+use super::show::FlightFigures;
 use crate::error::Result;
 use crate::flight::airborne;
 use crate::plan::relight;
@@ -44,6 +44,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let air = &flight.samples[air];
         [air[0].time_s, air[air.len() - 1].time_s]
     });
+    let figures = FlightFigures::new(&flight);
     let json = json!({
         "samples": flight.samples.len(),
         "airborne_s": air_s,
@@ -51,11 +52,11 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "unlogged": flight.unlogged.iter().map(|quantity| quantity.name()).collect::<Vec<_>>(),
         "extra": flight.extra.keys().collect::<Vec<_>>(),
         "warnings": flight.warnings,
-        "flight": show::flight_json(&flight),
+        "flight": figures.json(),
     });
     let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {
         format!("in the air {from:.2} s to {to:.2} s")
     });
     let text = line("samples", &format!("{}, {air}", flight.samples.len()));
-    Ok(Report::new(text + &show::flight_lines(&flight), json).with_files(&[path]))
+    Ok(Report::new(text + &figures.text(), json).with_files(&[path]))
 }

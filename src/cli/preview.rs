@@ -12,6 +12,7 @@ use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
 use super::report::{Outcome, Report, line, wrapped};
+use super::show::FlightFigures;
 use super::spread::SpreadFlags;
 use super::{findings, show, warn};
 use crate::digest::sha256;
@@ -74,7 +75,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let files = folder.keep(&names)?;
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
-    json["flights"] = shot.flights.iter().map(show::flight_json).collect();
+    let figures: Vec<FlightFigures<'_>> = shot.flights.iter().map(FlightFigures::new).collect();
+    json["flights"] = figures.iter().map(FlightFigures::json).collect();
     json["camera"] = show::camera_json(&shot);
     json["backend"] = backend.into();
     json["adapter"] = adapter.as_str().into();
@@ -103,7 +105,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["obstacles"] = shot.obstacles.clone().into();
     json["stops"] = findings::stops(&findings).into();
     text.extend(findings::stops(&findings).map(|stops| wrapped("check     ", &stops)));
-    text.extend(shot.flights.iter().map(show::flight_lines));
+    text.extend(figures.iter().map(FlightFigures::text));
     text += &show::camera_line(&shot);
     if let Some(spread) = spread {
         text += &spread.text;

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::report::{line, wrapped};
 use crate::camera::Camera;
+use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::geometry::Attitude;
@@ -73,36 +74,70 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     text.to_owned()
 }
 
-/// Flight time, tracking error over the letters or, where none was written, in the air, and digest.
-pub(super) fn flight_lines(flight: &Flight) -> String {
-    let duration_s = duration_s(flight);
-    let digest = format!("digest    {}\n", flight.sha256());
-    let tracking = match track(flight, Part::from_flight(flight)) {
-        Ok(tracking) => tracking,
-        Err(error) => {
-            let why = on_floor(flight).map_or_else(
-                || format!("no tracking error: {error}"),
-                |why| format!("on the floor: {why}"),
-            );
-            return line("flight", &format!("{duration_s:.1} s, {why}")) + &digest;
+/// Figures of a flight, each computed once for people and for programs.
+pub(super) struct FlightFigures<'a> {
+    flight: &'a Flight,
+    tracking: Result<Tracking>,
+    sha256: String,
+}
+
+impl<'a> FlightFigures<'a> {
+    pub(super) fn new(flight: &'a Flight) -> Self {
+        let tracking = track(flight, Part::from_flight(flight));
+        Self { flight, tracking, sha256: flight.sha256() }
+    }
+
+    /// Flight time, tracking error over the letters or, where none was written, in the air, and digest.
+    pub(super) fn text(&self) -> String {
+        let flight = self.flight;
+        let duration_s = duration_s(flight);
+        let digest = format!("digest    {}\n", self.sha256);
+        let tracking = match &self.tracking {
+            Ok(tracking) => tracking,
+            Err(error) => {
+                let why = on_floor(flight).map_or_else(
+                    || format!("no tracking error: {error}"),
+                    |why| format!("on the floor: {why}"),
+                );
+                return line("flight", &format!("{duration_s:.1} s, {why}")) + &digest;
+            }
+        };
+        let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
+        let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
+        let battery = battery.map_or_else(String::new, |(volts, joules)| {
+            line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
+        });
+        let (part, max_m) = (in_part(tracking.part), contour.max_m);
+        let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
+        let height = line(
+            "height",
+            &format!("held to {height_m:.3} m after the lag: good for letters from {least_m:.2} m"),
+        );
+        format!(
+            "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
+             {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{height}{battery}{digest}",
+            rmse.x, rmse.y, rmse.z, contour.mean_m,
+        )
+    }
+
+    /// Flight time, tracking error and final values of the simulator's own columns for programs; the
+    /// error is null where the drone never left the floor.
+    pub(super) fn json(&self) -> Value {
+        let flight = self.flight;
+        let nothing = ["part", "rmse_m", "lag_s", "contour"].map(|key| (key, Value::Null));
+        let mut json = match &self.tracking {
+            Ok(tracking) => tracking_json(tracking),
+            Err(_) => nothing.into_iter().collect(),
+        };
+        json["duration_s"] = duration_s(flight).into();
+        for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
+            if let Some(last) = at_end(flight, column) {
+                json[column] = last.into();
+            }
         }
-    };
-    let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
-    let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
-    let battery = battery.map_or_else(String::new, |(volts, joules)| {
-        line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
-    });
-    let (part, max_m) = (in_part(tracking.part), contour.max_m);
-    let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
-    let height = line(
-        "height",
-        &format!("held to {height_m:.3} m after the lag: good for letters from {least_m:.2} m"),
-    );
-    format!(
-        "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
-         {lag_s:.2} s, contour error {:.3} m (mean), {max_m:.3} m (max)\n{height}{battery}{digest}",
-        rmse.x, rmse.y, rmse.z, contour.mean_m,
-    )
+        json["sha256"] = self.sha256.as_str().into();
+        json
+    }
 }
 
 /// Aperture and sensitivity, and what the meter found.
@@ -138,24 +173,6 @@ pub(super) fn camera_json(shot: &Shot) -> Value {
     });
     let Camera { f_number, iso, .. } = shot.camera;
     serde_json::json!({ "f_number": f_number, "iso": iso, "metered": metered })
-}
-
-/// Flight time, tracking error and final values of the simulator's own columns for programs; the
-/// error is null where the drone never left the floor.
-pub(super) fn flight_json(flight: &Flight) -> Value {
-    let tracking = track(flight, Part::from_flight(flight)).ok();
-    let mut json = tracking.as_ref().map_or_else(
-        || serde_json::json!({ "part": null, "rmse_m": null, "lag_s": null, "contour": null }),
-        tracking_json,
-    );
-    json["duration_s"] = duration_s(flight).into();
-    for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
-        if let Some(last) = at_end(flight, column) {
-            json[column] = last.into();
-        }
-    }
-    json["sha256"] = flight.sha256().into();
-    json
 }
 
 /// Figures of tracking for programs; vectors are `[x, y, z]`, angles `[yaw, pitch, roll]`.
