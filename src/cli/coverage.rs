@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{LetterFlags, SceneFlags, set_word};
+use super::flags::{SceneFlags, set_word};
+use super::letters::LetterFlags;
 use super::output::Output;
 use super::report::{Report, line};
 use crate::error::Result;

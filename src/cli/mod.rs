@@ -28,6 +28,7 @@ mod hold;
 mod identify;
 mod import;
 mod learn;
+mod letters;
 mod locate;
 mod meter;
 mod names;

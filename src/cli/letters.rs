@@ -1,0 +1,91 @@
+//! Flags of the letters: font or drawing, colors, and the room that they are fitted to.
+
+use clap::Args;
+
+use super::flags::{Setting, owned};
+
+/// The word as it is drawn.
+#[derive(Debug, Args)]
+pub(super) struct LetterFlags {
+    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
+    #[arg(long, value_name = "NAME|FILE")]
+    font: Option<String>,
+    /// Drawing instead of a word: *.svg, or handwriting as *.json or *.inkml
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<String>,
+    /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes
+    #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
+    color: Vec<[u8; 3]>,
+    /// Width, depth and height of the room in meters, such as 4x3x2.5: the word is fitted to it,
+    /// half a meter from the walls and 0.3 m below the ceiling
+    #[arg(long, value_name = "WxDxH", value_parser = room)]
+    room: Option<[f64; 3]>,
+}
+
+/// Colors by name, of the color LED deck at full level.
+const COLORS: [(&str, [u8; 3]); 8] = [
+    ("red", [255, 0, 0]),
+    ("orange", [255, 110, 0]),
+    ("yellow", [255, 200, 0]),
+    ("green", [0, 255, 0]),
+    ("cyan", [0, 255, 255]),
+    ("blue", [0, 0, 255]),
+    ("magenta", [255, 0, 255]),
+    ("white", [255, 255, 255]),
+];
+
+fn color(text: &str) -> Result<[u8; 3], String> {
+    if let Some((_, rgb)) = COLORS.iter().find(|(name, _)| *name == text) {
+        return Ok(*rgb);
+    }
+    let hex = text.strip_prefix('#').filter(|hex| hex.len() == 6 && hex.is_ascii());
+    let byte = |at: usize| u8::from_str_radix(hex?.get(at..at + 2)?, 16).ok();
+    match [byte(0), byte(2), byte(4)] {
+        [Some(r), Some(g), Some(b)] => Ok([r, g, b]),
+        _ => {
+            let names: Vec<&str> = COLORS.iter().map(|(name, _)| *name).collect();
+            Err(format!("wanted #rrggbb or one of {}", names.join(", ")))
+        }
+    }
+}
+
+/// Least distance of the word from the walls, and from the ceiling.
+const FROM_WALL_M: f64 = 0.5;
+const FROM_CEILING_M: f64 = 0.3;
+
+fn room(text: &str) -> Result<[f64; 3], String> {
+    let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
+    let sides: Option<Vec<f64>> = sides.collect();
+    let sides = sides.and_then(|sides| <[f64; 3]>::try_from(sides).ok());
+    let wanted = "wanted WIDTHxDEPTHxHEIGHT in meters, at least 1.5x1.5x1, such as 4x3x2.5";
+    let fits = |[w, d, h]: &[f64; 3]| *w >= 1.5 && *d >= 1.5 && *h >= 1.0;
+    sides.filter(fits).filter(|sides| sides.iter().all(|m| *m <= 1000.0)).ok_or(wanted.to_owned())
+}
+
+impl LetterFlags {
+    /// The keys of the scene that were typed.
+    pub(super) fn settings(&self) -> Vec<Setting> {
+        let font = self.font.iter().map(|font| ("letters.font", font.as_str()));
+        let drawing = self.drawing.iter();
+        let drawing = drawing.flat_map(|file| {
+            [("letters.drawing", file.as_str()), ("letters.drawing_sha256", ""), ("word", "")]
+        });
+        let mut settings = owned(font.chain(drawing));
+        if !self.color.is_empty() {
+            let colors = self.color.iter().map(|[r, g, b]| format!("[0, {r}, {g}, {b}]"));
+            let colors = format!("[{}]", colors.collect::<Vec<_>>().join(", "));
+            settings.push(("light.letters_wrgb".to_owned(), colors));
+            let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
+            settings.extend(owned(lamp.into_iter()));
+        }
+        if let Some([width_m, _, height_m]) = self.room {
+            let wide_m = width_m - 2.0 * FROM_WALL_M;
+            // A low room has the word nearer to its floor.
+            let baseline_m = (0.25 * height_m).min(0.5);
+            let high_m = height_m - FROM_CEILING_M - baseline_m;
+            settings.push(("letters.canvas_m".to_owned(), format!("[{wide_m}, {high_m}]")));
+            settings.push(("letters.baseline_m".to_owned(), baseline_m.to_string()));
+        }
+        settings
+    }
+}
