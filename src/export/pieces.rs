@@ -316,20 +316,28 @@ fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
     good
 }
 
-/// A plan of sine waves about (1, 1, 1) m, for tests: sizes in m, rates and phases in rad/s and rad.
+/// Random plans of sine waves about (1, 1, 1) m, for tests.
 #[cfg(test)]
-pub(super) fn waves([size_m, rate, phase]: [[f64; 3]; 3], setpoints: u32, step_s: f64) -> Plan {
-    let setpoint = |k: u32| {
-        let time_s = step_s * f64::from(k);
-        let wave = |i: usize| libm::sincos(rate[i] * time_s + phase[i]);
-        let of = |value: &dyn Fn(usize) -> f64| Vector3::new(value(0), value(1), value(2));
-        Setpoint {
-            time_s,
-            position_m: of(&|i| 1.0 + size_m[i] * wave(i).0),
-            velocity_m_s: of(&|i| size_m[i] * rate[i] * wave(i).1),
-            acceleration_m_s2: of(&|i| -size_m[i] * rate[i] * rate[i] * wave(i).0),
-            letter: Some(0),
-        }
-    };
-    Plan { setpoints: (0..setpoints).map(setpoint).collect(), ..Plan::default() }
+pub(super) fn waves() -> impl proptest::strategy::Strategy<Value = Plan> {
+    use proptest::array::uniform3;
+    use proptest::strategy::Strategy as _;
+
+    let shape =
+        (uniform3(0.2..0.6_f64), uniform3(0.02..1.0_f64), uniform3(0.0..std::f64::consts::TAU));
+    (shape, 20..120_u32, 0.02..0.05_f64).prop_map(|((size_m, speed_m_s, phase), n, step_s)| {
+        let rate: [f64; 3] = std::array::from_fn(|axis| speed_m_s[axis] / size_m[axis]);
+        let setpoint = |k: u32| {
+            let time_s = step_s * f64::from(k);
+            let wave = |i: usize| libm::sincos(rate[i] * time_s + phase[i]);
+            let each = |value: &dyn Fn(usize) -> f64| Vector3::new(value(0), value(1), value(2));
+            Setpoint {
+                time_s,
+                position_m: each(&|i| 1.0 + size_m[i] * wave(i).0),
+                velocity_m_s: each(&|i| size_m[i] * rate[i] * wave(i).1),
+                acceleration_m_s2: each(&|i| -size_m[i] * rate[i] * rate[i] * wave(i).0),
+                letter: Some(0),
+            }
+        };
+        Plan { setpoints: (0..n).map(setpoint).collect(), ..Plan::default() }
+    })
 }

@@ -278,15 +278,9 @@ mod tests {
 
         #[test]
         fn random_plans_are_decoded_within_tolerance_range_and_limits(
-            size_m in proptest::array::uniform3(0.2..0.6_f64),
-            speed_m_s in proptest::array::uniform3(0.02..1.0_f64),
-            phase in proptest::array::uniform3(0.0..std::f64::consts::TAU),
-            n in 20..120_u32,
-            step_s in 0.02..0.05_f64,
+            plan in waves(),
             tolerance_m in 0.0025..0.01_f64,
         ) {
-            let rate = std::array::from_fn(|axis| speed_m_s[axis] / size_m[axis]);
-            let plan = waves([size_m, rate, phase], n, step_s);
             let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
             let worst_m = trajectory.worst_m(&plan);
             let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
