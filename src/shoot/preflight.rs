@@ -36,13 +36,11 @@ impl Shoot {
             let fly = |drone| self.fly_drone(drone, &mut |_| {});
             return self.findings((0..self.plans.len()).map(fly).collect(), profile);
         }
-        let lost = |(what, hint): &(String, String)| {
-            Err(Error::Infeasible { what: what.clone(), hint: hint.clone() })
-        };
         let flown = match self.fly(&|_, _| {}) {
             Ok(flights) => flights.into_iter().map(Ok).collect(),
             Err(Error::Infeasible { what, hint }) => {
-                vec![(what, hint); self.plans.len()].iter().map(lost).collect()
+                let lost = |_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() });
+                self.plans.iter().map(lost).collect()
             }
             Err(error) => return Err(error),
         };
