@@ -84,3 +84,29 @@ def integers(net):
         out += struct.pack("<5B", layer[0], layer[1], layer[2], layer[3], layer[4][0] * 16 + layer[4][1])
         out += w8.transpose(0, 2, 3, 1).tobytes() + multiplier.tobytes() + bias32.tobytes()
     return out
+
+
+def from_integers(data, strips):
+    """The net of a weights file, its normalization set from a batch of strips: training goes on from there."""
+    net, at, x = Net(), 0, strips
+    with torch.no_grad():
+        for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
+            kh, kw, ci, co, _ = layer
+            size, last = kh * kw * ci * co, n == len(LAYERS) - 1
+            w8 = np.frombuffer(data, np.int8, size, at + 5).reshape(co, kh, kw, ci).transpose(0, 3, 1, 2)
+            multiplier, bias = np.frombuffer(data, "<i4", 2 * co, at + 5 + size).reshape(2, co).astype(float)
+            at += 5 + size + 8 * co
+            unit_in = (1.0 if n == 0 else TOP) / 255
+            step = multiplier / 2 ** 24 * (1 / 256 if last else TOP / 255) / unit_in
+            conv.weight.copy_(torch.from_numpy(w8 * step[:, None, None, None]))
+            bias = torch.from_numpy(bias * step * unit_in).float()
+            if last:
+                conv.bias.copy_(bias)
+                break
+            x, norm = conv(x), net.norms[n]
+            norm.running_mean.copy_(x.mean((0, 2, 3)))
+            norm.running_var.copy_(x.var((0, 2, 3)))
+            norm.weight.copy_(torch.sqrt(norm.running_var + EPSILON))
+            norm.bias.copy_(bias + norm.running_mean)
+            x = F.max_pool2d((x + bias[:, None, None]).clamp(0, TOP), layer[4])
+    return net

@@ -210,9 +210,7 @@ def preset_scene(program, preset):
 
 def fixtures(program, preset, color, stops):
     """The lamps of a preset, the writing ones in a color and all dimmer by some stops."""
-    # The printed scene has the lamps of its deck as a comment.
-    rows = preset_scene(program, preset).split("as light.fixtures lists them.\n")[1]
-    lamps = tomllib.loads("\n".join(row.removeprefix("#").strip() for row in rows.splitlines()))["light"]["fixtures"]
+    lamps = tomllib.loads(preset_scene(program, preset))["light"].get("fixtures", [])
     for lamp in lamps:
         for die in lamp["dies"]:
             die["intensity_cd"] = die["intensity_cd"] * 2.0 ** -stops

@@ -27,8 +27,10 @@ def face_strokes(program, font, trace):
     """A face's characters as polylines, in cap heights: {character: [[(x, y), ...], ...]}."""
     with tempfile.TemporaryDirectory() as folder:
         scene, out = os.path.join(folder, "s.toml"), os.path.join(folder, "p.csv")
-        open(scene, "w").write(f'[letters]\nfont = "{font}"\ntrace = "{trace}"\ncap_height_m = 0.5\n'
-                               '[plan]\nsetpoint_interval_s = 0.05\n'
+        # The letters as they are drawn: not fitted to a room, no setpoint or light command ahead of the drone.
+        open(scene, "w").write(f'[letters]\nfont = "{font}"\ntrace = "{trace}"\n'
+                               'cap_height_m = 0.5\ncanvas_m = [1000, 10]\n'
+                               '[plan]\nsetpoint_interval_s = 0.05\nreference = "design"\nlight_clock = "setpoint"\n'
                                '[plan.style]\nkind = "even"\norder = "drawn"\ncorner_error_m = 0.003\n')
         letters = CHARACTERS if not font.startswith("ae483") else CHARACTERS[:26]
         run = subprocess.run([program, "plan", letters, "--scene", scene, "-o", out], capture_output=True, text=True)

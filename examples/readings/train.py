@@ -1,11 +1,11 @@
 """Trains the reader's net and writes its weights.
 
-    python3 train.py PROGRAM OUT.bin FACES... [--photos STRIPS...] [--from CHECKPOINT] [--minutes 60] [--seed 1]
-                     [--rounded]
+    python3 train.py PROGRAM OUT.bin FACES... [--photos STRIPS...] [--from START] [--minutes 60] [--seed 1] [--rounded]
 
 Needs torch and numpy. PROGRAM is noctograph, which takes the faces apart; FACES are typefaces under free licenses and
-names of our own fonts. STRIPS is what `readings strips` (the example) cut out of simulated photos. --rounded trains
-the net as the integers of use have it, its normalization frozen: the end of the training.
+names of our own fonts. STRIPS is what `readings strips` (the example) cut out of simulated photos. START is a
+weights file or the checkpoint of a training. --rounded trains the net as the integers of use have it, its normalization
+frozen: the end of the training.
 """
 
 import argparse
@@ -217,7 +217,10 @@ def main():
     faces = [face[2] for face in faces]
 
     model = net.Net()
-    if args.start:
+    if args.start and args.start.endswith(".bin"):
+        drawn = strips.batches(np.random.default_rng(args.seed), faces, weights / weights.sum(), 1, 256)[0][0]
+        model = net.from_integers(open(args.start, "rb").read(), (drawn.float() / 255).permute(0, 3, 1, 2))
+    elif args.start:
         model.load_state_dict(torch.load(args.start))
     model = model.to(memory_format=torch.channels_last)
     model.rounded = args.rounded
