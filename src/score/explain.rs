@@ -3,6 +3,7 @@
 //! Each fault is taken out of the photo by itself and the word is read again: the difference is the
 //! cost of the fault.
 
+use super::alphabet::in_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
 use super::faults::{Found, cause};
 use super::gaps::{Gap, Stray};
@@ -28,6 +29,10 @@ const DIM: f32 = 2.0;
 
 /// Share in the choice below which a faultless drawing is a flaw of its font.
 const STRANGE: f64 = 0.5;
+
+/// Share of another letter in a faultless drawing from which the font has a part in it, if the photo is
+/// read as that letter.
+const AMBIGUOUS: f64 = 0.03;
 
 /// Share in the choice from which a letter is sure: mending it gains nothing.
 const SURE: f64 = 0.97;
@@ -69,7 +74,7 @@ impl Reader {
                 self.expected.choices(&strips)[place].p - p
             });
         }
-        self.flaws_of_design(&mut found);
+        self.flaws_of_design(verdict, &mut found);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
             found.push((cause(CauseKind::FewPixels, None), None));
         }
@@ -187,8 +192,9 @@ impl Reader {
         strips
     }
 
-    /// Letters that look like other ones even where they are drawn without fault.
-    fn flaws_of_design(&self, found: &mut Vec<Found>) {
+    /// Letters that look like other ones even where they are drawn without fault, or that do so a little
+    /// and are read as these in the photo.
+    fn flaws_of_design(&self, verdict: &Verdict, found: &mut Vec<Found>) {
         let drawn = |grid| {
             let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
@@ -197,8 +203,13 @@ impl Reader {
         let strips: Vec<Strip> = self.lines.iter().map(drawn).collect();
         let choices = self.expected.choices(&strips);
         for (index, choice) in self.expected.indices.iter().zip(choices) {
-            if choice.p < STRANGE {
-                let reads_as = choice.others.first().map(|(letter, _)| *letter);
+            let letter = &verdict.letters[*index];
+            let rival = choice.others.first();
+            let rival_is_read = rival.is_some_and(|(rival, p)| {
+                *p >= AMBIGUOUS && letter.best == Some(in_case_of(*rival, letter.expected))
+            });
+            let reads_as = rival.map(|(letter, _)| *letter);
+            if choice.p < STRANGE || (rival_is_read && letter.best != Some(letter.expected)) {
                 found.push((Cause { reads_as, ..cause(CauseKind::Design, Some(*index)) }, None));
             }
         }

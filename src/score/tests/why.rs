@@ -95,3 +95,17 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
         assert_eq!(found, flawed, "{character}: {:#?}", verdict.causes);
     }
 }
+
+#[test]
+fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
+    // The reference team's I has half a lower bar.
+    for (font, flawed) in [("ae483", Some((Some(3), Some('T')))), ("simplex", None)] {
+        let options = LetterOptions { font: font.into(), ..Default::default() };
+        let [felix, shown] = ["FELIX", "FELTX"].map(|text| write(text, &options).unwrap());
+        let verdict = explained(&Shot::of(&shown), &felix);
+        assert_eq!(verdict.letters[3].best, Some('T'), "{font}");
+        let design = verdict.causes.iter().find(|cause| cause.kind == CauseKind::Design);
+        let found = design.map(|cause| (cause.letter, cause.reads_as));
+        assert_eq!(found, flawed, "{font}: {:#?}", verdict.causes);
+    }
+}
