@@ -239,38 +239,35 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a third of
+/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction of
 /// its time, for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
-    let scaled = (value * 1e6).round();
-    if scaled.abs() >= 4.5e15 {
+    let scaled = (value * 1e6).abs();
+    if scaled >= 4.5e15 {
         line.extend_from_slice(value.to_string().as_bytes());
         return;
     }
-    if scaled < 0.0 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4.5e15")]
+    let mut rest = (scaled + 0.5) as u64;
+    if value < 0.0 && rest > 0 {
         line.push(b'-');
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4.5e15")]
-    let micro = scaled.abs() as u64;
-    let (mut whole, mut part) = (micro / 1_000_000, micro % 1_000_000);
-    let start = line.len();
-    loop {
-        line.push(b'0' + u8::try_from(whole % 10).expect("a digit"));
-        whole /= 10;
-        if whole == 0 {
-            break;
+    // From the last digit to the first, at least one before the point; divided by a constant, which
+    // the compiler turns into a multiplication.
+    let mut digits = [0; 24];
+    let mut first = digits.len();
+    while first > digits.len() - 8 || rest > 0 {
+        first -= 1;
+        if first == digits.len() - 7 {
+            digits[first] = b'.';
+        } else {
+            digits[first] = b'0' + (rest % 10) as u8;
+            rest /= 10;
         }
     }
-    line[start..].reverse();
-    if part > 0 {
-        line.push(b'.');
-        let mut place = 100_000;
-        while part > 0 {
-            line.push(b'0' + u8::try_from(part / place).expect("a digit"));
-            part %= place;
-            place /= 10;
-        }
-    }
+    let end = digits.iter().rposition(|digit| *digit != b'0').expect("a point");
+    let end = if digits[end] == b'.' { end } else { end + 1 };
+    line.extend_from_slice(&digits[first..end]);
 }
 
 #[cfg(test)]
