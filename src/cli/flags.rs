@@ -7,6 +7,7 @@ use clap::Args;
 use super::letters::LetterFlags;
 use super::message;
 use super::names::{named, names};
+use super::set::{SetFlag, Setting, borrowed};
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
@@ -16,22 +17,6 @@ use crate::plan::{Plan, Style};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
 use crate::sim::read_lighthouse_config;
-
-/// A key of the scene with its new value.
-pub(super) type Setting = (String, String);
-
-fn setting(text: &str) -> std::result::Result<Setting, String> {
-    let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
-    Ok((key.trim().to_owned(), value.trim().to_owned()))
-}
-
-/// Keys of a scene that are set on the command line.
-#[derive(Debug, Args)]
-pub(super) struct SetFlag {
-    /// Set a key of the scene, such as camera.iso=200; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
-    pub(super) set: Vec<Setting>,
-}
 
 /// The scene.
 #[derive(Debug, Args)]
@@ -115,15 +100,6 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
 /// The text of a scene with settings laid over it.
 fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
     Scene::parse_with(toml, file, &borrowed(settings))
-}
-
-fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
-    settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
-}
-
-/// Settings that own their texts.
-pub(super) fn owned<'a>(settings: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<Setting> {
-    settings.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
 }
 
 /// Way of flying and number of drones.

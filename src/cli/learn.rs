@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::flags::{FlightFlags, SetFlag, find_scene};
+use super::flags::{FlightFlags, find_scene};
 use super::message;
 use super::output::Output;
 use super::report::{Report, line};
+use super::set::SetFlag;
 use super::studies::open_store;
 use crate::error::{Error, Result};
 use crate::flight::Flight;

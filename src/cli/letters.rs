@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::flags::{Setting, owned};
+use super::set::{Setting, owned};
 
 /// The word as it is drawn.
 #[derive(Debug, Args)]

@@ -42,6 +42,7 @@ mod report;
 mod robustness;
 mod scene;
 mod score;
+mod set;
 mod show;
 mod specimen;
 mod spread;

@@ -7,11 +7,12 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{SetFlag, find_scene, warn_of_idle_keys};
+use super::flags::{find_scene, warn_of_idle_keys};
 use super::message;
 use super::output::Output;
 use super::progress::Progress;
 use super::report::{Report, wrapped};
+use super::set::SetFlag;
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::report::study_sheet;
