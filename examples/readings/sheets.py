@@ -12,13 +12,14 @@ from PIL import Image, ImageDraw, ImageFont
 COLUMNS, ROWS, TILE_W, TILE_H, STRIP = 3, 4, 480, 300, 18
 
 
-def sheet(names, folder):
+def sheet(names, folder, captions=None):
+    """A page of photos, each with its name or caption above it."""
     page = Image.new("RGB", (COLUMNS * (TILE_W + 8) + 8, ROWS * (TILE_H + STRIP + 8) + 8), (70, 70, 70))
     pen, font = ImageDraw.Draw(page), ImageFont.load_default(14)
     for n, name in enumerate(names):
         left, top = 8 + n % COLUMNS * (TILE_W + 8), 8 + n // COLUMNS * (TILE_H + STRIP + 8)
         pen.rectangle([left, top, left + TILE_W - 1, top + STRIP - 1], fill=(110, 110, 110))
-        pen.text((left + 4, top), name, fill="white", font=font)
+        pen.text((left + 4, top), captions[n] if captions else name, fill="white", font=font)
         photo = Image.open(os.path.join(folder, name + ".png")).convert("RGB")
         by = min(TILE_W / photo.width, TILE_H / photo.height)
         size = (max(1, round(photo.width * by)), max(1, round(photo.height * by)))
