@@ -21,7 +21,8 @@ use crate::sim::read_lighthouse_config;
 /// The scene.
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
-    /// Scene: a file (TOML), a preset, team, pid, geometric, tuned, or a learned folder
+    /// Scene: a file (TOML), a photo of this program (PNG), a preset, team, pid, geometric, tuned,
+    /// or a learned folder
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
     #[command(flatten)]

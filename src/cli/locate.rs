@@ -52,7 +52,8 @@ enum Observer {
 #[derive(Debug, Args)]
 pub(super) struct LocateArgs {
     /// Range logs, one for each drone: columns ranging.distance0 ... to the anchors and
-    /// ranging.drone1 ... to the other drones, in meters
+    /// ranging.drone1 ... to the other drones, in meters; a value that stays the same is held, not
+    /// measured again
     #[arg(required_unless_present = "region", conflicts_with = "region", value_name = "RANGES")]
     ranges: Vec<PathBuf>,
     /// Flight or log with the true positions, one for each drone

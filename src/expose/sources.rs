@@ -150,17 +150,30 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
 pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
     let mut sum = [0.0; 3];
     for Tree { emitter, branches } in trees {
+        // Where the body hides the lamp, its light ends at once.
+        let edge = match emitter.visible_cos {
+            everywhere if everywhere <= -1.0 => 0.0,
+            cos => emitter.share(cos),
+        };
         let mut index = 0;
         while let Some(Branch { source, radius_m, next }) = branches.get(index) {
             let to_point_m = point_m - source.position_m;
             let square = to_point_m.norm_squared();
-            if *next > index + 1 && radius_m * radius_m > OPENING * OPENING * square {
+            let per_m = 1.0 / square.sqrt();
+            let cos_beam = source.axis.dot(&to_point_m) * per_m;
+            let (past, spread) = (cos_beam - emitter.visible_cos, radius_m * per_m);
+            let at_edge = edge > 0.0 && past.abs() < spread;
+            let is_near = radius_m * radius_m > OPENING * OPENING * square;
+            if *next > index + 1 && (is_near || at_edge) {
                 index += 1;
                 continue;
             }
-            let per_m = 1.0 / square.sqrt();
-            let cos_beam = source.axis.dot(&to_point_m) * per_m;
-            let share = emitter.share(cos_beam) * -to_point_m.z * per_m / square;
+            let mut share = emitter.share(cos_beam);
+            if at_edge {
+                // The sources of a branch are hidden one after another, not all at once.
+                share += edge * (0.5 + 0.5 * past / spread - f64::from(u8::from(past >= 0.0)));
+            }
+            share *= -to_point_m.z * per_m / square;
             for (sum, light) in sum.iter_mut().zip(source.light_cd_s) {
                 *sum += share * light;
             }
@@ -174,6 +187,26 @@ pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
 mod tests {
     use super::super::floor::tests::{hanging, looking_down};
     use super::*;
+
+    #[test]
+    fn behind_a_lamp_that_flies_on_the_floor_darkens_without_steps() {
+        let mut trace = hanging([0.0; 3]);
+        let lamp = &mut trace.lamps[0];
+        (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.05, -0.5);
+        let samples = (0..=200).map(|i| LightSample {
+            time_s: 0.01 * f64::from(i),
+            position_m: Vector3::new(0.01 * f64::from(i), 2.0, 0.5),
+            axis: Vector3::x(),
+            level: 1.0,
+        });
+        lamp.samples = samples.collect();
+        let trees = trees(&trace, &looking_down(), 0.0);
+        let lit = |mm: i32| exposure_lx_s(&trees, Vector3::new(f64::from(mm) * 0.001, 2.0, 0.0))[1];
+        let most = (-500..0).map(lit).fold(0.0, f64::max);
+        let steps = (-500..0).map(|mm| (lit(mm + 1) - lit(mm)).abs());
+        let step = steps.fold(0.0, f64::max) / most;
+        assert!(step < 0.01, "a step of {step} within a millimeter");
+    }
 
     #[test]
     fn the_tree_of_a_flight_is_within_5_percent_of_the_sum_over_its_samples() {

@@ -155,6 +155,7 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs,
         order: StrokeOrder::Free,
         times_s: Vec::new(),
+        colors: Vec::new(),
     }
 }
 

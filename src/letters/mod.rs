@@ -26,12 +26,13 @@ use crate::geometry::bounds;
 
 pub use curves::glyph_outline;
 pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
-pub use drawing::{DRAWING, draw};
+pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;
 pub use options::{Align, LetterOptions, Trace};
 
-/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph.
+/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
+/// one of each color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strokes {
     /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
@@ -46,6 +47,8 @@ pub struct Strokes {
     /// When the writer's pen began and ended each move of all glyphs, in seconds from its first;
     /// empty unless they were handwritten.
     pub times_s: Vec<[f64; 2]>,
+    /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
+    pub colors: Vec<[u8; 3]>,
 }
 
 /// Whether strokes may be reordered.

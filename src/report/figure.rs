@@ -100,8 +100,11 @@ impl Figure {
     fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
         root.fill(&WHITE)?;
         let lines: Vec<&str> = self.title.split('\n').collect();
-        let title = text_style(20.0, INK, HPos::Left);
-        root.draw_text(&lines.join(" / "), &title, at(SIDES_PX[0], 24.0))?;
+        let title = lines.join(" / ");
+        // A long word is written smaller, so that it is not cut off.
+        let wide_em = 0.5 * title.chars().count() as f64;
+        let style = text_style((PANEL_WIDTH_PX / wide_em).clamp(2.0, 20.0), INK, HPos::Left);
+        root.draw_text(&title, &style, at(SIDES_PX[0], 24.0))?;
         self.draw_legend(root)?;
         let mut top_px = HEAD_PX;
         for (index, panel) in self.panels.iter().enumerate() {
@@ -369,6 +372,19 @@ mod tests {
         let [one, two] = ["one", "two"].map(y_of);
         let bar_px = HEAD_PX + 200.0;
         assert!(one < bar_px - 5.0 && two > bar_px + 5.0, "{one} and {two} beside {bar_px}");
+    }
+
+    #[test]
+    fn a_long_title_is_written_smaller_and_not_cut_off() {
+        let size_px = |n: usize| {
+            let title = "N".repeat(n);
+            let figure = Figure { title, legend: Vec::new(), x_name: "x", panels: Vec::new() };
+            let svg = figure.svg();
+            let size = svg.split("font-size=\"").nth(1).unwrap().split('"').next().unwrap();
+            size.parse::<f64>().unwrap() / FINENESS
+        };
+        assert_eq!(size_px(10), size_px(60), "as large as ever");
+        assert!(size_px(200) * 200.0 * 0.6 < PANEL_WIDTH_PX, "{} px", size_px(200));
     }
 
     #[test]

@@ -289,7 +289,7 @@ fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
     scene.light.fixtures().iter().any(is)
 }
 
-fn has_color_led(scene: &Scene) -> bool {
+pub(super) fn has_color_led(scene: &Scene) -> bool {
     has_lamp(scene, |f| f.drive == Drive::ColorLed)
 }
 

@@ -13,9 +13,9 @@ use crate::digest::sha256;
 use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
 use crate::files::Limit;
-use crate::letters::{self, LetterOptions, Strokes};
+use crate::letters::{self, Ink, LetterOptions, Strokes};
 use crate::light::LightOptions;
-use crate::photo::PhotoOptions;
+use crate::photo::{Photo, PhotoOptions};
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::settings::{Described, settings};
@@ -90,13 +90,22 @@ impl Scene {
         Self::read_with(path, &[])
     }
 
-    /// Reads a scene file and lays single settings over it, as [`Self::parse_with`].
+    /// Reads a scene file, or the scene in a photo (PNG), and lays single settings over it, as
+    /// [`Self::parse_with`].
     ///
     /// # Errors
     ///
-    /// As [`Self::read`].
+    /// As [`Self::read`], and [`Error::Input`] for a photo without a scene.
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        Self::parse_with(&LIMIT.read_text(path)?, &path.display().to_string(), settings)
+        let file = path.display().to_string();
+        if !path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png")) {
+            return Self::parse_with(&LIMIT.read_text(path)?, &file, settings);
+        }
+        let Some(toml) = Photo::read_with_notes(path)?.0.scene_toml else {
+            let (found, wanted) = ("a photo without a scene", "a photo of this program");
+            return Err(Error::input(file, found, wanted, "name the scene's own file"));
+        };
+        Self::parse_with(&toml, &format!("{file} (scene)"), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.
@@ -228,14 +237,15 @@ impl Scene {
         Ok(())
     }
 
-    /// The strokes of the drawing, or else of the word.
+    /// The strokes of the drawing, by color where the color LED deck writes, or else of the word.
     ///
     /// # Errors
     ///
     /// As [`letters::draw`] and [`letters::write`].
     pub fn strokes(&self) -> Result<Strokes> {
         if !self.letters.drawing.is_empty() {
-            return letters::draw(self.letters.drawing.as_ref(), &self.letters);
+            let ink = if idle::has_color_led(self) { Ink::ByColor } else { Ink::Alike };
+            return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
         }
         letters::write(&self.word, &self.letters)
     }

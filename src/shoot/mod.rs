@@ -186,7 +186,14 @@ impl Shoot {
         }
     }
 
-    fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
+    fn bare(mut scene: Scene, strokes: Option<Strokes>) -> Self {
+        let own = scene.light.color_led_wrgb;
+        if let Some(strokes) = strokes.as_ref().filter(|_| scene.light.letters_wrgb.is_empty()) {
+            // Black is no light: what is drawn in it has the lamp's own color.
+            let wrgb =
+                |rgb: &[u8; 3]| if *rgb == [0; 3] { own } else { [0, rgb[0], rgb[1], rgb[2]] };
+            scene.light.letters_wrgb = strokes.colors.iter().map(wrgb).collect();
+        }
         Self {
             scene,
             strokes,

@@ -44,8 +44,9 @@ impl SimOptions {
     /// Body, drag, rotors: crazyflow's `cf2x_L250` (`first_principles/params.toml`); its lag turned
     /// into time constants at hover, its thrust over speed taken at hover; rotor inertia that of
     /// `cf2x_P250`, since its own is marked "seems off". Largest thrust and yaw moment (7.35 mm):
-    /// firmware `platform_defaults_cf2.h`. Ground effect: propellers of 23 mm, 30 mm above the
-    /// floor. Battery: see [`BatteryOptions`]; the hover voltage falls as in 98 real flights.
+    /// firmware `platform_defaults_cf2.h`, as for the thrust kit. Ground effect: propellers of
+    /// 23 mm, 30 mm above the floor. Battery: see [`BatteryOptions`]; the hover voltage falls as in
+    /// 98 real flights.
     #[must_use]
     pub fn cf21() -> Self {
         Self {
@@ -78,9 +79,11 @@ impl SimOptions {
     ///
     /// Body, drag, rotors: crazyflow's `cf2x_T350` (its rotor inertia is that of `cf21B_500`).
     /// Thrust over voltage, largest thrust (0.18 N), yaw moment (5.16 mm): firmware
-    /// `platform_defaults_cf2.h`, `CONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT`, all three of one version (an
-    /// earlier one, commit 0555cb1, has 0.1625 N, 5.96 mm and another curve). Battery: that of [`Self::cf21`] with a resistance
-    /// that falls as the capacity rises; current per thrust the same, for want of a measurement.
+    /// `platform_defaults_cf2.h`, `CONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT`, all three of one version:
+    /// the one after pull requests 1526 and 1559 of crazyflie-firmware (December 2025), read in a
+    /// copy that names no commit. Commit 0555cb1, before them, has 0.1625 N, 5.96 mm and another
+    /// curve. Battery: that of [`Self::cf21`] with a resistance that falls as the capacity rises;
+    /// current per thrust the same, for want of a measurement.
     #[must_use]
     pub fn cf21_thrust_kit() -> Self {
         let base = Self::cf21();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use noctograph::camera::CameraOptions;
 use noctograph::flight::{Flight, FlightSample};
-use noctograph::letters::{LetterOptions, Strokes, Trace, draw, write};
+use noctograph::letters::{Ink, LetterOptions, Strokes, Trace, draw, write};
 use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
@@ -58,7 +58,7 @@ fn log(path: &Path, _: &[u8]) -> bool {
 }
 
 fn drawing(path: &Path, _: &[u8]) -> bool {
-    draw(path, &LetterOptions::default()).is_ok()
+    draw(path, &LetterOptions::default(), Ink::ByColor).is_ok()
 }
 
 /// An eighth of the typefaces are traced along their center lines, which takes most of the time.

@@ -75,11 +75,14 @@ fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
 fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
     for n in 1..=6_usize {
         let n_drones = n.to_string();
-        let settings = [("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
+        // A drone writes a letter at least.
+        let settings =
+            [("word", "NOORNOOR"), ("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
         let scene = Scene::find(FIVE_LINKS, &settings).unwrap().scene;
         let options = scene.sim();
         let shoot = Shoot::new(scene).unwrap();
         let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
+        assert_eq!(plans.len(), n, "all fly");
         let bound_m = writing_sigma_m(&bounds(&plans, &options).unwrap(), None).unwrap();
         // docs/cooperative.md, measured over 16 seeds: within 12 %.
         let (error_m, nees) = flown(FIVE_LINKS, &settings, 0..4);

@@ -98,6 +98,33 @@ fn three_drones_and_every_ring_effect_have_the_same_bytes_on_every_backend_and_t
 }
 
 #[test]
+fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let strokes = "<path d='M0 0 v50' stroke='red'/><path d='M50 0 v50' stroke='#00f'/>";
+    let svg = format!(
+        "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 50 50' fill='none'>{strokes}</svg>"
+    );
+    std::fs::write(folder.path().join("two.svg"), svg).unwrap();
+    let again = |arguments: &[&str]| {
+        let mut command = noctograph(folder.path());
+        command.args(["preview", "--backend", "cpu", "--json"]).args(arguments);
+        json(&command.output().unwrap().stdout)["photo_sha256"].clone()
+    };
+    let lamp = ["--set", "light.deck=color-led", "--set", "plan.lights=[\"color-led\"]"];
+    let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
+    let first = again(&[&lamp[..], &drawing].concat());
+    let photo = Photo::read(&folder.path().join("one/photo.png")).unwrap();
+    // Red less blue of the left half and of the right half.
+    let mut halves = [0; 2];
+    for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
+        halves[usize::from(i % 160 >= 80)] += i32::from(pixel[0]) - i32::from(pixel[2]);
+    }
+    assert!(halves[0] > 10_000 && halves[1] < -10_000, "{halves:?}");
+
+    assert_eq!(again(&["--scene", "one/photo.png", "-o", "two"]), first, "the scene of a photo");
+}
+
+#[test]
 fn a_camera_from_a_photo_is_that_of_its_exif() {
     let folder = tempfile::tempdir().unwrap();
     write_streaks(folder.path());

@@ -1,7 +1,8 @@
 //! Drawings: an SVG file, or handwriting as JSON or `InkML`, becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
-//! aligned like a line of text. It has no word: it is one glyph, whose character is [`DRAWING`].
+//! aligned like a line of text. It has no word: it is one glyph, or one of each color, whose
+//! character is [`DRAWING`].
 
 use std::path::Path;
 
@@ -20,7 +21,7 @@ mod inkml;
 mod plain;
 mod svg;
 
-/// Character of a drawing's only glyph: U+FFFC, the object replacement character.
+/// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
@@ -30,6 +31,9 @@ pub(crate) const LIMIT: Limit =
 /// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
 const MAX_POINTS: usize = 200_000;
 
+/// Most colors of a drawing that is written in color.
+const MAX_COLORS: usize = 64;
+
 /// Default canvas of a drawing, in cap heights: width and height.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
@@ -38,6 +42,15 @@ const SPACING: f64 = 0.01;
 
 /// Radius of the ring that a tap of the pen becomes, by the drawing's height.
 const TAP: f64 = 0.02;
+
+/// Whether the colors of an SVG file matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ink {
+    /// They do not: the drawing is one glyph.
+    Alike,
+    /// Each color is a glyph, in the order in which they first occur.
+    ByColor,
+}
 
 /// A stroke of handwriting: points, y up, in the writer's units, and when each was written.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,15 +63,17 @@ struct Trace {
 /// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
 ///
 /// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
-/// filled rectangle behind everything is paper. Clips, masks, filters, patterns, pictures, markers on
+/// filled rectangle behind everything is paper. A path has the color of its stroke, or else of its
+/// fill; a gradient is black. Clips, masks, filters, patterns, pictures, markers on
 /// markers and text are not drawn. Handwriting keeps its order and times, and is smoothed by at most
 /// [`LetterOptions::smoothing_m`].
 ///
 /// # Errors
 ///
 /// [`Error::Io`] where the file cannot be read; [`Error::Input`] where it is broken, too large,
-/// draws nothing, or is of another kind, or for an option out of range.
-pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
+/// draws nothing, is of another kind, or has more than 64 colors by which it is to be written; or
+/// for an option out of range.
+pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     options.check()?;
     let file = path.display().to_string();
     let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
@@ -67,8 +82,26 @@ pub fn draw(path: &Path, options: &LetterOptions) -> Result<Strokes> {
             let paths = svg::read(&LIMIT.read(path)?, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
-            let runs = lines.into_iter().map(|line| placing.run(&line));
-            Ok(placing.strokes(runs.collect(), StrokeOrder::Free, Vec::new()))
+            let mut colors: Vec<[u8; 3]> = Vec::new();
+            let mut glyphs: Vec<Vec<Run>> = Vec::new();
+            for (line, color) in lines {
+                let known = colors.iter().position(|known| ink == Ink::Alike || *known == color);
+                let index = known.unwrap_or(colors.len());
+                if index == colors.len() {
+                    colors.push(color);
+                    glyphs.push(Vec::new());
+                }
+                glyphs[index].push(placing.run(&line));
+                if colors.len() > MAX_COLORS {
+                    let wanted = format!("at most {MAX_COLORS} colors");
+                    let hint = "draw with fewer colors, or write with another lamp than color-led";
+                    return Err(Error::input(&file, "a drawing of more colors", wanted, hint));
+                }
+            }
+            if ink == Ink::Alike {
+                colors.clear();
+            }
+            Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free, Vec::new()) })
         }
         Some("json") => write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, &file),
         Some("inkml" | "xml") => {
@@ -107,7 +140,7 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
         }
         runs.push(Run { lit: true, points: line });
     }
-    Ok(placing.strokes(runs, StrokeOrder::Kept, times_s))
+    Ok(placing.strokes(vec![runs], StrokeOrder::Kept, times_s))
 }
 
 /// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
@@ -196,19 +229,28 @@ impl Placing {
         Run { lit: true, points }
     }
 
-    fn strokes(&self, runs: Vec<Run>, order: StrokeOrder, times_s: Vec<[f64; 2]>) -> Strokes {
+    /// Glyphs, all of them as large as the drawing.
+    fn strokes(
+        &self,
+        glyphs: Vec<Vec<Run>>,
+        order: StrokeOrder,
+        times_s: Vec<[f64; 2]>,
+    ) -> Strokes {
         let cell = Cell {
             left_m: self.left_m,
             baseline_m: self.bottom_m,
             width_m: self.width_m.max(1e-3 * self.height_m),
             cap_height_m: self.height_m,
         };
-        let mut moves = pen_moves(&runs, |point| point);
-        if times_s.is_empty() {
-            moves.retain(|step| !step.lit || step.from_m != step.to_m);
-        }
-        let glyph = Glyph { character: DRAWING, cell, moves };
-        Strokes { word: String::new(), font: None, glyphs: vec![glyph], order, times_s }
+        let glyph = |runs: Vec<Run>| {
+            let mut moves = pen_moves(&runs, |point| point);
+            if times_s.is_empty() {
+                moves.retain(|step| !step.lit || step.from_m != step.to_m);
+            }
+            Glyph { character: DRAWING, cell, moves }
+        };
+        let glyphs = glyphs.into_iter().map(glyph).collect();
+        Strokes { word: String::new(), font: None, glyphs, order, times_s, colors: Vec::new() }
     }
 }
 

@@ -222,7 +222,7 @@ fn escape(value: &str, text: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::super::super::{LetterOptions, Strokes};
-    use super::super::draw;
+    use super::super::{Ink, draw};
     use crate::error::Result;
 
     fn drawn(inner: &str) -> Result<Strokes> {
@@ -231,7 +231,7 @@ mod tests {
             "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 99 99' fill='none'>{inner}</svg>"
         );
         std::fs::write(file.path(), text).unwrap();
-        draw(file.path(), &LetterOptions::default())
+        draw(file.path(), &LetterOptions::default(), Ink::Alike)
     }
 
     fn n_lit(inner: &str) -> usize {

@@ -16,8 +16,11 @@ use crate::geometry;
 /// Most elements and attributes of a file, before `use`.
 const MAX_NODES: u32 = 200_000;
 
+/// A path with its color.
+type Drawn = (BezPath, [u8; 3]);
+
 /// The paths of an SVG file in its user units, y up.
-pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
+pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
     let refuse = |found: String| {
         let hint = "open the file in an SVG editor, and save it as plain SVG";
         Error::input(file, found, "an SVG drawing", hint)
@@ -59,7 +62,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
                 let drawn = convert(path.data(), path.abs_transform());
                 let filled = path.stroke().is_none();
                 if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
-                    paths.push(dashed(drawn, path, &mut left, file)?);
+                    paths.push((dashed(drawn, path, &mut left, file)?, color(path)));
                 }
             }
             Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
@@ -69,21 +72,34 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<BezPath>> {
 }
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.
-pub(super) fn bounds(paths: &[BezPath]) -> [f64; 4] {
-    let boxes = paths.iter().map(BezPath::bounding_box);
+pub(super) fn bounds(paths: &[Drawn]) -> [f64; 4] {
+    let boxes = paths.iter().map(|(path, _)| path.bounding_box());
     geometry::bounds(boxes.flat_map(|b| [[b.x0, b.y0], [b.x1, b.y1]]))
 }
 
-/// Polylines no farther from the paths than a tolerance.
-pub(super) fn flatten(paths: &[BezPath], tolerance: f64, file: &str) -> Result<Vec<Vec<[f64; 2]>>> {
-    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+/// Polylines no farther from the paths than a tolerance, with their colors.
+pub(super) fn flatten(
+    paths: &[Drawn],
+    tolerance: f64,
+    file: &str,
+) -> Result<Vec<(Vec<[f64; 2]>, [u8; 3])>> {
+    let mut lines = Vec::new();
     let mut left = MAX_POINTS;
-    for path in paths {
+    for (path, color) in paths {
         let some = polylines(path, tolerance, left).ok_or_else(|| too_many(file))?;
         left = left.saturating_sub(some.iter().map(Vec::len).sum());
-        lines.extend(some);
+        lines.extend(some.into_iter().map(|line| (line, *color)));
     }
     Ok(lines)
+}
+
+/// The color of a stroke, or else of a fill; black for a gradient.
+fn color(path: &usvg::Path) -> [u8; 3] {
+    let fill = || path.fill().map(usvg::Fill::paint);
+    match path.stroke().map(usvg::Stroke::paint).or_else(fill) {
+        Some(usvg::Paint::Color(color)) => [color.red, color.green, color.blue],
+        _ => [0; 3],
+    }
 }
 
 /// A path with y up, transformed in full precision.

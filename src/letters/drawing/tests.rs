@@ -5,7 +5,7 @@ fn drawn(name: &str, content: &str, options: &LetterOptions) -> Result<Strokes> 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, content).unwrap();
-    draw(&path, options)
+    draw(&path, options, Ink::Alike)
 }
 
 fn on_canvas(width_m: f64, height_m: f64) -> LetterOptions {
@@ -277,7 +277,7 @@ fn broken_files_give_errors_and_never_panic() {
                 }
             }
             std::fs::write(&path, &bytes).unwrap();
-            match draw(&path, &LetterOptions::default()) {
+            match draw(&path, &LetterOptions::default(), Ink::Alike) {
                 Err(_) => refused += 1,
                 Ok(strokes) => {
                     drawn += 1;
@@ -316,4 +316,29 @@ fn text_is_refused_with_its_line_and_not_left_out() {
     assert!(error.hint().contains("Object to Path"), "{error}");
     let empty = "<path d='M0 0 h9' stroke='red'/><text x='5'/>";
     drawn("a.svg", &svg(empty), &LetterOptions::default()).unwrap();
+}
+
+#[test]
+fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.svg");
+    let body = "<path d='M0 0 h50' stroke='red'/><path d='M0 20 h50' stroke='#0000ff'/>
+        <path d='M0 40 h50' style='stroke:#f00'/><circle cx='100' cy='50' r='20'/>";
+    std::fs::write(&path, svg(body)).unwrap();
+    let [alike, by_color] =
+        [Ink::Alike, Ink::ByColor].map(|ink| draw(&path, &on_canvas(2.0, 1.0), ink).unwrap());
+    assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
+    assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255], [0, 0, 0]]);
+    let begins = |glyph: &Glyph| -> Vec<[f64; 2]> {
+        let moves = &glyph.moves;
+        let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
+        runs.map(|run| run[0].from_m.map(|x| (x * 1e3).round() / 1e3)).collect()
+    };
+    assert_eq!(begins(&by_color.glyphs[0]), [[0.0, 1.5], [0.0, 0.929]], "both red strokes");
+    assert_eq!((by_color.glyphs.len(), by_color.bounds_m()), (3, alike.bounds_m()));
+
+    let line = |n: u32| format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>");
+    std::fs::write(&path, svg(&(0..65).map(line).collect::<String>())).unwrap();
+    let refused = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap_err();
+    assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
 }

@@ -1,0 +1,156 @@
+//! What drones that share three anchors reach: the tables of docs/cooperative.md, and its pictures.
+//!
+//! ```sh
+//! cargo run --release --example cooperation -- setups 64     # who measures what, 64 flights each
+//! cargo run --release --example cooperation -- fleets 16     # two to six drones, 16 flights each
+//! cargo run --release --example cooperation -- photos 6 OUT  # the photo of seed 6 of each setup
+//! ```
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use image::RgbImage;
+use noctograph::expose::BackendChoice;
+use noctograph::flight::ESTIMATE_NEES;
+use noctograph::scene::Scene;
+use noctograph::shoot::{Judging, Recording, Shoot};
+use noctograph::sim::{bounds, writing_sigma_m};
+use rayon::prelude::*;
+
+type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
+
+/// Name, scene, and what is set in it.
+type Setup = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
+
+const LINKS: &str = "two-drones-three-anchors";
+const FLOOR: &str = "two-drones-three-anchors-and-floor";
+const SETUPS: [Setup; 8] = [
+    ("five links", LINKS, &[]),
+    ("a ranger to the floor each", FLOOR, &[]),
+    (
+        "a barometer each",
+        LINKS,
+        &[
+            ("sensors.heights", "[\"barometer\"]"),
+            ("sensors.barometer.drift_m_sqrt_s", "0.0"),
+            ("observer.ekf.barometer_sigma_m", "0.09"),
+        ],
+    ),
+    ("all anchors each, and each other", LINKS, &[("sensors.uwb.heard", "[]")]),
+    ("rangers, half of the messages lost", FLOOR, &[("sensors.peers.loss_frac", "0.5")]),
+    (
+        "three drones, all anchors each, and each other",
+        LINKS,
+        &[("sensors.uwb.heard", "[]"), ("plan.drones", "3")],
+    ),
+    ("rangers, no message heard", FLOOR, &[("observer.cooperative.share", "nothing")]),
+    ("rangers, estimates shared", FLOOR, &[("observer.cooperative.share", "estimates")]),
+];
+
+/// What one flight of a fleet came to.
+struct Flown {
+    /// Mean square of the position's error over lit samples after 2 s.
+    square_m2: f64,
+    /// Mean normalized squared error of the estimate, by three.
+    nees: f64,
+    legible: bool,
+}
+
+fn main() -> Outcome<()> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    match words[..] {
+        ["setups", n] => {
+            SETUPS.iter().try_for_each(|(name, scene, set)| row(name, scene, set, n.parse()?))
+        }
+        ["fleets", n] => (2..=6).try_for_each(|drones| {
+            let drones = drones.to_string();
+            // A drone writes a letter at least.
+            let set = [
+                ("word", "NOORNOOR"),
+                ("plan.drones", drones.as_str()),
+                ("sensors.uwb.heard", "[]"),
+            ];
+            row(
+                &format!("{drones} drones, all anchors each, and each other"),
+                LINKS,
+                &set,
+                n.parse()?,
+            )
+        }),
+        ["photos", seed, folder] => photos(seed.parse()?, Path::new(folder)),
+        _ => Err("type setups N, fleets N, or photos SEED FOLDER".into()),
+    }
+}
+
+fn shoot(scene: &str, set: &[(&str, &str)]) -> Outcome<Shoot> {
+    let scene = Scene::find(scene, set)?.scene;
+    Ok(Shoot { judging: Judging::Scored, backend: BackendChoice::Cpu, ..Shoot::new(scene)? })
+}
+
+fn seeded(shoot: &Shoot, seed: u64) -> Shoot {
+    Shoot { scene: Scene { seed, ..shoot.scene.clone() }, ..shoot.clone() }
+}
+
+/// Prints the row of a table: error, bound, consistency, and how many photos read.
+fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome<()> {
+    let shoot = shoot(scene, set)?;
+    let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
+    let bound_m = writing_sigma_m(&bounds(&plans, &shoot.scene.sim())?, None).unwrap_or(f64::NAN);
+    let flown: Outcome<Vec<Flown>> =
+        (0..n_flights).into_par_iter().map(|seed| fly(&seeded(&shoot, seed))).collect();
+    let flown = flown?;
+    let n = flown.len() as f64;
+    let error_m = (flown.iter().map(|one| one.square_m2).sum::<f64>() / n).sqrt();
+    let nees = flown.iter().map(|one| one.nees).sum::<f64>() / n;
+    let legible = flown.iter().filter(|one| one.legible).count();
+    let mut unread = String::new();
+    for (seed, _) in flown.iter().enumerate().filter(|(_, one)| !one.legible) {
+        write!(unread, " {seed}")?;
+    }
+    let (error_cm, bound_cm, ratio) = (100.0 * error_m, 100.0 * bound_m, error_m / bound_m);
+    print_out(&format!(
+        "| {name} | {error_cm:.2} cm | {bound_cm:.2} | {ratio:.2} | {nees:.2} | {legible} of {n} |"
+    ));
+    if flown.len() <= 16 {
+        print_out(&format!("seeds that do not read:{unread}"));
+    }
+    Ok(())
+}
+
+fn fly(shoot: &Shoot) -> Outcome<Flown> {
+    let flights = shoot.fly(&|_, _| {})?;
+    let (mut square_m2, mut nees, mut n) = (0.0, 0.0, 0.0);
+    for flight in &flights {
+        let light = flight.lights.values().next().ok_or("a drone has a lamp")?;
+        for (i, sample) in flight.samples.iter().enumerate() {
+            if sample.time_s > 2.0 && light[i] > 0.0 {
+                square_m2 += (sample.estimate_m - sample.position_m).norm_squared();
+                nees += flight.extra[ESTIMATE_NEES][i];
+                n += 1.0;
+            }
+        }
+    }
+    let recordings = flights.into_iter().map(Recording::Flight).collect();
+    let shot = Shoot { recordings, ..shoot.clone() }.take(&|_, _| {})?;
+    let legible = shot.verdict.is_some_and(|verdict| verdict.legible);
+    Ok(Flown { square_m2: square_m2 / n, nees: nees / n, legible })
+}
+
+/// Writes a photo of each setup, named as it.
+fn photos(seed: u64, folder: &Path) -> Outcome<()> {
+    std::fs::create_dir_all(folder)?;
+    for (number, (name, scene, set)) in SETUPS.iter().enumerate() {
+        let photo = seeded(&shoot(scene, set)?, seed).take(&|_, _| {})?.photo;
+        let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
+        let file = folder.join(format!("{} {name}.png", number + 1));
+        picture.ok_or("three bytes a pixel")?.save(file)?;
+    }
+    Ok(())
+}
+
+#[expect(clippy::print_stdout, reason = "an example's result")]
+fn print_out(text: &str) {
+    println!("{text}");
+}
