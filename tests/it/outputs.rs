@@ -202,7 +202,8 @@ fn with_a_pipe(folder: &Path) -> std::fs::File {
     }
     let pipe = folder.join("out/flight.csv");
     std::fs::remove_file(&pipe).unwrap();
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
+    assert!(made.success(), "a pipe in the folder");
     // For writing too: it opens before the preview does, and has no end when one closes it.
     std::fs::OpenOptions::new().read(true).write(true).open(&pipe).unwrap()
 }
