@@ -13,19 +13,21 @@ const MAX_SAMPLES: f64 = 6000.0;
 pub(super) struct Ink {
     bottom: f64,
     bin_height: f64,
-    bins: Vec<Vec<[[f64; 2]; 2]>>,
+    edges: Vec<[[f64; 2]; 2]>,
+    /// Places in the list of edges: an edge as tall as the outline is in every bin.
+    bins: Vec<Vec<u32>>,
 }
 
 impl Ink {
     pub(super) fn new(contours: &[Contour]) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
-        let n_edges: usize = contours.iter().map(Vec::len).sum();
-        let n_bins = (n_edges / 4).clamp(1, 1024);
+        let edges: Vec<_> = edges(contours).collect();
+        let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
-        let mut ink = Self { bottom, bin_height, bins: vec![Vec::new(); n_bins] };
-        for [from, to] in edges(contours) {
+        let mut ink = Self { bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
+        for (place, [from, to]) in (0..).zip(&ink.edges) {
             let (first, last) = (ink.bin(from[1].min(to[1])), ink.bin(from[1].max(to[1])));
-            ink.bins[first..=last].iter_mut().for_each(|bin| bin.push([from, to]));
+            ink.bins[first..=last].iter_mut().for_each(|bin| bin.push(place));
         }
         ink
     }
@@ -33,7 +35,8 @@ impl Ink {
     /// Whether the contours wind about a point.
     pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
         let mut winding = 0;
-        for [[ax, ay], [bx, by]] in &self.bins[self.bin(y)] {
+        for place in &self.bins[self.bin(y)] {
+            let [[ax, ay], [bx, by]] = &self.edges[*place as usize];
             if (*ay <= y) != (*by <= y) {
                 let crossing = ax + (y - ay) / (by - ay) * (bx - ax);
                 if crossing > x {

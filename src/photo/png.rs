@@ -185,8 +185,9 @@ impl Readout {
         notes: &[(&str, String)],
         scene_toml: Option<&str>,
     ) -> std::io::Result<()> {
-        let rgb16 = self.rgb16(tone);
-        let bytes: Vec<u8> = rgb16.iter().flat_map(|level| level.to_be_bytes()).collect();
+        // The levels are given back before the encoder takes as much memory again.
+        let bytes: Vec<u8> =
+            self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata::new(camera, &bytes);
         let size_px = [self.width_px, self.height_px];
         let levels = (png::BitDepth::Sixteen, &*bytes);

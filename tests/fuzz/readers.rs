@@ -36,7 +36,7 @@ impl Reader {
     pub(crate) fn seeds(&self) -> Vec<Seed> {
         let good = (self.good)().into_iter().enumerate();
         let good = good.map(|(n, bytes)| Seed { name: format!("good {n}"), bytes, good: true });
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds").join(self.name);
+        let folder = repository().join("tests/fuzz/seeds").join(self.name);
         let entries = std::fs::read_dir(folder).into_iter().flatten();
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
         paths.sort();
@@ -142,7 +142,13 @@ pub(crate) fn all() -> Vec<Reader> {
 }
 
 fn file(path: &str) -> Vec<u8> {
-    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+    std::fs::read(repository().join(path)).unwrap()
+}
+
+/// The folder of the repository; the package of `libfuzzer` is within it.
+fn repository() -> &'static Path {
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    folders.find(|folder| folder.join("fonts").is_dir()).unwrap()
 }
 
 /// A stroke font's capitals.

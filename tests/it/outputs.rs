@@ -3,6 +3,7 @@
 
 use std::io::{Read, Write};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -83,50 +84,179 @@ fn a_full_disk_and_a_closed_pipe_are_errors_or_nothing() {
     assert_eq!(child.wait().unwrap().code(), Some(0), "a reader that went away: {error}");
 }
 
+/// A disk that fills up while a file is written: the limit of a file's size stands for it.
+#[test]
+fn a_disk_that_fills_up_leaves_the_old_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    let files = ["flight.csv", "out/photo.png", "out/scene.toml"];
+    files.iter().for_each(|name| std::fs::write(folder.path().join(name), "old").unwrap());
+    noctograph(folder.path()).args(["plan", "I"]).assert().success();
+    // A limit of 8 blocks of 512 bytes; its signal ignored, so that the write fails.
+    let limited = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
+    let small = ["preview", "I", "--backend", "cpu", "--size", "320x180", "-o", "out"];
+    for arguments in [&["fly", "plan.csv"][..], &small] {
+        let run = Command::new("sh")
+            .args(["-c", limited])
+            .arg(assert_cmd::cargo::cargo_bin("noctograph"))
+            .args(arguments)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let error = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains("File too large") && error.contains("hint: "), "{error}");
+    }
+    assert!(files.iter().all(|name| text(&folder.path().join(name)) == "old"));
+    assert_eq!(names_in(folder.path()), ["flight.csv", "out", "plan.csv"], "nothing half-written");
+    assert_eq!(names_in(&out), ["photo.png", "scene.toml"], "nothing half-written");
+}
+
 #[test]
 fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let closed = folder.path().join("closed");
     std::fs::create_dir(&closed).unwrap();
     std::fs::write(closed.join("plan.csv"), "old").unwrap();
-    std::fs::set_permissions(&closed, PermissionsExt::from_mode(0o555)).unwrap();
-    // The superuser may write everywhere.
-    if std::fs::write(closed.join("probe"), "").is_err() {
-        noctograph(folder.path()).args(["plan", "I", "-o", "closed/plan.csv"]).assert().code(2);
-        noctograph(folder.path()).args(["preview", "I", "-o", "closed"]).assert().code(2);
-        assert_eq!(text(&closed.join("plan.csv")), "old");
+    let mode = |path: &Path, mode| {
+        std::fs::set_permissions(path, PermissionsExt::from_mode(mode)).unwrap();
+    };
+    mode(folder.path(), 0o755);
+    mode(&closed, 0o555);
+    // The superuser may write everywhere: the program runs as nobody, from where nobody can see it.
+    let superuser = std::fs::write(closed.join("probe"), "").is_ok();
+    let program = folder.path().join("program");
+    if superuser {
+        std::fs::remove_file(closed.join("probe")).unwrap();
+        std::fs::copy(assert_cmd::cargo::cargo_bin("noctograph"), &program).unwrap();
     }
-    std::fs::set_permissions(&closed, PermissionsExt::from_mode(0o755)).unwrap();
+    for arguments in [["plan", "I", "-o", "closed/plan.csv"], ["preview", "I", "-o", "closed"]] {
+        let mut command = process(folder.path(), &arguments);
+        if superuser {
+            command = Command::new(&program);
+            command.uid(65534).current_dir(folder.path()).args(arguments);
+        }
+        let run = command.output().unwrap();
+        let error = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains("closed") && error.contains("hint: "), "{error}");
+    }
+    mode(&closed, 0o755);
+    assert_eq!(names_in(&closed), ["plan.csv"]);
+    assert_eq!(text(&closed.join("plan.csv")), "old");
+}
+
+/// A small preview into a folder, quietly.
+fn preview(folder: &Path, out: &str, seed: &str) -> Command {
+    let small = ["preview", "I", "--backend", "cpu", "--size", "320x180", "--seed", seed];
+    let mut command = process(folder, &[&small[..], &["-o", out]].concat());
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command
 }
 
 /// Killed at ten points of its run, a preview leaves the files of the run before or its own; the
 /// next run removes what is left of it.
 #[test]
-fn a_kill_at_any_point_leaves_whole_files() {
+fn a_signal_at_any_point_leaves_whole_files() {
     let folder = tempfile::tempdir().unwrap();
-    let preview = |seed: &str| {
-        let small = ["--backend", "cpu", "--size", "320x180", "-o", "out", "--seed", seed];
-        process(folder.path(), &[&["preview", "I"], &small[..]].concat())
-    };
-    let out = folder.path().join("out");
+    let at = |name: &str| folder.path().join(name);
     let begun = std::time::Instant::now();
-    let quiet = |mut command: Command| command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
-    quiet(preview("1")).unwrap().wait().unwrap();
+    preview(folder.path(), "out", "1").status().unwrap();
     let whole_run = begun.elapsed();
-    let names = names_in(&out);
+    preview(folder.path(), "new", "2").status().unwrap();
+    let names = names_in(&at("out"));
+    let old: Vec<Vec<u8>> = names.iter().map(|name| read(&at("out").join(name))).collect();
     for point in 0..10 {
-        let mut child = quiet(preview("2")).unwrap();
+        let mut child = preview(folder.path(), "out", "2").spawn().unwrap();
         std::thread::sleep(whole_run * point / 10 + Duration::from_millis(5));
-        child.kill().unwrap();
+        let signal = ["KILL", "TERM", "INT", "HUP"][point as usize % 4];
+        let pid = child.id().to_string();
+        // A run that has ended by now takes no signal.
+        let _ = Command::new("kill").args(["-s", signal, &pid]).stderr(Stdio::null()).status();
         child.wait().unwrap();
-        for name in names.iter().filter(|name| !name.starts_with('.')) {
-            let bytes = std::fs::read(out.join(name)).unwrap();
-            let ends: &[u8] = if name.ends_with("png") { b"IEND\xaeB`\x82" } else { b"\n" };
-            assert!(bytes.ends_with(ends), "{name} is cut off at point {point}");
+        for (name, old) in names.iter().zip(&old) {
+            let now = read(&at("out").join(name));
+            let whole = now == *old || now == read(&at("new").join(name));
+            assert!(whole, "{name} is neither old nor new after {signal} at point {point}");
         }
     }
-    quiet(preview("3")).unwrap().wait().unwrap();
-    assert_eq!(names_in(&out), names, "nothing is left of the ten");
+    preview(folder.path(), "out", "2").status().unwrap();
+    assert_eq!(names_in(&at("out")), names, "nothing is left of the ten");
+    assert!(same(&at("out"), &at("new"), &names));
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap()
+}
+
+fn same(one: &Path, other: &Path, names: &[impl AsRef<Path>]) -> bool {
+    names.iter().all(|name| read(&one.join(name)) == read(&other.join(name)))
+}
+
+/// Folders `old` and `new` of previews with seeds 1 and 2, and `out` as `old` with a pipe in place
+/// of its second file, in which a preview waits between two names until the pipe is read.
+fn with_a_pipe(folder: &Path) -> std::fs::File {
+    for (out, seed) in [("old", "1"), ("new", "2"), ("out", "1")] {
+        preview(folder, out, seed).status().unwrap();
+    }
+    let pipe = folder.join("out/flight.csv");
+    std::fs::remove_file(&pipe).unwrap();
+    let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
+    assert!(made.success(), "a pipe in the folder");
+    // For writing too: it opens before the preview does, and has no end when one closes it.
+    std::fs::OpenOptions::new().read(true).write(true).open(&pipe).unwrap()
+}
+
+#[test]
+fn a_kill_between_two_names_leaves_files_of_both_runs_all_of_them_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut pipe = with_a_pipe(folder.path());
+    let mut child = preview(folder.path(), "out", "2").spawn().unwrap();
+    // The second file has begun: the first has its name.
+    pipe.read_exact(&mut [0]).unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(same(&at("out"), &at("new"), &["photo.png"]), "the new photo");
+    let rest = ["plan.csv", "scene.toml", "verdict.json"];
+    assert!(same(&at("out"), &at("old"), &rest), "and the old files, whole");
+    let names = names_in(&at("old"));
+    assert!(names_in(&at("out")).len() > names.len(), "the killed run left its folder");
+    std::fs::remove_file(at("out/flight.csv")).unwrap();
+    preview(folder.path(), "out", "2").status().unwrap();
+    assert_eq!(names_in(&at("out")), names, "the next run removes it");
+    assert!(same(&at("out"), &at("new"), &names));
+}
+
+#[test]
+fn the_second_of_two_writers_waits_until_the_first_has_named_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut pipe = with_a_pipe(folder.path());
+    let mut first = preview(folder.path(), "out", "1").spawn().unwrap();
+    let mut piped = vec![0];
+    pipe.read_exact(&mut piped).unwrap();
+    let mut second = preview(folder.path(), "out", "2").spawn().unwrap();
+    let staged = |out: &str| {
+        let names = names_in(&at(out)).into_iter().filter(|name| name.starts_with('.'));
+        names.filter(|name| at(out).join(name).join("verdict.json").exists()).count()
+    };
+    let begun = std::time::Instant::now();
+    while staged("out") < 2 {
+        assert!(second.try_wait().unwrap().is_none(), "it ended before it wrote its files");
+        assert!(begun.elapsed() < Duration::from_secs(60), "the first's files are gone");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(100));
+    assert!(same(&at("out"), &at("old"), &["photo.png"]), "nothing of the second yet");
+    let (old, new) = (read(&at("old/flight.csv")), read(&at("new/flight.csv")));
+    piped.resize(old.len() + new.len(), 0);
+    pipe.read_exact(&mut piped[1..]).unwrap();
+    assert!(first.wait().is_ok() && second.wait().is_ok());
+    assert!(piped == [old, new].concat(), "one flight after the other");
+    let rest = ["photo.png", "plan.csv", "scene.toml", "verdict.json"];
+    assert!(same(&at("out"), &at("new"), &rest), "all files of the second");
 }
 
 #[test]

@@ -22,6 +22,13 @@ const MAX_DEPTH: usize = 128;
 /// Most steps of matching style rules with elements.
 const MAX_RULES: usize = 5_000_000;
 
+/// Most user units of curves in all, their coordinates added up. usvg outlines every stroke to know
+/// its box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become more of them.
+const MAX_CURVES: f64 = 1e9;
+
+/// Commands of a path that draw curves.
+const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
+
 /// Style sheet that turns off what is not drawn.
 pub(super) const STYLE: &str = "*{clip-path:none!important;mask:none!important;\
     filter:none!important}marker *{marker:none!important}";
@@ -53,6 +60,10 @@ pub(super) fn plain(document: &Document<'_>) -> Result<String, String> {
         let what = if n_markers > 0 { "markers" } else { "<use>" };
         return Err(format!("{elements} elements, those of {what} counted"));
     }
+    let curves = all.curves + n_markers as f64 * counting.marker.curves;
+    if curves > MAX_CURVES {
+        return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
+    }
     let mut text = String::new();
     write_element(document.root_element(), &mut text);
     Ok(text)
@@ -67,6 +78,8 @@ struct Size {
     vertices: usize,
     /// Elements within each other.
     depth: usize,
+    /// Coordinates of its curves, added up.
+    curves: f64,
 }
 
 struct Counting<'a, 'input> {
@@ -92,6 +105,7 @@ impl<'a, 'input> Counting<'a, 'input> {
             bytes: node.attributes().map(|attribute| attribute.value().len()).sum(),
             vertices: 10 + (length("d") + length("points")) / 2,
             depth: 1,
+            curves: curves(node)?,
         };
         let tag = node.tag_name().name();
         let mut parts: Vec<_> = node.children().filter(Node::is_element).collect();
@@ -107,6 +121,7 @@ impl<'a, 'input> Counting<'a, 'input> {
             size.bytes = size.bytes.saturating_add(part.bytes);
             size.vertices = size.vertices.saturating_add(part.vertices);
             size.depth = size.depth.max(part.depth + 1);
+            size.curves += part.curves;
         }
         if size.depth > MAX_DEPTH {
             return Err(too_deep());
@@ -117,6 +132,7 @@ impl<'a, 'input> Counting<'a, 'input> {
             }
             self.marker.elements = self.marker.elements.max(size.elements);
             self.marker.bytes = self.marker.bytes.max(size.bytes);
+            self.marker.curves = self.marker.curves.max(size.curves);
         }
         self.known.insert(node, Some(size));
         Ok(size)
@@ -125,6 +141,45 @@ impl<'a, 'input> Counting<'a, 'input> {
 
 fn too_deep() -> String {
     format!("more than {MAX_DEPTH} elements within each other")
+}
+
+/// The coordinates of an element's curves, added up without their signs.
+fn curves(node: Node<'_, '_>) -> Result<f64, String> {
+    let names: &[&str] = match node.tag_name().name() {
+        "path" => &["d"],
+        "circle" | "ellipse" | "rect" => &["r", "rx", "ry"],
+        _ => &[],
+    };
+    let mut sum = 0.0;
+    for (name, value) in names.iter().filter_map(|name| Some((name, node.attribute(*name)?))) {
+        if ["em", "ex", "%"].iter().any(|unit| value.ends_with(unit)) {
+            return Err(format!("{name} of {value}, wanted user units"));
+        }
+        if *name != "d" || value.contains(CURVES) {
+            sum += magnitudes(value).sum::<f64>();
+        }
+    }
+    Ok(sum)
+}
+
+/// The numbers of an attribute, without their signs.
+fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
+    let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
+    std::iter::from_fn(move || {
+        text = &text[text.find(|c: char| c.is_ascii_digit() || c == '.')?..];
+        let mut end = digits(text);
+        if text[end..].starts_with('.') {
+            end += 1 + digits(&text[end + 1..]);
+        }
+        if let Some(exponent) = text[end..].strip_prefix(['e', 'E']) {
+            let sign = usize::from(exponent.starts_with(['+', '-']));
+            let n = digits(&exponent[sign..]);
+            end += if n > 0 { 1 + sign + n } else { 0 };
+        }
+        let number = text[..end].parse().unwrap_or(0.0);
+        text = &text[end..];
+        Some(number)
+    })
 }
 
 /// Checks that style rules are matched with elements in bounded time. Each is tried on each, and
@@ -275,11 +330,22 @@ mod tests {
                 + &"<g>".repeat(100)
                 + &"</g>".repeat(100),
             "<path d='M0 0h90' stroke='red' stroke-dasharray='0.001'/>".repeat(100),
+            "<path d='M0 0A5 6 30 0 1 1e30 9' stroke='red'/>".to_owned(),
+            "<rect width='1e30' height='1e30' rx='1e30' stroke='red'/>".to_owned(),
+            "<g id='g'><circle r='1e6' stroke='red'/></g>".to_owned()
+                + &"<use href='#g'/>".repeat(1000),
+            "<circle r='1em' font-size='1e30' stroke='red'/>".to_owned(),
         ];
         for (n, inner) in refused.iter().enumerate() {
             let error = drawn(inner).unwrap_err().to_string();
             assert!(!error.contains("nothing drawn"), "{n}: {error}");
         }
+    }
+
+    #[test]
+    fn numbers_are_found_as_paths_run_them_together() {
+        let found: Vec<f64> = super::magnitudes("M1.5.5e1-3e-2A1,1e+3 0 016.7e.e9mm5e").collect();
+        assert_eq!(found, [1.5, 5.0, 0.03, 1.0, 1000.0, 0.0, 16.7, 0.0, 5.0]);
     }
 
     #[test]
