@@ -19,6 +19,9 @@ const MAX_NODES: u32 = 200_000;
 /// A path with its color.
 type Drawn = (BezPath, [u8; 3]);
 
+/// A polyline with its color.
+type Line = (Vec<[f64; 2]>, [u8; 3]);
+
 /// The paths of an SVG file in its user units, y up.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
     let refuse = |found: String| {
@@ -78,11 +81,7 @@ pub(super) fn bounds(paths: &[Drawn]) -> [f64; 4] {
 }
 
 /// Polylines no farther from the paths than a tolerance, with their colors.
-pub(super) fn flatten(
-    paths: &[Drawn],
-    tolerance: f64,
-    file: &str,
-) -> Result<Vec<(Vec<[f64; 2]>, [u8; 3])>> {
+pub(super) fn flatten(paths: &[Drawn], tolerance: f64, file: &str) -> Result<Vec<Line>> {
     let mut lines = Vec::new();
     let mut left = MAX_POINTS;
     for (path, color) in paths {
