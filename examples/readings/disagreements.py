@@ -1,6 +1,6 @@
 """Draws the sheet of docs/calibration.md: the photographs of the test half where verdict and readers disagree most.
 
-    python3 disagreements.py readings.tsv VERDICTS.tsv PHOTOS ../../docs/disagreements.png      (needs Pillow, numpy)
+    python3 disagreements.py readings.tsv VERDICTS.tsv PHOTOS ../../docs/disagreements.jpg      (needs Pillow, numpy)
 
 VERDICTS.tsv is what `readings verdicts` prints. Above each photograph: the word, the readings of both readers
 (? for a guess), what the program reads, and its readability. The first half of the sheet was read by both and has the
@@ -9,6 +9,8 @@ least readability; the second was not, and has the most.
 
 import csv
 import sys
+
+from PIL import Image
 
 import fit
 import sheets
@@ -25,7 +27,8 @@ def main():
     mark = lambda row, reader: row[reader] + ("" if row[reader + "_sure"] == "sure" else "?")
     captions = [f"{row['word']}: readers {mark(row, 'a')}, {mark(row, 'b')}; program {row['read']} {row['p']:.2f}"
                 for row in read + unread]
-    sheets.sheet([row["photo"] for row in read + unread], photos, captions).save(out, optimize=True)
+    page = sheets.sheet([row["photo"] for row in read + unread], photos, captions)
+    page.resize((page.width * 2 // 3, page.height * 2 // 3), Image.LANCZOS).save(out, optimize=True, quality=88)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,70 @@
+"""Takes clean photos for the training: random letters in the default scene, of several fonts, sizes and seeds.
+
+    python3 clean.py PROGRAM OUT FACES... [--first 0 --count 500]
+
+`readings strips OUT OUT.strips` cuts their strips, as of the photos of photos.py. PROGRAM is the present one.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import string
+import subprocess
+import tempfile
+
+SIZES = [(480, 270), (640, 360), (640, 360), (800, 600), (960, 540), (1280, 720), (1920, 1080)]
+# Round letters are the ones that are taken for each other.
+CAPITALS = string.ascii_uppercase + "GGGCCOQQDNIKMW"
+SMALL = string.ascii_lowercase + "gqaeij"
+
+
+def random_word(rng):
+    kind, n = rng.random(), rng.randint(2, 7)
+    pick = lambda letters, n: "".join(rng.choice(letters) for _ in range(n))
+    if kind < 0.5:
+        return pick(CAPITALS, n)
+    if kind < 0.68:
+        return pick(SMALL, n)
+    if kind < 0.8:
+        return pick(CAPITALS, 1) + pick(SMALL, n - 1)
+    if kind < 0.92:
+        return pick(string.digits, min(n, 6))
+    return pick(CAPITALS + string.digits, n)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("program")
+    parser.add_argument("out")
+    parser.add_argument("faces", nargs="*")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--count", type=int, default=500)
+    args = parser.parse_args()
+    for folder in ("photos", "scenes"):
+        os.makedirs(os.path.join(args.out, folder), exist_ok=True)
+    truths = {}
+    for index in range(args.first, args.first + args.count):
+        rng = random.Random(f"clean {index}")
+        word, (width, height) = random_word(rng), rng.choice(SIZES)
+        options = ["--font", rng.choice(["simplex"] * 6 + args.faces), "--size", f"{width}x{height}"]
+        if rng.random() < 0.3:
+            options += ["--set", f"letters.cap_height_m={rng.choice([0.25, 0.3, 0.4, 0.6])}"]
+        with tempfile.TemporaryDirectory() as folder:
+            command = [args.program, "preview", word, "--seed", str(index), "-o", folder, *options]
+            run = subprocess.run(command, capture_output=True, text=True)
+            if not os.path.exists(os.path.join(folder, "photo.png")):
+                print(word, run.stderr.strip(), flush=True)
+                continue
+            name = f"c{index:05}"
+            for file, place in (("photo.png", f"photos/{name}.png"), ("scene.toml", f"scenes/{name}.toml")):
+                shutil.copy(os.path.join(folder, file), os.path.join(args.out, place))
+        truths[name] = {"shown": word, "expected": word}
+    with open(os.path.join(args.out, "truth.json"), "w") as file:
+        json.dump(truths, file, indent=0)
+    print(len(truths), "photos")
+
+
+if __name__ == "__main__":
+    main()
