@@ -3,7 +3,7 @@
 //! ```sh
 //! cargo run --release --example cooperation -- setups 64     # who measures what, 64 flights each
 //! cargo run --release --example cooperation -- fleets 16     # two to six drones, 16 flights each
-//! cargo run --release --example cooperation -- photos 6 OUT  # the photo of seed 6 of each setup
+//! cargo run --release --example cooperation -- photos 3 OUT  # the photo of seed 3 of each setup
 //! ```
 
 use std::error::Error;
