@@ -248,26 +248,32 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
         return;
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4.5e15")]
-    let mut rest = (scaled + 0.5) as u64;
+    let rest = (scaled + 0.5) as u64;
     if value < 0.0 && rest > 0 {
         line.push(b'-');
     }
-    // From the last digit to the first, at least one before the point; divided by a constant, which
-    // the compiler turns into a multiplication.
-    let mut digits = [0; 24];
-    let mut first = digits.len();
-    while first > digits.len() - 8 || rest > 0 {
+    let (mut whole, mut part) = (rest / 1_000_000, (rest % 1_000_000) as u32);
+    // From the last digit to the first, six after the point: divided by constants, which the compiler
+    // turns into multiplications.
+    let mut digits = [b'.'; 24];
+    for digit in digits[18..].iter_mut().rev() {
+        *digit = b'0' + (part % 10) as u8;
+        part /= 10;
+    }
+    let mut first = 17;
+    loop {
         first -= 1;
-        if first == digits.len() - 7 {
-            digits[first] = b'.';
-        } else {
-            digits[first] = b'0' + (rest % 10) as u8;
-            rest /= 10;
+        digits[first] = b'0' + (whole % 10) as u8;
+        whole /= 10;
+        if whole == 0 {
+            break;
         }
     }
-    let end = digits.iter().rposition(|digit| *digit != b'0').expect("a point");
-    let end = if digits[end] == b'.' { end } else { end + 1 };
-    line.extend_from_slice(&digits[first..end]);
+    let mut end = digits.len();
+    while digits[end - 1] == b'0' && end > 18 {
+        end -= 1;
+    }
+    line.extend_from_slice(&digits[first..if end == 18 { 17 } else { end }]);
 }
 
 #[cfg(test)]
