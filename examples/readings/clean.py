@@ -3,6 +3,7 @@
     python3 clean.py PROGRAM OUT FACES... [--first 0 --count 500]
 
 `readings strips OUT OUT.strips` cuts their strips, as of the photos of photos.py. PROGRAM is the present one.
+Needs torch and numpy.
 """
 
 import argparse
@@ -10,28 +11,14 @@ import json
 import os
 import random
 import shutil
-import string
 import subprocess
 import tempfile
 
+import numpy as np
+
+import strips
+
 SIZES = [(480, 270), (640, 360), (640, 360), (800, 600), (960, 540), (1280, 720), (1920, 1080)]
-# Round letters are the ones that are taken for each other.
-CAPITALS = string.ascii_uppercase + "GGGCCOQQDNIKMW"
-SMALL = string.ascii_lowercase + "gqaeij"
-
-
-def random_word(rng):
-    kind, n = rng.random(), rng.randint(2, 7)
-    pick = lambda letters, n: "".join(rng.choice(letters) for _ in range(n))
-    if kind < 0.5:
-        return pick(CAPITALS, n)
-    if kind < 0.68:
-        return pick(SMALL, n)
-    if kind < 0.8:
-        return pick(CAPITALS, 1) + pick(SMALL, n - 1)
-    if kind < 0.92:
-        return pick(string.digits, min(n, 6))
-    return pick(CAPITALS + string.digits, n)
 
 
 def main():
@@ -47,7 +34,7 @@ def main():
     truths = {}
     for index in range(args.first, args.first + args.count):
         rng = random.Random(f"clean {index}")
-        word, (width, height) = random_word(rng), rng.choice(SIZES)
+        word, (width, height) = strips.random_text(np.random.default_rng(index), 7), rng.choice(SIZES)
         options = ["--font", rng.choice(["simplex"] * 6 + args.faces), "--size", f"{width}x{height}"]
         if rng.random() < 0.3:
             options += ["--set", f"letters.cap_height_m={rng.choice([0.25, 0.3, 0.4, 0.6])}"]
