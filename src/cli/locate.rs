@@ -18,6 +18,7 @@ use crate::flight::{Flight, FlightSample, Quantity};
 use crate::report::{Trace, front_view, top_view};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
+use crate::sim::UwbOptions;
 use crate::sim::localization::{
     Link, LocateOptions, Located, Outputs, RangeSample, SharedAnchorObserver, Track, locate,
     locate_enlarged, locate_shared, observability, read_anchors, share_left, shared_anchor,
@@ -347,6 +348,16 @@ fn region(scene: Scene) -> Result<Report> {
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
     };
     let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
+    let (map, left) = map(observer, path);
+    let (table, seen) = observability_table(&uwb, observer(1.0), path);
+    Ok(Report::new(map + &table, json!({ "region": left, "observability": seen })))
+}
+
+/// Shares of the start error that are left, by error and gain.
+fn map(
+    observer: impl Fn(f64) -> SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
+) -> (String, Vec<Value>) {
     let mut text = format!(
         "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
          writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n\
@@ -369,12 +380,22 @@ fn region(scene: Scene) -> Result<Report> {
         }
         text.push('\n');
     }
-    text += "\nWhat the ranges tell of the places at the start, the motion being known\n\n\
-             time, s      five ranges: rank, worst    observer's three: rank, worst\n";
+    (text, left)
+}
+
+/// Rank and worst direction of the start, from all ranges and from the observer's three outputs.
+fn observability_table(
+    uwb: &UwbOptions,
+    observer: SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
+) -> (String, Vec<Value>) {
+    let mut text = "\nObservability of the positions at the start, with known motion\n\n\
+                    time, s      five ranges: rank, worst    observer's three: rank, worst\n"
+        .to_owned();
     let mut seen = Vec::new();
     for span_s in SPANS_S {
         let both = [Outputs::Ranges, Outputs::Three].map(|outputs| {
-            observability(&observer(1.0), outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
+            observability(&observer, outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
         });
         let worst = |sigma_m: f64| match sigma_m.is_finite() {
             true => format!("{:.1} cm", 100.0 * sigma_m),
@@ -390,5 +411,5 @@ fn region(scene: Scene) -> Result<Report> {
         seen.push(json!({ "time_s": span_s, "ranges": both[0], "three_outputs": both[1] }));
     }
     text.push('\n');
-    Ok(Report::new(text, json!({ "region": left, "observability": seen })))
+    (text, seen)
 }

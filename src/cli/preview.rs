@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::device::tried;
 use super::flags::{PictureFlags, SubjectFlags};
@@ -21,8 +21,8 @@ use crate::export::{Form, flown};
 use crate::plan::Plan;
 use crate::plan::check::Profile;
 use crate::score::Verdict;
-use crate::shoot::{Format, Shoot};
-use crate::study::remedies;
+use crate::shoot::{Format, Shoot, Shot};
+use crate::study::{Remedy, remedies};
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -52,24 +52,9 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
     warn(&shot.warnings);
 
-    let png = shot.file.as_deref().expect("a format was asked for");
-    let mut names = vec!["photo.png".to_owned()];
-    folder.write("photo.png", |out| out.write_all(png))?;
-    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.plans).enumerate() {
-        let number = if shot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        let [flown, sent] = ["flight", "plan"].map(|name| format!("{name}{number}.csv"));
-        folder.write(&flown, |out| flight.write_csv(out))?;
-        folder.write(&sent, |out| planned.plan.write_csv(out))?;
-        names.extend([flown, sent]);
-    }
-    folder.write("scene.toml", |out| out.write_all(shot.scene.to_toml().as_bytes()))?;
-    names.push("scene.toml".to_owned());
     let verdict = shot.verdict.as_ref();
     let mut json = show::verdict_json(verdict, shot.flight_sha256());
-    if verdict.is_some() {
-        folder.write("verdict.json", |out| writeln!(out, "{json:#}"))?;
-        names.push("verdict.json".to_owned());
-    }
+    let mut names = write(&shot, &json, &folder)?;
     let spread = args.spread.run(&before, &conditions, &folder)?;
     names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
     let files = folder.keep(&names)?;
@@ -80,23 +65,14 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["camera"] = show::camera_json(&shot);
     json["backend"] = backend.into();
     json["adapter"] = adapter.as_str().into();
-    json["photo_sha256"] = sha256(png).into();
+    json["photo_sha256"] = shot.file.as_deref().map(sha256).into();
     let remedies = match verdict.filter(|verdict| !verdict.legible) {
         // A plan from elsewhere is not made anew.
         Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
         _ => Vec::new(),
     };
     json["remedies"] = json!(remedies);
-    let mut text = match verdict {
-        Some(verdict) if !remedies.is_empty() => {
-            // What was flown says more than what was retouched.
-            let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
-            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, r.change));
-            show::verdict_table(&verdict) + "\ngain   change\n" + &rows.collect::<String>()
-        }
-        Some(verdict) => show::verdict_table(verdict),
-        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
-    };
+    let mut text = verdict_text(verdict, &remedies);
     if let Some(obstacle) = shot.obstacles.first() {
         text = wrapped("photo     ", obstacle) + &text;
     }
@@ -114,6 +90,41 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     text += &line("exposed", &format!("by {backend} on {adapter}"));
     let outcome = verdict.map_or(Outcome::Done, Outcome::from);
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+}
+
+/// Writes photo, flights, plans, scene and, of a word, the verdict; returns their names.
+fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<String>> {
+    let png = shot.file.as_deref().expect("a format was asked for");
+    let mut names = vec!["photo.png".to_owned()];
+    folder.write("photo.png", |out| out.write_all(png))?;
+    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.plans).enumerate() {
+        let number = if shot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
+        let [flown, sent] = ["flight", "plan"].map(|name| format!("{name}{number}.csv"));
+        folder.write(&flown, |out| flight.write_csv(out))?;
+        folder.write(&sent, |out| planned.plan.write_csv(out))?;
+        names.extend([flown, sent]);
+    }
+    folder.write("scene.toml", |out| out.write_all(shot.scene.to_toml().as_bytes()))?;
+    names.push("scene.toml".to_owned());
+    if shot.verdict.is_some() {
+        folder.write("verdict.json", |out| writeln!(out, "{verdict:#}"))?;
+        names.push("verdict.json".to_owned());
+    }
+    Ok(names)
+}
+
+/// The verdict, and the changes of settings that were flown where there are any: these say more than
+/// what was retouched.
+fn verdict_text(verdict: Option<&Verdict>, remedies: &[Remedy]) -> String {
+    match verdict {
+        Some(verdict) if !remedies.is_empty() => {
+            let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
+            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, r.change));
+            show::verdict_table(&verdict) + "\ngain   change\n" + &rows.collect::<String>()
+        }
+        Some(verdict) => show::verdict_table(verdict),
+        None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
+    }
 }
 
 /// Puts the flights of exported trajectories in the place of the plans.

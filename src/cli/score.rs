@@ -70,12 +70,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     // The camera framed the word that was flown, even if another one is looked for now.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
-    if let (Some(_), Some(flown), Some(digest)) = (foreign, &flown, &notes.strokes_sha256)
-        && flown.sha256() != *digest
-    {
-        let hint = "find the font or drawing that the photo was made with";
-        let found = "a font or drawing with other strokes";
-        return Err(Error::input(file, found, format!("that of digest {digest}"), hint));
+    if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
+        check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
     }
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
@@ -84,20 +80,18 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     if let Some(path) = &args.plan {
         check_written(&Plan::read_csv(path)?, &strokes).map_err(|error| error.in_file(path))?;
     }
-    let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
-    let from_scene =
-        |scene: &Scene| -> Result<View> { Ok((&scene.camera.camera(bounds_m, 0.0)?).into()) };
     let reading = read(&photo)?;
+    let framed = || -> Result<View> {
+        let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
+        Ok((&scene.camera.camera(bounds_m, 0.0)?).into())
+    };
     let view = match &args.corners {
         Some(corners) => {
             let size_px = [photo.width_px, photo.height_px];
             View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
         }
-        None if has_camera => from_scene(&scene)?,
-        None => match by_light(&photo, &reading, &strokes)? {
-            Some(view) => view,
-            None => from_scene(&scene)?,
-        },
+        None if has_camera => framed()?,
+        None => by_light(&photo, &reading, &strokes)?.map_or_else(framed, Ok)?,
     };
     let flights = args.flight.iter().map(|path| args.flights.read(path));
     let flights: Vec<Flight> = flights.collect::<Result<_>>()?;
@@ -106,17 +100,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let reader = Reader::new(&strokes, &scene.score)?;
     let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
     verdict.compare_with(&reading);
-    let mut files = Vec::new();
-    if let (Some(output), Some(path)) = (output, &args.output) {
-        let svg = is_svg(path);
-        files.push(output.keep(|out| {
-            if svg {
-                out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes())
-            } else {
-                overlay_photo(&photo, &marks, &verdict).write_png(out, None, &[])
-            }
-        })?);
-    }
+    let overlay = |output: Output| {
+        let svg = args.output.as_deref().is_some_and(is_svg);
+        output.keep(|out| match svg {
+            true => out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes()),
+            false => overlay_photo(&photo, &marks, &verdict).write_png(out, None, &[]),
+        })
+    };
+    let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
     let outcome = Outcome::from(&verdict);
     let mut text = show::verdict_table(&verdict);
@@ -126,8 +117,19 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         text +=
             &line("settings", &format!("{again} flies its scene again, and names those that gain"));
     }
-    let report = Report::new(text, json).with_files(&files);
-    Ok(report.with_outcome(outcome))
+    Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
+}
+
+/// Refuses a font or drawing that is not the one of the photo, where the photo says which.
+fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
+    match of_photo.filter(|digest| strokes.sha256() != **digest) {
+        None => Ok(()),
+        Some(digest) => {
+            let hint = "find the font or drawing that the photo was made with";
+            let found = "a font or drawing with other strokes";
+            Err(Error::input(file, found, format!("that of digest {digest}"), hint))
+        }
+    }
 }
 
 /// The key of a file that the photo's scene names, unless it was typed.

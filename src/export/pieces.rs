@@ -226,48 +226,15 @@ pub(super) fn pieces<P>(
     piece: impl Fn(usize, usize, &[P], Rounding) -> P,
     polynomials: impl Fn(&P) -> Polynomials,
 ) -> Vec<P> {
-    let [max_m_s, max_m_s2] = stretch.limits();
-    let near_as = |at: usize, to: usize, found: &[P], rounding: Rounding| {
-        let made = polynomials(&piece(at, to, found, rounding));
-        let start_s = stretch.time_s(at);
-        let off_m = |t: f64| {
-            (made.at((t - start_s).min(made.duration_s))[0] - stretch.position_m(t)).norm()
-        };
-        stretch.time_s(to) - start_s < max_piece_s
-            && stretch.check_times_s(at, to).all(|t| off_m(t) <= tolerance_m)
+    let motion = |at: usize, to: usize, found: &[P], rounding: Rounding| {
+        polynomials(&piece(at, to, found, rounding))
     };
-    let near = |at: usize, to: usize, found: &[P]| near_as(at, to, found, Rounding::Nearest);
-    let farthest =
-        |at: usize, found: &[P]| longest(at, stretch.last(), |to: usize| near(at, to, found));
-    // Largest speed or acceleration relative to the design's.
-    let effort = |at: usize, to: usize, found: &[P], rounding: Rounding| {
-        let made = polynomials(&piece(at, to, found, rounding));
-        let times_s = stretch.check_times_s(at, to).map(|t| t - stretch.time_s(at));
-        let efforts = [0.0].into_iter().chain(times_s).map(|t| {
-            let [_, v, a] = made.at(t);
-            f64::max(v.norm() / max_m_s, a.norm() / max_m_s2)
-        });
-        efforts.fold(0.0, f64::max)
-    };
-    // Ends of pieces from a setpoint that keep to the limits, the longest last.
-    let ends = |at: usize, found: &[P]| -> Vec<usize> {
-        if at == stretch.last() {
-            return Vec::new();
-        }
-        let farthest = farthest(at, found);
-        match max_m_s2 {
-            0.0 => vec![farthest],
-            _ => (at + 1..=farthest)
-                .filter(|to| {
-                    effort(at, *to, found, Rounding::Nearest) <= OVER_LIMITS && near(at, *to, found)
-                })
-                .collect(),
-        }
-    };
+    let limits = stretch.limits();
+    let fit = Fit { stretch, limits, tolerance_m, max_piece_s, motion: &motion };
     // The pieces, and for each its first setpoint and the ends that were not tried.
     let (mut found, mut tried): (Vec<P>, Vec<(usize, Vec<usize>)>) = (Vec::new(), Vec::new());
     let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
-    let mut untried = ends(0, &found);
+    let mut untried = fit.ends(0, &found);
     while at < stretch.last() {
         let mut next = untried.pop().map(|to| (to, Rounding::Nearest));
         if next.is_none() {
@@ -279,24 +246,82 @@ pub(super) fn pieces<P>(
                 tried.truncate(index);
                 continue;
             }
-            let ends = (at + 1..=farthest(at, &found)).flat_map(|to| {
-                [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding))
-            });
-            let near = |(to, rounding): &(usize, Rounding)| {
-                (*to, *rounding) == (at + 1, Rounding::Nearest)
-                    || near_as(at, *to, &found, *rounding)
-            };
-            let efforts = ends.filter(near).map(|end| (end, effort(at, end.0, &found, end.1)));
-            next = efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end);
+            next = fit.gentlest(at, &found);
         }
         let (to, rounding) = next.expect("the next setpoint");
         let made = piece(at, to, &found, rounding);
         found.push(made);
         tried.push((at, untried));
         at = to;
-        untried = ends(at, &found);
+        untried = fit.ends(at, &found);
     }
     found
+}
+
+/// What is wanted of pieces, and their motion between two setpoints after the pieces so far.
+struct Fit<'a, P> {
+    stretch: &'a Stretch,
+    limits: [f64; 2],
+    tolerance_m: f64,
+    max_piece_s: f64,
+    motion: &'a dyn Fn(usize, usize, &[P], Rounding) -> Polynomials,
+}
+
+impl<P> Fit<'_, P> {
+    fn is_near(&self, at: usize, to: usize, found: &[P], rounding: Rounding) -> bool {
+        let made = (self.motion)(at, to, found, rounding);
+        let start_s = self.stretch.time_s(at);
+        let off_m = |t: f64| {
+            (made.at((t - start_s).min(made.duration_s))[0] - self.stretch.position_m(t)).norm()
+        };
+        self.stretch.time_s(to) - start_s < self.max_piece_s
+            && self.stretch.check_times_s(at, to).all(|t| off_m(t) <= self.tolerance_m)
+    }
+
+    fn farthest(&self, at: usize, found: &[P]) -> usize {
+        longest(at, self.stretch.last(), |to| self.is_near(at, to, found, Rounding::Nearest))
+    }
+
+    /// Largest speed or acceleration relative to the design's.
+    fn effort(&self, at: usize, to: usize, found: &[P], rounding: Rounding) -> f64 {
+        let made = (self.motion)(at, to, found, rounding);
+        let [max_m_s, max_m_s2] = self.limits;
+        let start_s = self.stretch.time_s(at);
+        let times_s = self.stretch.check_times_s(at, to).map(|t| t - start_s);
+        let efforts = [0.0].into_iter().chain(times_s).map(|t| {
+            let [_, v, a] = made.at(t);
+            f64::max(v.norm() / max_m_s, a.norm() / max_m_s2)
+        });
+        efforts.fold(0.0, f64::max)
+    }
+
+    /// Ends of pieces from a setpoint that keep to the limits, the longest last.
+    fn ends(&self, at: usize, found: &[P]) -> Vec<usize> {
+        if at == self.stretch.last() {
+            return Vec::new();
+        }
+        let (farthest, rounding) = (self.farthest(at, found), Rounding::Nearest);
+        let keeps = |to: &usize| {
+            self.effort(at, *to, found, rounding) <= OVER_LIMITS
+                && self.is_near(at, *to, found, rounding)
+        };
+        match self.limits {
+            [_, 0.0] => vec![farthest],
+            _ => (at + 1..=farthest).filter(keeps).collect(),
+        }
+    }
+
+    /// End and rounding of the piece with the least effort; to the next setpoint in any case.
+    fn gentlest(&self, at: usize, found: &[P]) -> Option<(usize, Rounding)> {
+        let ends = (at + 1..=self.farthest(at, found))
+            .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
+        let allowed = |(to, rounding): &(usize, Rounding)| {
+            (*to, *rounding) == (at + 1, Rounding::Nearest)
+                || self.is_near(at, *to, found, *rounding)
+        };
+        let efforts = ends.filter(allowed).map(|end| (end, self.effort(at, end.0, found, end.1)));
+        efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end)
+    }
 }
 
 /// The setpoint at which the longest piece from `from` ends: doubles the length until a piece fails,

@@ -98,14 +98,7 @@ pub(super) fn sentence(
     letters: &[char],
     known: &Known,
 ) -> String {
-    let mut names: Vec<String> = Vec::new();
-    for index in causes.iter().filter_map(|cause| cause.letter) {
-        let name = format!("{} ({})", letters[index], index + 1);
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    let named = names.join(", ");
+    let named = named(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
     let delays = causes.iter().filter_map(|cause| cause.lamp_delay_s).fold(0.0, f64::max);
@@ -147,18 +140,10 @@ pub(super) fn sentence(
             "Come nearer or take a longer lens: letters have few pixels.".into()
         }
         CauseKind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
-        CauseKind::Design => {
-            let alike = causes.iter().filter_map(|cause| {
-                let letter = letters[cause.letter?];
-                Some(format!("{letter} is read as {}", cause.reads_as?))
-            });
-            let mut alike: Vec<String> = alike.collect();
-            alike.dedup();
-            format!(
-                "Choose another font, or draw {named} otherwise: this font's {}.",
-                alike.join(", ")
-            )
-        }
+        CauseKind::Design => format!(
+            "Choose another font, or draw {named} otherwise: this font's {}.",
+            alike(causes, letters)
+        ),
         CauseKind::OffPath => format!(
             "Fly nearer the path in {named}: light runs up to {most_mm:.0} mm beside the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(
@@ -167,4 +152,27 @@ pub(super) fn sentence(
             ))
         ),
     }
+}
+
+/// The letters that causes are about, with their places from 1, each once.
+fn named(causes: &[&Cause], letters: &[char]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for index in causes.iter().filter_map(|cause| cause.letter) {
+        let name = format!("{} ({})", letters[index], index + 1);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(", ")
+}
+
+/// The letters whose design resembles others, and which.
+fn alike(causes: &[&Cause], letters: &[char]) -> String {
+    let alike = causes.iter().filter_map(|cause| {
+        let letter = letters[cause.letter?];
+        Some(format!("{letter} is read as {}", cause.reads_as?))
+    });
+    let mut alike: Vec<String> = alike.collect();
+    alike.dedup();
+    alike.join(", ")
 }

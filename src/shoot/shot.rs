@@ -94,12 +94,7 @@ impl Shoot {
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
-                let from_file = scene.letters.files().next().is_some();
-                let strokes = self.strokes.as_ref().filter(|_| from_file);
-                let digests = Digests {
-                    flight_sha256: flight_sha256(&flights),
-                    strokes_sha256: strokes.map(Strokes::sha256),
-                };
+                let digests = self.digests(&flights);
                 encode(format, scene, &photo, &exposure.film, &camera, digests).map(Some)
             }
         };
@@ -130,6 +125,16 @@ impl Shoot {
             obstacles,
             warnings,
         })
+    }
+
+    /// Digests of the flights, and of strokes that a font or drawing outside the scene made.
+    fn digests(&self, flights: &[Flight]) -> Digests {
+        let from_file = self.scene.letters.files().next().is_some();
+        let strokes = self.strokes.as_ref().filter(|_| from_file);
+        Digests {
+            flight_sha256: flight_sha256(flights),
+            strokes_sha256: strokes.map(Strokes::sha256),
+        }
     }
 
     fn read(

@@ -14,7 +14,7 @@ use super::ekf::{START, Span};
 use super::joint::{Joint, Part};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
-use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SimOptions};
+use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SensorOptions, SimOptions};
 use crate::sim::sensors::time_of_flight_sigma_m;
 use crate::sim::vehicle::GRAVITY_M_S2;
 
@@ -72,22 +72,10 @@ pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
 /// The bounds of drones that share the air; the first has the index `first`.
 fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
-    let anchors_m: Vec<Vector3<f64>> = uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
     let turns = turns(plans.len(), first, options)?;
-    let cooperative = &options.observer.cooperative;
-    let start = match options.observer.kind {
-        EstimatorKind::Cooperative => {
-            Covariance::new(cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad)
-        }
-        _ => Covariance::new(START[0], START[1], START[2]),
-    };
-    let mut joint = Joint::new(vec![start; plans.len()]);
+    let mut fleet = Fleet::new(plans.len(), options);
     let mut found = vec![Bound::default(); plans.len()];
     let lit: Vec<Vec<f64>> = plans.iter().map(|plan| plan.lit()).collect();
-    let square = |x: f64| x * x;
-    let acceleration = [0.5 * square(sensors.imu.accelerometer_noise_m_s2_sqrt_hz); 3];
-    let rate = 0.5 * square(sensors.imu.gyro_noise_rad_s_sqrt_hz);
-    let variance = square(uwb.noise_m.max(LEAST_SIGMA_M));
     let heights = [
         (HeightSensor::TimeOfFlight, sensors.time_of_flight.rate_hz),
         (HeightSensor::Barometer, sensors.barometer.rate_hz),
@@ -99,49 +87,15 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;
-        let places: Vec<Vector3<f64>> = plans.iter().map(|plan| plan.design_m(time_s)).collect();
-        for (drone, plan) in plans.iter().enumerate() {
-            let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
-            let lever = -(moving + Vector3::z() * GRAVITY_M_S2).cross_matrix();
-            let span = Span { span_s: step_s, lever, turn_rad: Vector3::zeros() };
-            joint.carry(drone, &span, acceleration, rate);
-        }
-        let away = |drone: usize, anchor: usize| {
-            let away_m = places[drone] - anchors_m[anchor];
-            away_m / away_m.norm().max(f64::MIN_POSITIVE)
-        };
-        let part = |drone, position| Part::now(drone, Slope { position, turn: Vector3::zeros() });
+        fleet.carry(plans, time_s, step_s);
         while f64::from(measured) <= time_s * uwb.rate_hz {
-            let turn = turns[measured as usize % turns.len()];
+            fleet.range(turns[measured as usize % turns.len()]);
             measured += 1;
-            match turn {
-                Turn::Anchor { drone, anchor, minus } => {
-                    let minus = minus.map_or(Vector3::zeros(), |minus| away(drone, minus));
-                    let slope = part(drone, away(drone, anchor) - minus);
-                    joint.correct(&[slope], 0.0, variance, f64::INFINITY);
-                }
-                Turn::Drones(i, j) => {
-                    let away_m = places[i] - places[j];
-                    let unit = away_m / away_m.norm().max(f64::MIN_POSITIVE);
-                    let slopes = [part(i, unit), part(j, -unit)];
-                    joint.correct(&slopes, 0.0, variance, f64::INFINITY);
-                }
-            }
         }
         for ((sensor, rate_hz), read) in heights.iter().zip(&mut read) {
-            if !sensors.heights.contains(sensor) || f64::from(*read) > time_s * rate_hz {
-                continue;
-            }
-            *read += 1;
-            for (drone, place_m) in places.iter().enumerate() {
-                let sigma_m = match sensor {
-                    HeightSensor::TimeOfFlight => {
-                        time_of_flight_sigma_m(sensors.time_of_flight.noise_m, place_m.z)
-                    }
-                    HeightSensor::Barometer => sensors.barometer.noise_m.max(LEAST_SIGMA_M),
-                };
-                let slope = part(drone, Vector3::z());
-                joint.correct(&[slope], 0.0, square(sigma_m), f64::INFINITY);
+            if sensors.heights.contains(sensor) && f64::from(*read) <= time_s * rate_hz {
+                fleet.height(*sensor);
+                *read += 1;
             }
         }
         for (drone, plan) in plans.iter().enumerate() {
@@ -151,11 +105,95 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             let row = plan.setpoints.partition_point(|s| s.time_s <= time_s).saturating_sub(1);
             let bound = &mut found[drone];
             bound.time_s.push(time_s);
-            bound.sigma_m.push(joint.own[drone].pp.trace().max(0.0).sqrt());
+            bound.sigma_m.push(fleet.joint.own[drone].pp.trace().max(0.0).sqrt());
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }
     Ok(found)
+}
+
+/// Drones on their designs, and the covariance of all.
+struct Fleet<'a> {
+    sensors: &'a SensorOptions,
+    anchors_m: Vec<Vector3<f64>>,
+    places_m: Vec<Vector3<f64>>,
+    joint: Joint,
+}
+
+impl<'a> Fleet<'a> {
+    fn new(n_drones: usize, options: &'a SimOptions) -> Self {
+        let cooperative = &options.observer.cooperative;
+        let start = match options.observer.kind {
+            EstimatorKind::Cooperative => {
+                Covariance::new(cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad)
+            }
+            _ => Covariance::new(START[0], START[1], START[2]),
+        };
+        let anchors_m = &options.sensors.uwb.anchors_m;
+        Self {
+            sensors: &options.sensors,
+            anchors_m: anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect(),
+            places_m: Vec::new(),
+            joint: Joint::new(vec![start; n_drones]),
+        }
+    }
+
+    /// Moves all drones along their plans.
+    fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
+        let imu = &self.sensors.imu;
+        let acceleration = [0.5 * square(imu.accelerometer_noise_m_s2_sqrt_hz); 3];
+        let rate = 0.5 * square(imu.gyro_noise_rad_s_sqrt_hz);
+        for (drone, plan) in plans.iter().enumerate() {
+            let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
+            let lever = -(moving + Vector3::z() * GRAVITY_M_S2).cross_matrix();
+            let span = Span { span_s: step_s, lever, turn_rad: Vector3::zeros() };
+            self.joint.carry(drone, &span, acceleration, rate);
+        }
+        self.places_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
+    }
+
+    /// Measures one link.
+    fn range(&mut self, turn: Turn) {
+        let toward = |away_m: Vector3<f64>| away_m / away_m.norm().max(f64::MIN_POSITIVE);
+        let from =
+            |drone: usize, anchor: usize| toward(self.places_m[drone] - self.anchors_m[anchor]);
+        let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
+        match turn {
+            Turn::Anchor { drone, anchor, minus } => {
+                let minus = minus.map_or(Vector3::zeros(), |minus| from(drone, minus));
+                let slope = part(drone, from(drone, anchor) - minus);
+                self.joint.correct(&[slope], 0.0, variance, f64::INFINITY);
+            }
+            Turn::Drones(i, j) => {
+                let unit = toward(self.places_m[i] - self.places_m[j]);
+                let slopes = [part(i, unit), part(j, -unit)];
+                self.joint.correct(&slopes, 0.0, variance, f64::INFINITY);
+            }
+        }
+    }
+
+    /// Measures the height of every drone.
+    fn height(&mut self, sensor: HeightSensor) {
+        for (drone, place_m) in self.places_m.iter().enumerate() {
+            let sigma_m = match sensor {
+                HeightSensor::TimeOfFlight => {
+                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, place_m.z)
+                }
+                HeightSensor::Barometer => self.sensors.barometer.noise_m.max(LEAST_SIGMA_M),
+            };
+            let slope = part(drone, Vector3::z());
+            self.joint.correct(&[slope], 0.0, square(sigma_m), f64::INFINITY);
+        }
+    }
+}
+
+fn square(x: f64) -> f64 {
+    x * x
+}
+
+/// Slope of a measurement over a drone's position.
+fn part(drone: usize, position: Vector3<f64>) -> Part {
+    Part::now(drone, Slope { position, turn: Vector3::zeros() })
 }
 
 /// All links in their order.
@@ -237,7 +275,6 @@ pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3
 mod tests {
     use super::*;
     use crate::plan::Setpoint;
-    use crate::sim::SensorOptions;
 
     fn hover(place_m: [f64; 3], end_s: f64) -> Plan {
         let setpoint = |time_s| Setpoint {
