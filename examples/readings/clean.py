@@ -18,6 +18,10 @@ import numpy as np
 
 import strips
 
+# Letters with accents, which are read as the letter before the colon.
+ACCENTS = {accented: base for group in """A:ÀÁÂÃÄÅĀĄ C:ÇĆČ D:Ď E:ÈÉÊËĒĘĚ I:ÌÍÎÏ L:ŁĹ N:ÑŃŇ O:ÒÓÔÕÖØŐ R:ŘŔ S:ŚŞŠ T:Ť
+U:ÙÚÛÜŮŰ Y:ÝŸ Z:ŹŻŽ a:àáâãäåą c:çćč e:èéêëęě g:ğ i:ìíîï l:ł n:ñńň o:òóôõöøő r:ř s:śşš u:ùúûüůű y:ýÿ z:źżž""".split()
+           for base, accented_letters in [group.split(":")] for accented in accented_letters}
 SIZES = [(480, 270), (640, 360), (640, 360), (800, 600), (960, 540), (1280, 720), (1920, 1080)]
 
 
@@ -28,6 +32,7 @@ def main():
     parser.add_argument("faces", nargs="*")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--accents", type=float, default=0.1, help="share of words with accents")
     args = parser.parse_args()
     for folder in ("photos", "scenes"):
         os.makedirs(os.path.join(args.out, folder), exist_ok=True)
@@ -35,6 +40,8 @@ def main():
     for index in range(args.first, args.first + args.count):
         rng = random.Random(f"clean {index}")
         word, (width, height) = strips.random_text(np.random.default_rng(index), 7), rng.choice(SIZES)
+        if rng.random() < args.accents:
+            word = "".join(rng.choice([c] + [a for a, base in ACCENTS.items() if base == c]) for c in word)
         options = ["--font", rng.choice(["simplex"] * 6 + args.faces), "--size", f"{width}x{height}"]
         if rng.random() < 0.3:
             options += ["--set", f"letters.cap_height_m={rng.choice([0.25, 0.3, 0.4, 0.6])}"]
@@ -47,7 +54,8 @@ def main():
             name = f"c{index:05}"
             for file, place in (("photo.png", f"photos/{name}.png"), ("scene.toml", f"scenes/{name}.toml")):
                 shutil.copy(os.path.join(folder, file), os.path.join(args.out, place))
-        truths[name] = {"shown": word, "expected": word}
+        base = "".join(ACCENTS.get(c, c) for c in word)
+        truths[name] = {"shown": base, "expected": base}
     with open(os.path.join(args.out, "truth.json"), "w") as file:
         json.dump(truths, file, indent=0)
     print(len(truths), "photos")

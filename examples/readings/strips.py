@@ -102,6 +102,29 @@ def scrawl(rng):
     return [resampled(rng.uniform(0, 1, (int(rng.integers(3, 7)), 2)) * [0.7, 1])]
 
 
+def accented(rng, character, strokes):
+    """A letter with a mark above it, below it or through it, which is read as the same letter."""
+    right, top = (max(line[:, axis].max() for line in strokes) for axis in (0, 1))
+    middle, kind = right / 2 + rng.normal(0, 0.02), rng.random()
+    above = lambda *at: [resampled(np.array([[middle + x, top + y] for x, y in at]))]
+    if character in "LDOo" and kind < 0.3:
+        y, rise = rng.uniform(0.4, 0.6) * top, rng.uniform(0, 0.15)
+        mark = [resampled(np.array([[middle - 0.25, y - rise], [middle + 0.15, y + rise]]))]
+    elif character in "CcSsTtAaEe" and kind < 0.3:
+        mark = [resampled(np.array([[middle, 0], [middle + 0.06, -0.12], [middle - 0.05, -0.22]]))]
+    elif kind < 0.5:
+        slant = rng.choice([-1, 1]) * rng.uniform(0.05, 0.12)
+        mark = above((-slant, 0.1), (slant, 0.3))
+    elif kind < 0.7:
+        mark = above((-0.16, 0.2), (-0.12, 0.2)) + above((0.12, 0.2), (0.16, 0.2))
+    elif kind < 0.8:
+        mark = above(*[(0.09 * math.cos(a), 0.2 + 0.09 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 17)])
+    else:
+        mark = above((-0.14, 0.15), (-0.05, 0.15 + rng.uniform(-0.1, 0.15)), (0.05, 0.15 + rng.uniform(-0.1, 0.15)),
+                     (0.14, 0.15))
+    return strokes + mark
+
+
 def smooth(rng, n, length):
     """Noise of unit size that changes over a length, in points: cubic between values at random."""
     knots = rng.normal(0, 1, int(n / length) + 5)
@@ -117,8 +140,11 @@ def word_path(rng, face, text):
     gap = rng.uniform(-0.05, 0.08) if rng.random() < 0.08 else rng.uniform(0.06, 0.4)
     jitter = abs(rng.normal()) * rng.choice([0.3, 1.0])
     points, letters, lit, x, labels = [], [], [], 0.0, []
+    accents = 0.4 if rng.random() < 0.06 else 0.0
     for index, character in enumerate(text):
         strokes, label = face[character], CHARACTERS.index(character) + 1
+        if character.isalpha() and rng.random() < accents:
+            strokes = accented(rng, character, strokes)
         if rng.random() < 0.01:
             strokes, label = scrawl(rng), NO_LETTER
         width = max(line[:, 0].max() for line in strokes)

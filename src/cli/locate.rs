@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::flags::{FlightFlags, SceneFlags};
@@ -20,8 +20,9 @@ use crate::scene::Scene;
 use crate::shoot::Shoot;
 use crate::sim::UwbOptions;
 use crate::sim::localization::{
-    Link, LocateOptions, Located, Outputs, RangeSample, SharedAnchorObserver, Track, locate,
-    locate_enlarged, locate_shared, observability, read_anchors, share_left, shared_anchor,
+    Link, LinkError, LocateOptions, Located, Outputs, PositionError, RangeSample, Reference,
+    SharedAnchorObserver, Track, link_errors, locate, locate_enlarged, locate_shared,
+    observability, position_error, read_anchors, share_left, shared_anchor,
 };
 
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.
@@ -110,7 +111,9 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     warn(&located.warnings);
 
     let read = |path: &PathBuf| args.flights.read(path);
-    let references = args.reference.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let true_flights = args.reference.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let reference = |flight| Reference { flight, offset_s: args.offset };
+    let references: Vec<Reference<'_>> = true_flights.iter().map(reference).collect();
     let (mut names, mut traces, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for drone in 0..args.ranges.len() {
         let flight = flight(&located, drone);
@@ -119,8 +122,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         names.push(name);
         traces.push(Trace { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
-            rows.push(against(&located, drone, reference, args.offset)?);
-            let mut samples = reference.samples.clone();
+            rows.push(position_error(&located, drone, *reference)?);
+            let mut samples = reference.flight.samples.clone();
             samples.iter_mut().for_each(|s| s.time_s += args.offset);
             traces.push(Trace { name: format!("reference {}", drone + 1), samples });
         }
@@ -130,8 +133,16 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         names.push((*name).to_owned());
     }
     let files = folder.keep(&names)?;
-    let (text, json) = described(&located, samples.len(), &rows, args.observer);
+    let links = link_errors(&samples, &anchors_m(&scene), &references);
+    let (mut text, mut json) = described(&located, samples.len(), &rows, args.observer);
+    text += &link_table(&links);
+    text.push('\n');
+    json["links"] = json!(links);
     Ok(Report::new(text, json).with_files(&files))
+}
+
+fn anchors_m(scene: &Scene) -> Vec<Vector3<f64>> {
+    scene.sensors.uwb.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
 }
 
 fn by_observer(
@@ -140,8 +151,7 @@ fn by_observer(
     logs: &[Flight],
     samples: &[RangeSample],
 ) -> Result<Located> {
-    let anchors_m: Vec<Vector3<f64>> =
-        scene.sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
+    let anchors_m = anchors_m(scene);
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
         acceleration_m_s2_sqrt_hz: args.acceleration,
@@ -185,16 +195,6 @@ fn track(log: &Flight) -> Result<Track> {
     }
     let world = |s: &FlightSample| s.attitude.world_from_body() * s.velocity_body_m_s;
     Ok(Track::new(log.samples.iter().map(|s| (s.time_s, world(s)))))
-}
-
-/// Errors against a reference.
-#[derive(serde::Serialize)]
-struct Against {
-    rmse_m: [f64; 3],
-    rmse_3d_m: f64,
-    /// Normalized squared error over its three axes, where the observer has a covariance.
-    nees: Option<f64>,
-    samples: usize,
 }
 
 /// The ranges of a log: a value that changes is a measurement, one that stays is held.
@@ -248,48 +248,10 @@ fn flight(located: &Located, drone: usize) -> Flight {
     }
 }
 
-/// Errors of a drone's positions against a reference at their own times.
-fn against(located: &Located, drone: usize, reference: &Flight, offset_s: f64) -> Result<Against> {
-    let samples = &reference.samples;
-    let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
-    for (k, time_s) in located.time_s.iter().enumerate() {
-        let at_s = time_s - offset_s;
-        let after = samples.partition_point(|s| s.time_s < at_s);
-        let Some((a, b)) =
-            after.checked_sub(1).and_then(|i| samples.get(i)).zip(samples.get(after))
-        else {
-            continue;
-        };
-        if b.time_s - a.time_s > 0.2 {
-            continue;
-        }
-        let share = (at_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
-        let true_m = a.position_m + (b.position_m - a.position_m) * share;
-        let error_m = located.position_m[drone][k] - true_m;
-        square += error_m.component_mul(&error_m);
-        if let Some(covariances) = located.covariance_m2.get(drone) {
-            let inverse: Matrix3<f64> = covariances[k].try_inverse().unwrap_or_default();
-            nees += error_m.dot(&(inverse * error_m)) / 3.0;
-        }
-        n += 1;
-    }
-    if n == 0 {
-        let hint = "add the seconds between the two clocks";
-        return Err(Error::input("offset", offset_s, "clocks that overlap", hint));
-    }
-    let mean = square / f64::from(n);
-    Ok(Against {
-        rmse_m: mean.map(f64::sqrt).into(),
-        rmse_3d_m: mean.sum().sqrt(),
-        nees: (!located.covariance_m2.is_empty()).then_some(nees / f64::from(n)),
-        samples: n as usize,
-    })
-}
-
 fn described(
     located: &Located,
     n_ranges: usize,
-    rows: &[Against],
+    rows: &[PositionError],
     observer: Observer,
 ) -> (String, Value) {
     let ends = located.time_s.first().zip(located.time_s.last());
@@ -320,12 +282,22 @@ fn described(
             );
         }
     }
-    text.push('\n');
     let json = json!({
         "ranges": n_ranges, "span_s": span_s, "nis": located.nis,
         "refused_frac": located.refused_frac, "reference": rows,
     });
     (text, json)
+}
+
+/// The errors of the ranges by link.
+fn link_table(links: &[LinkError]) -> String {
+    let head = "\nranges minus distances, cm  median  scatter  ranges\n";
+    let row = |error: &LinkError| {
+        let [median_cm, scatter_cm] = [error.median_m, error.scatter_m].map(|m| 100.0 * m);
+        format!("{:<26}{median_cm:>+8.1}{scatter_cm:>9.1}{:>8}\n", error.link, error.ranges)
+    };
+    let rows: String = links.iter().map(row).collect();
+    if rows.is_empty() { rows } else { head.to_owned() + &rows }
 }
 
 /// The local region of the observer along the scene's word.

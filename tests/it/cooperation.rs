@@ -208,6 +208,12 @@ fn a_log_of_ranges_becomes_a_flight_beside_its_reference() {
     let json = run_json(folder.path(), &[&arguments[..], &["--json"]].concat());
     let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
     assert!(rmse_m < 0.01, "{rmse_m} m: without noise");
+    let links = json["links"].as_array().unwrap();
+    assert_eq!(links.len(), 5);
+    for link in links {
+        let median_m = link["median_m"].as_f64().unwrap();
+        assert!(median_m.abs() < 1e-3, "{link}");
+    }
     for file in ["flight-1.csv", "flight-xy.svg", "flight-xz.svg"] {
         assert!(folder.path().join("out").join(file).exists(), "{file}");
     }

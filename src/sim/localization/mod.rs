@@ -11,6 +11,7 @@ mod enlarged;
 mod known_motion;
 mod observer;
 mod positions;
+mod reference;
 mod region;
 mod smoother;
 mod start;
@@ -20,6 +21,7 @@ pub use enlarged::Enlarged;
 pub use known_motion::{Track, locate_enlarged, locate_shared};
 pub use observer::{FiveRanges, SharedAnchorObserver, shared_anchor};
 pub use positions::Positions;
+pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
 pub use smoother::{LocateOptions, Located, locate};
 
@@ -35,6 +37,15 @@ pub enum Link {
     },
     /// Two drones.
     Drones(usize, usize),
+}
+
+impl std::fmt::Display for Link {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Anchor { drone, anchor } => write!(f, "anchor {anchor} of drone {}", drone + 1),
+            Self::Drones(i, j) => write!(f, "drones {} and {}", i + 1, j + 1),
+        }
+    }
 }
 
 /// One range of a log.

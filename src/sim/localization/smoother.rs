@@ -173,25 +173,26 @@ pub(super) fn checked(
     n_drones: usize,
     samples: &[RangeSample],
 ) -> Result<Vec<RangeSample>> {
+    let measured = |sample: &RangeSample| {
+        sample.distance_m > 0.0 && sample.distance_m < 1e4 && sample.time_s.is_finite()
+    };
+    let n_broken = samples.iter().filter(|sample| !measured(sample)).count();
     for sample in samples {
-        let place = format!("range at {:.3} s", sample.time_s);
-        if !(sample.distance_m > 0.0 && sample.distance_m < 1e4 && sample.time_s.is_finite()) {
-            let hint = "leave out rows without a measurement";
-            return Err(Error::input(place, sample.distance_m, "a distance above 0 m", hint));
+        let RangeSample { time_s, link, distance_m } = sample;
+        let place = format!("range at {time_s:.3} s, {link}");
+        if !measured(sample) {
+            let wanted = "a distance from 0 m to 10 km";
+            let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
+            return Err(Error::input(place, distance_m, wanted, hint));
         }
-        let (known, found) = match sample.link {
-            Link::Anchor { drone, anchor } => (
-                drone < n_drones && anchor < anchors_m.len(),
-                format!("anchor {anchor} of drone {}", drone + 1),
-            ),
-            Link::Drones(i, j) => {
-                (i < n_drones && j < n_drones && i != j, format!("drones {} and {}", i + 1, j + 1))
-            }
+        let known = match *link {
+            Link::Anchor { drone, anchor } => drone < n_drones && anchor < anchors_m.len(),
+            Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
         };
         if !known {
             let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
             let hint = "list every anchor, and give a log of every drone";
-            return Err(Error::input(place, found, wanted, hint));
+            return Err(Error::input(place, link, wanted, hint));
         }
     }
     let mut samples = samples.to_vec();

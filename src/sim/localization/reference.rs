@@ -1,0 +1,160 @@
+//! Located positions and their ranges against a reference, such as motion capture.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+use super::{Link, Located, RangeSample};
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::statistics::median;
+
+/// The reference is not interpolated over longer gaps.
+const LONGEST_GAP_S: f64 = 0.2;
+/// Standard deviation of a normal distribution over its median absolute deviation.
+const SIGMA_PER_MAD: f64 = 1.4826;
+
+/// True positions of a drone, on a clock of their own.
+#[derive(Clone, Copy, Debug)]
+pub struct Reference<'a> {
+    /// Positions.
+    pub flight: &'a Flight,
+    /// Seconds to add to its clock.
+    pub offset_s: f64,
+}
+
+impl Reference<'_> {
+    /// The position between the two nearest samples; `None` beyond the ends and in gaps.
+    #[must_use]
+    pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
+        let (samples, at_s) = (&self.flight.samples, time_s - self.offset_s);
+        let after = samples.partition_point(|s| s.time_s < at_s);
+        let (a, b) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
+        let share = (at_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
+        (b.time_s - a.time_s <= LONGEST_GAP_S)
+            .then(|| a.position_m + (b.position_m - a.position_m) * share)
+    }
+}
+
+/// Error of a drone's located positions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PositionError {
+    /// Root mean square on each axis.
+    pub rmse_m: [f64; 3],
+    /// Root mean square of the distance.
+    pub rmse_3d_m: f64,
+    /// Mean normalized squared error over its three axes; `None` without a covariance.
+    pub nees: Option<f64>,
+    /// Positions that were compared.
+    pub samples: usize,
+}
+
+/// Compares the located positions of a drone with a reference, at the times of the ranges.
+///
+/// # Errors
+///
+/// [`Error::Input`] if the two have no time in common.
+pub fn position_error(
+    located: &Located,
+    drone: usize,
+    reference: Reference<'_>,
+) -> Result<PositionError> {
+    let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
+    for (k, time_s) in located.time_s.iter().enumerate() {
+        let Some(true_m) = reference.position_m(*time_s) else { continue };
+        let error_m = located.position_m[drone][k] - true_m;
+        square += error_m.component_mul(&error_m);
+        if let Some(covariances) = located.covariance_m2.get(drone) {
+            let inverse: Matrix3<f64> = covariances[k].try_inverse().unwrap_or_default();
+            nees += error_m.dot(&(inverse * error_m)) / 3.0;
+        }
+        n += 1;
+    }
+    if n == 0 {
+        let hint = "add the seconds between the two clocks";
+        return Err(Error::input("offset", reference.offset_s, "clocks that overlap", hint));
+    }
+    let mean = square / f64::from(n);
+    Ok(PositionError {
+        rmse_m: mean.map(f64::sqrt).into(),
+        rmse_3d_m: mean.sum().sqrt(),
+        nees: (!located.covariance_m2.is_empty()).then_some(nees / f64::from(n)),
+        samples: n as usize,
+    })
+}
+
+/// Error of the ranges of a link: measured minus true distance.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkError {
+    /// Its name.
+    pub link: String,
+    /// Median: the bias, such as an antenna delay.
+    pub median_m: f64,
+    /// Standard deviation about the median, from the median absolute deviation.
+    pub scatter_m: f64,
+    /// Ranges that were compared.
+    pub ranges: usize,
+}
+
+/// Compares the ranges of every link with the distances of the references, one for each drone.
+#[must_use]
+pub fn link_errors(
+    samples: &[RangeSample],
+    anchors_m: &[Vector3<f64>],
+    references: &[Reference<'_>],
+) -> Vec<LinkError> {
+    let true_m = |sample: &RangeSample| -> Option<f64> {
+        let place_m = |drone: usize| references.get(drone)?.position_m(sample.time_s);
+        Some(match sample.link {
+            Link::Anchor { drone, anchor } => (place_m(drone)? - anchors_m.get(anchor)?).norm(),
+            Link::Drones(i, j) => (place_m(i)? - place_m(j)?).norm(),
+        })
+    };
+    let mut links: Vec<Link> = samples.iter().map(|sample| sample.link).collect();
+    links.sort_unstable();
+    links.dedup();
+    let error = |link: Link| {
+        let of_link = samples.iter().filter(|sample| sample.link == link);
+        let errors_m: Vec<f64> =
+            of_link.filter_map(|sample| Some(sample.distance_m - true_m(sample)?)).collect();
+        let median_m = median(errors_m.iter().copied())?;
+        let scatter_m = SIGMA_PER_MAD * median(errors_m.iter().map(|e| (e - median_m).abs()))?;
+        Some(LinkError { link: link.to_string(), median_m, scatter_m, ranges: errors_m.len() })
+    };
+    links.into_iter().filter_map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::FlightSample;
+
+    #[test]
+    fn a_bias_and_a_scatter_are_told_apart_and_gaps_are_left_out() {
+        // A drone that moves along x at 1 m/s, with a gap of the reference from 1 to 2 s.
+        let times_s = (0..=300).map(|k| f64::from(k) / 100.0).filter(|t| !(1.0..2.0).contains(t));
+        let sample = |time_s: f64| FlightSample {
+            time_s,
+            position_m: Vector3::new(time_s, 0.0, 0.0),
+            ..FlightSample::default()
+        };
+        let flight = Flight { samples: times_s.map(sample).collect(), ..Flight::default() };
+        // The reference's clock is half a second behind.
+        let reference = Reference { flight: &flight, offset_s: 0.5 };
+        let anchors_m = [Vector3::new(10.0, 0.0, 0.0)];
+        let range = |k: u32| {
+            let time_s = f64::from(k) / 10.0;
+            let off_m = [-0.1, 0.0, 0.1][k as usize % 3];
+            RangeSample {
+                time_s,
+                link: Link::Anchor { drone: 0, anchor: 0 },
+                distance_m: 10.0 - (time_s - 0.5) + 0.4 + off_m,
+            }
+        };
+        let samples: Vec<RangeSample> = (0..36).map(range).collect();
+        let [error] = link_errors(&samples, &anchors_m, &[reference]).try_into().unwrap();
+        assert_eq!((error.link.as_str(), error.ranges), ("anchor 0 of drone 1", 19));
+        assert!((error.median_m - 0.4).abs() < 1e-9, "{} m", error.median_m);
+        assert!((error.scatter_m - 0.14826).abs() < 1e-9, "{} m", error.scatter_m);
+        assert!(reference.position_m(9.0).is_none());
+    }
+}
