@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Characters of a value that are printed: more than any digest or name that is a value.
+const LONGEST_FOUND: usize = 160;
+
 /// One error for the whole crate.
 ///
 /// The text names the place, the value found and the value wanted; [`Error::hint`] is advice.
@@ -98,11 +101,20 @@ impl Error {
     ) -> Self {
         Self::Input {
             place: place.into(),
-            found: found.to_string(),
+            found: shortened(found.to_string()),
             wanted: wanted.into(),
             hint: hint.into(),
         }
     }
+}
+
+/// A text that ends with an ellipsis where it is too long to print: 1e308 has 309 digits.
+fn shortened(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
 }
 
 /// Checks that a setting is a number within `min..=max`.
@@ -116,4 +128,15 @@ pub fn within(key: &str, value: f64, min: f64, max: f64) -> Result<()> {
     }
     let wanted = format!("a number from {min} to {max}");
     Err(Error::input(key, value, wanted, "choose a number within the range"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_of_309_digits_is_cut() {
+        let error = within("air.wind_m_s", 1e308, 0.0, 10.0).unwrap_err().to_string();
+        assert!(error.chars().count() < 220 && error.contains("000…, wanted"), "{error}");
+    }
 }

@@ -7,7 +7,7 @@
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{Command, commands, dark, preparation, timing};
+use super::lights::{Command, commands, dark, lamps, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
 use super::pieces::Stretch;
 use super::{Job, gains, stem};
@@ -100,9 +100,9 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "top_m": heights.fold(0.0, f64::max),
         "before_s": before_s,
         "end_s": end_s,
-        "channels": plan.lights.keys().collect::<Vec<_>>(),
+        "channels": lamps(plan).map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters(plan),
-        "dark": commands(&dark(plan, job.light)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
+        "dark": commands(&dark(plan)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
         "timing": timing,

@@ -27,7 +27,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         let stretch = Stretch::new(plan)?;
         let first_m = stretch.setpoint(0).position_m;
         let lights = commands(plan, job.light)?;
-        let dark = dark(plan, job.light)?;
+        let dark = dark(plan)?;
         drones.push(json!({
             "csv": csv.name,
             "start_s": stretch.start_s(),

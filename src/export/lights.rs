@@ -10,7 +10,7 @@
 //! trajectory on board, so that a late packet moves none of them.
 
 use crate::error::{Error, Result};
-use crate::light::{LightOptions, RingColor, RingEffect};
+use crate::light::{LightOptions, RING_COLORS};
 use crate::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
@@ -33,19 +33,13 @@ pub struct Command {
     pub level: f64,
 }
 
-/// The command of a light channel at a level from 0 to 1, on a letter.
-fn command(
-    time_s: f64,
-    channel: &str,
-    level: f64,
-    letter: Option<usize>,
-    options: &LightOptions,
-) -> Result<Command> {
+/// The command of a light channel at a level from 0 to 1 and, of a ring or a color LED, in a color.
+fn command(time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Result<Command> {
     let (parameter, value, level) = match channel {
         // A pin: whatever is dimmed is on.
         "headlights" => ("ring.headlightEnable", u32::from(level > 0.0), level.ceil()),
-        "ring" => ("ring.fadeColor", packed(&ring_color(options), level), level),
-        "color-led" => ("colorLedBot.wrgb8888", packed(&options.wrgb_of(letter), level), level),
+        "ring" => ("ring.fadeColor", packed(&wrgb[1..], level), level),
+        "color-led" => ("colorLedBot.wrgb8888", packed(&wrgb, level), level),
         other => {
             let wanted = "headlights, ring or color-led: lamps with a firmware parameter";
             return Err(Error::input("plan.lights", other, wanted, "light with one of these"));
@@ -54,12 +48,25 @@ fn command(
     Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
 }
 
-fn ring_color(options: &LightOptions) -> [u8; 3] {
-    match &options.ring {
-        RingEffect::Solid(ring) | RingEffect::Memory(ring) => ring.color,
-        RingEffect::Fade(ring) => ring.color,
-        RingEffect::DoubleSpin | RingEffect::Off => RingColor::default().color,
+/// Channels that are lamps, not a lamp's color.
+pub(super) fn lamps(plan: &Plan) -> impl Iterator<Item = (&String, &Vec<f64>)> {
+    plan.lights.iter().filter(|(channel, _)| !RING_COLORS.contains(&channel.as_str()))
+}
+
+/// Color of a lamp at a setpoint: that of the plan's channels, or that of the letter.
+fn color(plan: &Plan, channel: &str, row: usize, options: &LightOptions) -> [u8; 4] {
+    let letter = plan.setpoints[row].letter;
+    if channel != "ring" {
+        return options.wrgb_of(letter);
     }
+    let [r, g, b] = options.ring_rgb_of(letter);
+    let sent = |channel: &str, byte: u8| match plan.lights.get(channel) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
+        None => byte,
+    };
+    let [red, green, blue] = RING_COLORS;
+    [0, sent(red, r), sent(green, g), sent(blue, b)]
 }
 
 /// Bytes at a level, the first one in the highest place.
@@ -76,10 +83,11 @@ fn packed(bytes: &[u8], level: f64) -> u32 {
 /// [`Error::Input`] for a channel that no deck listens to.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
-    for (channel, levels) in &plan.lights {
-        let mut value = command(0.0, channel, 0.0, None, options)?.value;
-        for (setpoint, level) in plan.setpoints.iter().zip(levels) {
-            let next = command(setpoint.time_s, channel, *level, setpoint.letter, options)?;
+    for (channel, levels) in lamps(plan) {
+        let mut value = command(0.0, channel, 0.0, [0; 4])?.value;
+        for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
+            let wrgb = color(plan, channel, row, options);
+            let next = command(setpoint.time_s, channel, *level, wrgb)?;
             if next.value != value {
                 value = next.value;
                 commands.push(next);
@@ -95,8 +103,8 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 /// # Errors
 ///
 /// As [`commands`].
-pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
-    plan.lights.keys().map(|channel| command(0.0, channel, 0.0, None, options)).collect()
+pub fn dark(plan: &Plan) -> Result<Vec<Command>> {
+    lamps(plan).map(|(channel, _)| command(0.0, channel, 0.0, [0; 4])).collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
@@ -137,7 +145,7 @@ pub(super) struct Timing {
 /// end dark.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
-    if !plan.lights.keys().eq(["ring"]) || last.value != 0 {
+    if !lamps(plan).map(|(channel, _)| channel).eq(["ring"]) || last.value != 0 {
         return None;
     }
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
@@ -172,6 +180,7 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::{RingColor, RingEffect};
     use crate::plan::Setpoint;
     use nalgebra::Vector3;
 
@@ -202,6 +211,20 @@ mod tests {
         assert_eq!(sent("ring"), [(1.0, ring, 0x64_3200), (2.0, ring, 0xC8_6400), (4.0, ring, 0)]);
         assert_eq!(sent("color-led")[1], (2.0, "colorLedBot.wrgb8888", 0xFF00_0000));
         assert!(commands(&lit("laser", &[0.0]), &options).is_err());
+    }
+
+    #[test]
+    fn a_ring_is_sent_the_color_of_the_letter_or_of_the_plan() {
+        let options =
+            LightOptions { letters_wrgb: vec![[0, 255, 0, 16]], ..LightOptions::default() };
+        let mut plan = lit("ring", &[0.0, 1.0, 0.5, 0.0]);
+        let values = |plan: &Plan| -> Vec<u32> {
+            commands(plan, &options).unwrap().iter().map(|command| command.value).collect()
+        };
+        assert_eq!(values(&plan), [0xFF_0010, 0x80_0008, 0]);
+        plan.lights.insert("ring.green".to_owned(), vec![0.0, 1.0, 0.2, 0.0]);
+        assert_eq!(values(&plan), [0xFF_FF10, 0x80_1A08, 0]);
+        assert_eq!(dark(&plan).unwrap().len(), 1);
     }
 
     #[test]

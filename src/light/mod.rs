@@ -26,6 +26,7 @@ use radio::Change;
 
 pub use fixture::{Die, Drive, Fixture};
 pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
+pub use ring::RING_COLORS;
 
 mod chance;
 mod color;

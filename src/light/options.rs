@@ -49,8 +49,8 @@ settings! {
         ///
         /// `colorLedBot.wrgb8888`.
         color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
-        /// White, red, green, blue of the letters in turn, in place of `color_led_wrgb`; empty: all
-        /// alike.
+        /// White, red, green, blue of the letters in turn, of the color LED deck or, without white, of
+        /// the ring; empty: all alike.
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
@@ -152,6 +152,18 @@ impl LightOptions {
         match letter {
             Some(letter) if !colors.is_empty() => colors[letter % colors.len()],
             _ => self.color_led_wrgb,
+        }
+    }
+
+    /// Color of the ring on a letter, counted from 0. Its LEDs have no white: letters in white alone
+    /// have the ring's own color.
+    #[must_use]
+    pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
+        match (self.wrgb_of(letter), &self.ring) {
+            ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],
+            (_, RingEffect::Solid(ring) | RingEffect::Memory(ring)) => ring.color,
+            (_, RingEffect::Fade(ring)) => ring.color,
+            (_, RingEffect::DoubleSpin | RingEffect::Off) => RingColor::default().color,
         }
     }
 

@@ -17,8 +17,10 @@ pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
-/// Channels of the plan for the ring: on, red, green, blue.
-pub(super) const CHANNELS: [&str; 4] = ["ring", "ring.red", "ring.green", "ring.blue"];
+/// Channels of a plan for the color of the ring.
+pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
+/// Channels of a plan for the ring: on, red, green, blue.
+pub(super) const CHANNELS: [&str; 4] = ["ring", RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
 /// Changes of the frame of the ring during a flight.
 ///

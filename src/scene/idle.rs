@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 use super::Scene;
 use crate::camera::Metering;
-use crate::light::{Drive, Fixture};
+use crate::light::{Drive, Fixture, RingEffect};
 use crate::plan::{Extent, PlanOptions, Style};
 use crate::settings::{Described, Setting, Shape};
 use crate::sim::{
@@ -173,14 +173,17 @@ const RULES: &[Rule] = &[
     ),
     (
         "light.radio_write_s",
-        |s| !s.plan.lights.iter().any(|channel| channel.starts_with("ring.")),
+        |s| {
+            let channels = s.plan.lights.iter().any(|channel| channel.starts_with("ring."));
+            !channels && (s.light.letters_wrgb.is_empty() || !ring_writes(s))
+        },
         "the plan sends no color of the ring",
     ),
     ("light.color_led_wrgb", |s| !has_color_led(s), "no lamp is of the color LED deck"),
     (
         "light.letters_wrgb",
-        |s| !has_color_led(s),
-        "headlights are white, and no lamp is of the color LED deck",
+        |s| !writes_in_color(s),
+        "headlights are white: only the color LED deck and the ring write in colors",
     ),
     ("light.color_led_levels", |s| !has_color_led(s), "no lamp is of the color LED deck"),
     ("light.led_bitmask", |s| !has_lamp(s, |f| f.bitmask_bit.is_some()), "no lamp has a bit in it"),
@@ -289,8 +292,20 @@ fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
     scene.light.fixtures().iter().any(is)
 }
 
-pub(super) fn has_color_led(scene: &Scene) -> bool {
+fn has_color_led(scene: &Scene) -> bool {
     has_lamp(scene, |f| f.drive == Drive::ColorLed)
+}
+
+/// Whether the ring writes, with an effect of one color.
+fn ring_writes(scene: &Scene) -> bool {
+    !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
+        && scene.plan.lights.iter().any(|channel| channel == "ring")
+        && has_lamp(scene, |f| matches!(f.drive, Drive::Ring(_)))
+}
+
+/// Whether a lamp writes that has colors.
+pub(super) fn writes_in_color(scene: &Scene) -> bool {
+    has_color_led(scene) || ring_writes(scene)
 }
 
 /// Why a key has no effect in a scene; `None` where it has one. Of the rules for a key, the one with

@@ -244,7 +244,7 @@ impl Scene {
     /// As [`letters::draw`] and [`letters::write`].
     pub fn strokes(&self) -> Result<Strokes> {
         if !self.letters.drawing.is_empty() {
-            let ink = if idle::has_color_led(self) { Ink::ByColor } else { Ink::Alike };
+            let ink = if idle::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
             return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
         }
         letters::write(&self.word, &self.letters)

@@ -145,8 +145,9 @@ impl Shoot {
     /// As [`Scene::strokes`] and [`plan`].
     pub fn new(scene: Scene) -> Result<Self> {
         let strokes = scene.strokes()?;
-        let plans = plan(&scene, &strokes)?;
-        Ok(Self { plans, ..Self::bare(scene, Some(strokes)) })
+        let mut shoot = Self::bare(scene, Some(strokes));
+        shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"))?;
+        Ok(shoot)
     }
 
     /// Flies plans, one for each drone. Without a word in the scene the photo is not read.

@@ -7,7 +7,7 @@ use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
-use crate::light::LightOptions;
+use crate::light::{LightOptions, RING_COLORS};
 use crate::plan::feedforward::{feedforward, learn};
 use crate::plan::{Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd};
 use crate::plan::{fleet, stroke_ends, time_lights};
@@ -35,6 +35,8 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let follows_design = scene.controller.kind.follows_design();
     let inverse = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
+    let colored =
+        |planned: Planned| Planned { plan: ring_in_colors(planned.plan, &scene.light), ..planned };
     let planned = plans.into_iter().map(|plan| {
         responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {
@@ -46,8 +48,32 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
             LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
             LightClock::Light => aim(scene, &plan, &rehearse(scene, &plan)?),
         }
+        .map(colored)
     });
     planned.collect()
+}
+
+/// Adds the channels of the ring's color where the ring writes letters of different colors.
+fn ring_in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+    let Some(levels) = plan.lights.get("ring").filter(|_| !light.letters_wrgb.is_empty()) else {
+        return plan;
+    };
+    // Light that is led ahead of its letter, or lasts beyond it, has the letter's color.
+    let mut letter = None;
+    let rows = levels.iter().enumerate().map(|(row, level)| {
+        if *level <= 0.0 {
+            letter = None;
+            return [0.0; 3];
+        }
+        let next = || plan.setpoints[row..].iter().find_map(|setpoint| setpoint.letter);
+        letter = plan.setpoints[row].letter.or(letter).or_else(next);
+        light.ring_rgb_of(letter).map(|byte| f64::from(byte) / 255.0)
+    });
+    let rows: Vec<[f64; 3]> = rows.collect();
+    for (k, channel) in RING_COLORS.into_iter().enumerate() {
+        plan.lights.insert(channel.to_owned(), rows.iter().map(|rgb| rgb[k]).collect());
+    }
+    plan
 }
 
 /// Most multiplications of the inverse of a loop: some seconds.
@@ -140,6 +166,24 @@ mod tests {
         let contour_m = tracking.contour.rms_m;
         let streak_m = planned.ends.iter().map(|end| end.streak_m.abs()).fold(0.0, f64::max);
         (contour_m, streak_m)
+    }
+
+    #[test]
+    fn a_ring_writes_each_letter_in_its_color() {
+        let mut scene = scene(PlanOptions::even(), ControllerKind::LqrFeedforward);
+        scene.plan.lights = vec!["ring".to_owned()];
+        let white = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 51, 255], [255, 0, 0, 0]];
+        let colored = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        assert_eq!((colored.lit(), &colored.setpoints), (white.lit(), &white.setpoints));
+        let own = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
+        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], own, [1.0, 0.0, 0.0]];
+        for (row, level) in white.lights["ring"].iter().enumerate() {
+            let next = || colored.setpoints[row..].iter().find_map(|s| s.letter);
+            let letter = colored.setpoints[row].letter.or_else(next);
+            let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
+            assert_eq!(RING_COLORS.map(|channel| colored.lights[channel][row]), wanted);
+        }
     }
 
     #[test]

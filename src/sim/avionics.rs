@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
+use super::options::{ControllerKind, EstimatorKind, SimOptions};
 use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
 use super::sensors::{Readings, Sensors};
@@ -26,6 +27,8 @@ pub(super) struct Avionics {
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
+    /// Keys of the settings that the flight depends on.
+    tuned_by: String,
     estimate: State,
     /// Whether `estimate` is that of the present tick.
     fresh: bool,
@@ -54,6 +57,7 @@ impl Avionics {
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
+            tuned_by: tuned_by(believed),
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
@@ -171,10 +175,10 @@ impl Avionics {
         let Some(found) = lost(body, &self.estimate) else { return Ok(()) };
         Err(Error::Infeasible {
             what: format!("the drone {found} after {time_s:.3} s"),
-            hint:
-                "check the weights of controller.lqr and observer.luenberger against the vehicle, \
-                   and that the plan makes no large jump"
-                    .into(),
+            hint: format!(
+                "check {} against the vehicle, and that the plan makes no large jump",
+                self.tuned_by
+            ),
         })
     }
 
@@ -185,6 +189,25 @@ impl Avionics {
         let saturated = (self.saturated_writing_ticks > 0).then_some(text);
         saturated.into_iter().chain(plant.warnings()).chain(self.sensors.warnings()).collect()
     }
+}
+
+/// Keys of the gains and weights of the controller and the estimator that fly.
+fn tuned_by(options: &SimOptions) -> String {
+    let controller = match options.controller.kind {
+        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
+            "controller.lqr"
+        }
+        ControllerKind::Pid => "controller.pid",
+        ControllerKind::Geometric => "controller.geometric",
+        ControllerKind::Altitude => "controller.lqr and controller.altitude",
+    };
+    let estimator = match options.observer.kind {
+        EstimatorKind::Luenberger => " and observer.luenberger",
+        EstimatorKind::Ekf | EstimatorKind::Cooperative => " and observer.ekf",
+        EstimatorKind::Altitude => " and observer.altitude",
+        EstimatorKind::Truth => "",
+    };
+    format!("{controller}{estimator}")
 }
 
 /// How a drone, or the belief of its estimator, is lost.

@@ -81,7 +81,8 @@ fn duration(plan: &Plan, profile: &Profile) -> Finding {
 
 fn led_entries(plan: &Plan) -> Finding {
     // Headlights are a pin, and what the radio switches beside a ring it can switch as well.
-    let played = plan.lights.get("ring").filter(|_| plan.lights.len() == 1);
+    let alone = plan.lights.keys().all(|channel| channel.starts_with("ring"));
+    let played = plan.lights.get("ring").filter(|_| alone);
     let changes = played.map(|levels| {
         usize::from(levels.first().is_some_and(|l| *l != 0.0))
             + levels.windows(2).filter(|pair| pair[0] != pair[1]).count()
