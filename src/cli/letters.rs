@@ -10,11 +10,12 @@ pub(super) struct LetterFlags {
     /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
-    /// Drawing instead of a word: *.svg, which the color LED deck writes in its colors, or
-    /// handwriting as *.json or *.inkml
+    /// Drawing instead of a word: *.svg, which the color LED deck and the ring write in its colors,
+    /// or handwriting as *.json or *.inkml
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes
+    /// (the ring: set light.letters_wrgb, light.ring.kind and plan.lights)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 3]>,
     /// Width, depth and height of the room in meters, such as 4x3x2.5: the word is fitted to it,
