@@ -1,6 +1,6 @@
 //! What a verb reports: a table for people, the same as JSON for programs, and its outcome.
 
-use std::path::{Path, PathBuf};
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde_json::Value;
 
@@ -62,7 +62,21 @@ pub(super) fn line(name: &str, text: &str) -> String {
     wrapped(&format!("{name:10}"), text)
 }
 
-/// Text after a head, wrapped at 80 columns and indented as far as the head reaches.
+/// A path as one types it into a shell: quoted where it has to be.
+pub(super) fn typed(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text
+    } else if cfg!(windows) {
+        format!("\"{text}\"")
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
+/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
+/// backquotes, a command to copy, stays on one line.
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();
     let mut lines = head.to_owned();
@@ -71,7 +85,12 @@ pub(super) fn wrapped(head: &str, text: &str) -> String {
             lines += &format!("\n{:indent$}", "");
         }
         let mut column = indent;
-        for word in paragraph.split(' ') {
+        let mut is_command = false;
+        let parts = paragraph.split(|c| {
+            is_command ^= c == '`';
+            c == ' ' && !is_command
+        });
+        for word in parts {
             let width = word.chars().count();
             if column > indent && column + 1 + width > WIDTH {
                 lines.truncate(lines.trim_end().len());
@@ -101,5 +120,29 @@ mod tests {
         assert_eq!(widths, [79, 79, 19], "{found}");
         assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
         assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
+    }
+
+    #[test]
+    fn a_command_stays_on_one_line() {
+        let found = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
+        let lines: Vec<&str> = found.lines().collect();
+        assert_eq!(lines[1], "          `run 'a b'` ends", "{found}");
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn a_path_can_be_pasted_into_a_shell() {
+        for (path, in_shell) in [
+            ("out/photo-1.png", "out/photo-1.png"),
+            ("Noor's photo.png", r"'Noor'\''s photo.png'"),
+            ("~/$HOME", "'~/$HOME'"),
+            ("zażółć.png", "zażółć.png"),
+            ("", "''"),
+        ] {
+            assert_eq!(typed(Path::new(path)), in_shell);
+            let echo = format!("printf %s {in_shell}");
+            let echoed = std::process::Command::new("sh").args(["-c", &echo]).output().unwrap();
+            assert_eq!(String::from_utf8_lossy(&echoed.stdout), path);
+        }
     }
 }

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
 use super::output::{Output, is_svg};
-use super::report::{Outcome, Report, line};
+use super::report::{Outcome, Report, line, typed};
 use super::square_on::Corners;
 use super::{message, show};
 use crate::error::{Error, Result};
@@ -113,7 +113,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let mut text = show::verdict_table(&verdict);
     // To fly a scene many times for a photo of unknown origin is left to who trusts it.
     if inside.is_some() && !verdict.legible {
-        let again = format!("`noctograph preview --scene {}`", args.photo.display());
+        let again = format!("`noctograph preview --scene {}`", typed(&args.photo));
         text +=
             &line("settings", &format!("{again} flies its scene again, and names those that gain"));
     }
