@@ -5,13 +5,12 @@
 //! cargo run --release --example advice > docs/advice.md
 //! ```
 
-use std::error::Error;
-
+use noctograph::error::Error;
 use noctograph::scene::Scene;
 use noctograph::shoot::{Judging, Shoot};
 use noctograph::study::remedies;
 
-type Outcome<T> = Result<T, Box<dyn Error>>;
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// A fault, and the settings that make it.
 type Fault = (&'static str, &'static [(&'static str, &'static str)]);
@@ -141,14 +140,18 @@ fn followed(set: &[(&str, &str)], change: &str, seed: u64) -> Outcome<Scene> {
     Ok(Scene { seed, ..scene })
 }
 
-/// Mean readability over the seeds that the advice did not see.
+/// Mean readability over the seeds that the advice did not see; nothing is read of a lost drone.
 fn mean(scene: &Scene) -> Outcome<f64> {
     let mut sum = 0.0;
     for seed in SEEDS {
         let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
         shoot.judging = Judging::Scored;
         shoot.backend = noctograph::expose::BackendChoice::Cpu;
-        sum += shoot.take(&|_, _| {})?.verdict.map_or(0.0, |verdict| verdict.readability);
+        sum += match shoot.take(&|_, _| {}) {
+            Ok(shot) => shot.verdict.map_or(0.0, |verdict| verdict.readability),
+            Err(Error::Infeasible { .. }) => 0.0,
+            Err(error) => return Err(error.into()),
+        };
     }
     Ok(sum / SEEDS.len() as f64)
 }

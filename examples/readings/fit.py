@@ -24,6 +24,9 @@ READERS = ["a", "b"]
 # Of words with one wrong letter in the fit: they are as many as the right ones, and visitors see few of them.
 WEIGHT_OF_WRONG = 0.3
 
+# Clean photographs of the default scene that two readers saw, and both read (docs/legible.md).
+CLEAN_READ = 62
+
 KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]
 
 ALIKE = {"0": "O", "I": "1", "i": "1", "l": "1"}
@@ -145,10 +148,18 @@ def table(name, rows, wrong):
           f"  readability → both read: {';  '.join(bins)}")
 
 
+def clean_rows(folder):
+    """Clean photographs, as rows that both read."""
+    words = {name: truth["expected"] for name, truth in json.load(open(os.path.join(folder, "truth.json"))).items()}
+    found = verdicts(folder, words)
+    return [{**found[name], "word": word, "both": True} for name, word in words.items()]
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("readings")
     parser.add_argument("folder")
+    parser.add_argument("--clean", help="clean photos (clean.py --words), which count as read by both")
     parser.add_argument("--old")
     args = parser.parse_args()
     readings = list(csv.DictReader(open(args.readings), delimiter="\t"))
@@ -158,9 +169,11 @@ def main():
     wrong = rows_of(readings, verdicts(args.folder, {name: word for name, word in wrong.items() if word}))
     of_half = lambda rows, half: [row for row in rows if row["half"] == half]
     fit = of_half(rows, "choose"), of_half(wrong, "choose")
-    weights = logistic(np.array([features(row) for row in fit[0] + fit[1]]),
-                       np.array([float(row["both"]) for row in fit[0] + fit[1]]),
-                       np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])))
+    clean = clean_rows(args.clean) if args.clean else []
+    weights = logistic(np.array([features(row) for row in fit[0] + fit[1] + clean]),
+                       np.array([float(row["both"]) for row in fit[0] + fit[1] + clean]),
+                       np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])
+                                + [CLEAN_READ / max(len(clean), 1)] * len(clean)))
     print("constant, mean log-odds, rival:", np.round(weights, 3))
     for half in ("choose", "test"):
         part = of_half(rows, half)

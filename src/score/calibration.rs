@@ -6,10 +6,10 @@ use serde::Serialize;
 use super::choice::Choice;
 
 /// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the choosing
-/// half of `examples/readings/readings.tsv`; docs/calibration.md has the result.
-const CONSTANT: f64 = -0.367;
-const MEAN_LOG_ODDS: f64 = 0.316;
-const RIVAL: f64 = 0.215;
+/// half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md has the result.
+const CONSTANT: f64 = -0.822;
+const MEAN_LOG_ODDS: f64 = 0.299;
+const RIVAL: f64 = 0.216;
 
 /// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];

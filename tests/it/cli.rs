@@ -94,7 +94,7 @@ fn two_drones_share_a_word_in_one_command_and_stage_by_stage() {
     let run = |arguments: &[&str]| {
         noctograph(folder.path()).args(arguments).assert().success();
     };
-    let preview = ["preview", "NO", "--style", "even", "--drones", "2", "-o", "out"];
+    let preview = ["preview", "HE", "--style", "even", "--drones", "2", "-o", "out"];
     run(&[&preview[..], &SMALL].concat());
     let names = names_in(&folder.path().join("out"));
     let wanted = ["flight-1.csv", "flight-2.csv", "photo.png", "plan-1.csv", "plan-2.csv"];

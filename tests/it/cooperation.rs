@@ -274,7 +274,11 @@ fn logs_that_cannot_be_located_are_refused_with_the_reason() {
         fails(&arguments, &[(log, ranges), (yaml, anchors)], wanted);
     };
     refused(&ranges.replace("ranging.", "other."), &anchors, &["ranges.csv"]);
-    refused(&ranges.replacen(",2.", ",-2.", 40), &anchors, &["range at", "above 0 m"]);
+    refused(
+        &ranges.replacen(",2.", ",-2.", 40),
+        &anchors,
+        &["range at", "a distance from 0 m", "8 of 1999"],
+    );
     let (three, _) = anchors.split_once("3:").unwrap();
     refused(&ranges, three, &["anchor 3 of drone 1"]);
     refused(&ranges, &anchors.replace("1:\n", "7:\n"), &["anchors.yaml", "anchor 1"]);

@@ -104,8 +104,7 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
 
 /// By eye: the white of the first O ends at two thirds of its bottom (x of 472 to 540 pixels), N leans
 /// to the left of its place, the second O and the R stand beside theirs. The leg of the R is
-/// white to the half. Without the word, one letter may be taken for another (NDOR); told the word,
-/// every letter is the likeliest.
+/// white to the half. It is read without the word; told the word, every letter is the likeliest.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_photograph_reads_and_its_faults_are_found() {
@@ -113,16 +112,14 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
     let text = json(&read.stdout)["text"].as_str().unwrap().to_owned();
-    let n_wrong =
-        text.chars().zip("NOOR".chars()).filter(|(found, wanted)| found != wanted).count();
-    assert!(text.len() == 4 && n_wrong <= 1, "{text}");
+    assert_eq!(text, "NOOR");
     let score = noctograph(folder.path())
         .args(["score", photo, "NOOR", "--scene", "team", "--json"])
         .output()
         .unwrap();
     let verdict = json(&score.stdout);
     assert_eq!(verdict["read"], "NOOR");
-    assert!(verdict["readability"].as_f64().unwrap() >= 0.6, "{verdict}");
+    assert!(verdict["readability"].as_f64().unwrap() >= 0.5, "{verdict}");
     let causes = verdict["causes"].clone();
     let of = |kind: &str, letter: u64| {
         let causes = causes.as_array().unwrap();

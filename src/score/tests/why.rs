@@ -42,7 +42,10 @@ fn an_early_end_is_measured_and_its_mending_gains() {
     let run = first_o.missing.unwrap();
     assert!((150.0..=260.0).contains(&(run.to_mm - run.from_mm)), "{run:?}");
     assert!((run.to_mm - 1600.0).abs() < 60.0, "the end of the square's 1.6 m: {run:?}");
-    assert!(first_o.gain > Some(0.0), "{first_o:?}");
+    // The O is read without it, the R without its leg is not.
+    let is_leg = |cause: &&Cause| cause.kind == CauseKind::MissingRun && cause.letter == Some(3);
+    let leg = verdict.causes.iter().find(is_leg).expect("the leg of the R ends early");
+    assert!(leg.gain > Some(0.5), "{leg:?}");
     for advice in &verdict.advice {
         assert!(advice.gain.is_none_or(|gain| gain > 0.0), "{:?}", verdict.advice);
     }
@@ -99,11 +102,11 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
 #[test]
 fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
     // The reference team's I has half a lower bar.
-    for (font, flawed) in [("ae483", Some((Some(3), Some('T')))), ("simplex", None)] {
+    for (font, flawed) in [("ae483", Some((Some(1), Some('T')))), ("simplex", None)] {
         let options = LetterOptions { font: font.into(), ..Default::default() };
-        let [felix, shown] = ["FELIX", "FELTX"].map(|text| write(text, &options).unwrap());
-        let verdict = explained(&Shot::of(&shown), &felix);
-        assert_eq!(verdict.letters[3].best, Some('T'), "{font}");
+        let [nie, shown] = ["NIE", "NTE"].map(|text| write(text, &options).unwrap());
+        let verdict = explained(&Shot::of(&shown), &nie);
+        assert_eq!(verdict.letters[1].best, Some('T'), "{font}");
         let design = verdict.causes.iter().find(|cause| cause.kind == CauseKind::Design);
         let found = design.map(|cause| (cause.letter, cause.reads_as));
         assert_eq!(found, flawed, "{font}: {:#?}", verdict.causes);
