@@ -15,7 +15,7 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes
-    /// (the ring: set light.letters_wrgb, light.ring.kind and plan.lights)
+    /// (the ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 3]>,
     /// Width, depth and height of the room in meters, such as 4x3x2.5: the word is fitted to it,

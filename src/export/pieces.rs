@@ -258,13 +258,16 @@ pub(super) fn pieces<P>(
     found
 }
 
-/// What is wanted of pieces, and their motion between two setpoints after the pieces so far.
+/// Motion of the piece between two setpoints after the pieces so far.
+type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
+
+/// What is wanted of pieces.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],
     tolerance_m: f64,
     max_piece_s: f64,
-    motion: &'a dyn Fn(usize, usize, &[P], Rounding) -> Polynomials,
+    motion: &'a Motion<'a, P>,
 }
 
 impl<P> Fit<'_, P> {
