@@ -54,7 +54,7 @@ def main():
         truths[name] = {"shown": base, "expected": base}
 
     if args.words:
-        for number, word in enumerate(words.CLEAN.split(), 1):
+        for number, word in enumerate(words.word_list(words.CLEAN), 1):
             for size in ("640x360", "1920x1080"):
                 take(f"{number:02}-{size}", word, number, ["--size", size])
     for index in range(args.first, args.first + (0 if args.words else args.count)):

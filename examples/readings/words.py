@@ -47,11 +47,12 @@ AMBIGUOUS = """
 WILLIAM WINNIE IWAN UWAIN MIWA WUBIT LIUVIU AWIWI WIDUKIND WINIFRED VIVIUM IULIU
 """
 
-
-def word_list(text: str) -> list[str]:
-    return text.split()
-
+# Of clean photographs, which may show any word again.
 CLEAN = """
 HELLO KING NIGHT Zoë 2027 Gypsy Sofia OCEAN Quartz QUIZ jazz Berlin GECKO COFFEE DRONE hover Light PHOTO Magic WAX LUX
 VEGA NOOR FED XYZ LION Queen Dog CUBE GO 42 R2D2 B52 Angela Icon joy FLY MUSIC Orange STOP
 """
+
+
+def word_list(text: str) -> list[str]:
+    return text.split()

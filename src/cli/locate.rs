@@ -133,16 +133,12 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         names.push((*name).to_owned());
     }
     let files = folder.keep(&names)?;
-    let links = link_errors(&samples, &anchors_m(&scene), &references);
+    let links = link_errors(&samples, &scene.sensors.uwb.anchors(), &references);
     let (mut text, mut json) = described(&located, samples.len(), &rows, args.observer);
     text += &link_table(&links);
     text.push('\n');
     json["links"] = json!(links);
     Ok(Report::new(text, json).with_files(&files))
-}
-
-fn anchors_m(scene: &Scene) -> Vec<Vector3<f64>> {
-    scene.sensors.uwb.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
 }
 
 fn by_observer(
@@ -151,7 +147,7 @@ fn by_observer(
     logs: &[Flight],
     samples: &[RangeSample],
 ) -> Result<Located> {
-    let anchors_m = anchors_m(scene);
+    let anchors_m = scene.sensors.uwb.anchors();
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
         acceleration_m_s2_sqrt_hz: args.acceleration,

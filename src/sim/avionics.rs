@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
-use super::options::{ControllerKind, EstimatorKind, SimOptions};
+use super::options::{ControllerKind, EstimatorKind};
 use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
 use super::sensors::{Readings, Sensors};
@@ -27,8 +27,7 @@ pub(super) struct Avionics {
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
-    /// Keys of the settings that the flight depends on.
-    tuned_by: String,
+    kinds: (ControllerKind, EstimatorKind),
     estimate: State,
     /// Whether `estimate` is that of the present tick.
     fresh: bool,
@@ -57,7 +56,7 @@ impl Avionics {
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
-            tuned_by: tuned_by(believed),
+            kinds: (believed.controller.kind, believed.observer.kind),
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
@@ -177,7 +176,7 @@ impl Avionics {
             what: format!("the drone {found} after {time_s:.3} s"),
             hint: format!(
                 "check {} against the vehicle, and that the plan makes no large jump",
-                self.tuned_by
+                tuned_by(self.kinds)
             ),
         })
     }
@@ -192,8 +191,8 @@ impl Avionics {
 }
 
 /// Keys of the gains and weights of the controller and the estimator that fly.
-fn tuned_by(options: &SimOptions) -> String {
-    let controller = match options.controller.kind {
+fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String {
+    let controller = match controller {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
             "controller.lqr"
         }
@@ -201,7 +200,7 @@ fn tuned_by(options: &SimOptions) -> String {
         ControllerKind::Geometric => "controller.geometric",
         ControllerKind::Altitude => "controller.lqr and controller.altitude",
     };
-    let estimator = match options.observer.kind {
+    let estimator = match estimator {
         EstimatorKind::Luenberger => " and observer.luenberger",
         EstimatorKind::Ekf | EstimatorKind::Cooperative => " and observer.ekf",
         EstimatorKind::Altitude => " and observer.altitude",

@@ -184,16 +184,19 @@ fn a_few_clean_previews_are_legible_and_read_without_being_told() {
     }
 }
 
-/// All of them: `cargo test --release --test it previews -- --ignored --nocapture` prints the lowest.
+/// All of them: `cargo test --release --test it previews -- --ignored --nocapture` prints each.
 #[test]
-#[ignore = "half a minute"]
-fn clean_previews_of_60_words_are_legible() {
+#[ignore = "some minutes"]
+fn clean_previews_of_all_characters_and_60_words_are_legible() {
+    let singles: Vec<String> = ('A'..='Z').chain('0'..='9').map(String::from).collect();
+    let singles: Vec<&str> = singles.iter().map(String::as_str).collect();
     for font in FONTS {
         let words: Vec<&str> = WORDS.split_whitespace().collect();
         let found = preview(&words, font);
         let n_read = found.iter().filter(|(word, _, read)| word == read).count();
-        let lowest = found.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-        println!("{font}: {n_read} of 60 read, lowest {lowest:?}");
-        assert!(lowest.1 >= 0.7 && n_read >= 58, "{font}: {n_read} read, {found:?}");
+        let all = [found, preview(&singles, font)].concat();
+        let lowest = all.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        println!("{font}: {n_read} of 60 read, lowest {lowest:?}\n{all:?}");
+        assert!(lowest.1 >= 0.9 && n_read >= 58, "{font}: {n_read} read, lowest {lowest:?}");
     }
 }

@@ -129,10 +129,9 @@ impl<'a> Fleet<'a> {
             }
             _ => Covariance::new(START[0], START[1], START[2]),
         };
-        let anchors_m = &options.sensors.uwb.anchors_m;
         Self {
             sensors: &options.sensors,
-            anchors_m: anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect(),
+            anchors_m: options.sensors.uwb.anchors(),
             places_m: Vec::new(),
             joint: Joint::new(vec![start; n_drones]),
         }
@@ -239,8 +238,7 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 /// As [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
-    let anchors = options.sensors.uwb.anchors_m.iter().map(|anchor| Vector3::from(*anchor));
-    let all: Vec<Vector3<f64>> = setpoints.chain(anchors).collect();
+    let all: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
     let extent = |pick: fn(f64, f64) -> f64, start: f64| {
         all.iter().fold(Vector3::repeat(start), |a, b| a.zip_map(b, pick))
     };

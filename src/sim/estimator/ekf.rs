@@ -129,7 +129,7 @@ impl Motion {
                 .iter()
                 .map(|s| s.generation == Generation::V2)
                 .collect(),
-            anchors_m: sensors.uwb.anchors_m.iter().map(|a| Vector3::from(*a)).collect(),
+            anchors_m: sensors.uwb.anchors(),
             floor_m: 0.0,
             trust: Trust {
                 acceleration: [

@@ -278,6 +278,11 @@ impl Positioning {
 }
 
 impl UwbOptions {
+    /// Positions of the anchors.
+    pub(crate) fn anchors(&self) -> Vec<Vector3<f64>> {
+        self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
+    }
+
     /// The anchors that a drone hears, by index.
     ///
     /// # Errors

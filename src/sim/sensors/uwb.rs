@@ -96,7 +96,7 @@ impl Uwb {
             let bias = Field::new(&mut stream("link"), options.bias_m, BIAS_LENGTH_M);
             PeerLink { bias, noise: stream("noise"), strays: stream("strays") }
         };
-        let anchors_m: Vec<_> = options.anchors_m.iter().map(|a| Vector3::from(*a)).collect();
+        let anchors_m = options.anchors();
         let (turns, linked) = turns(options, peers.ranging, fleet);
         Self {
             turns,
