@@ -11,6 +11,8 @@
 //!
 //! Not modeled: a glossy floor, walls, the drone's shadow.
 
+use std::collections::HashMap;
+
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -76,12 +78,13 @@ impl Glow {
             .map(|j| (0..=columns).map(|i| corner(i, j)).collect())
             .collect();
         let in_row = |(j, corners): (u32, &[Vec<Rgb>])| {
-            let mut squares = Vec::new();
+            let (mut squares, mut seen) = (Vec::new(), HashMap::new());
             let pairs = corners[0].windows(2).zip(corners[1].windows(2));
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
-                floor.divide(Square { corner_px, side_px: SIDE_PX, corners_lx_s }, &mut squares);
+                let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s };
+                floor.divide(square, &mut squares, &mut seen);
             }
             squares
         };
@@ -170,8 +173,9 @@ impl<'a> Floor<'a> {
         exposure_lx_s(&self.trees, point_m).map(|channel| channel * share)
     }
 
-    /// Keeps a square that is even, divides any other; drops what is dark.
-    fn divide(&self, square: Square, squares: &mut Vec<Square>) {
+    /// Keeps a square that is even, divides any other; drops what is dark. Neighbors share the corners
+    /// that were seen.
+    fn divide(&self, square: Square, squares: &mut Vec<Square>, seen: &mut HashMap<[u32; 2], Rgb>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
         let half = side_px / 2;
         let middle = self.seen_lx_s([x + half, y + half]);
@@ -184,9 +188,9 @@ impl<'a> Floor<'a> {
             squares.extend(Some(square).filter(|s| s.corners_lx_s != [[0.0; 3]; 4]));
             return;
         }
-        let seen = |x, y| self.seen_lx_s([x, y]);
-        let (north, south) = (seen(x + half, y), seen(x + half, y + side_px));
-        let (west, east) = (seen(x, y + half), seen(x + side_px, y + half));
+        let mut corner = |x, y| *seen.entry([x, y]).or_insert_with(|| self.seen_lx_s([x, y]));
+        let (north, south) = (corner(x + half, y), corner(x + half, y + side_px));
+        let (west, east) = (corner(x, y + half), corner(x + side_px, y + half));
         let quarters = [
             ([x, y], [nw, north, west, middle]),
             ([x + half, y], [north, ne, middle, east]),
@@ -194,7 +198,7 @@ impl<'a> Floor<'a> {
             ([x + half, y + half], [middle, east, south, se]),
         ];
         for (corner_px, corners_lx_s) in quarters {
-            self.divide(Square { corner_px, side_px: half, corners_lx_s }, squares);
+            self.divide(Square { corner_px, side_px: half, corners_lx_s }, squares, seen);
         }
     }
 }

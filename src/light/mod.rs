@@ -17,6 +17,8 @@
 //! the clock of the firmware that ran 1.2 % slow until 2026, effects of the ring that depend on
 //! sensors, a falling battery voltage.
 
+use std::cell::LazyCell;
+
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
@@ -167,11 +169,12 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
-    let [fine, coarse] = [way::FINE_M, way::COARSE_M].map(|m| way::stretches(&samples, m));
+    let fine = LazyCell::new(|| way::stretches(&samples, way::FINE_M));
+    let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture)?);
-        let stretches = if sources.len() > 1 { &coarse } else { &fine };
+        let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
             let samples = way::shine(stretches, fixture, &changes, options);
             if !samples.is_empty() {
