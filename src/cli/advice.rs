@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 15] = [
+const FLAGS: [(&str, &str, &str); 14] = [
     ("camera", "corners", "names the corners of the line instead of a camera"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
     (
@@ -23,7 +23,6 @@ const FLAGS: [(&str, &str, &str); 15] = [
     ("letters.drawing", "trust", "opens the file"),
     ("letters.font", "font", "names another font"),
     ("letters.font", "trust", "opens the file"),
-    ("noctograph.scene", "scene", "names another one"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),

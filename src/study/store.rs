@@ -230,12 +230,13 @@ fn check_header(folder: &Path) -> Result<()> {
         let place = path.display().to_string();
         return Err(Error::input(place, "an empty file", "the header of a store", hint));
     }
-    let hint = "name another folder: flights of two versions cannot be compared";
     let header: Header = serde_json::from_str(&text).map_err(|_broken| {
-        let found: String = text.chars().take(60).collect();
+        let found: String = text.trim().chars().take(60).collect();
+        let hint = "name another folder: this one is not of ours";
         Error::input(path.display().to_string(), found, "the header of a store", hint)
     })?;
     if header != ours {
+        let hint = "name another folder: flights of two versions cannot be compared";
         let found =
             format!("flights of noctograph {} (format {})", header.noctograph, header.format);
         let wanted = format!("{} (format {FORMAT})", ours.noctograph);
