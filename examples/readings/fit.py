@@ -11,6 +11,7 @@ to READERS; to refit, run this and copy the constants into src/score/calibration
 
 import argparse
 import csv
+import itertools
 import json
 import os
 import random
@@ -19,6 +20,8 @@ import tempfile
 
 import numpy as np
 
+from pairs import plain
+
 READERS = ["a", "b"]
 
 # Of words with one wrong letter in the fit: they are as many as the right ones, and visitors see few of them.
@@ -26,6 +29,12 @@ WEIGHT_OF_WRONG = 0.3
 
 # Clean photographs of the default scene that two readers saw, and both read (docs/legible.md).
 CLEAN_READ = 62
+
+# -100 ln p of pairs of letters, as src/score/pairs.rs has them, and of a pair with a digit.
+LETTERS = " abcdefghijklmnopqrstuvwxyz"
+PAIRS = dict(zip(itertools.product(LETTERS, LETTERS), map(int, open(
+    os.path.join(os.path.dirname(__file__), "../../src/score/pairs.txt")).read().split())))
+WITH_DIGIT = 358
 
 KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]
 
@@ -110,12 +119,17 @@ def read_verdicts(text):
     return found
 
 
+def mean_ln_p_of_pairs(word):
+    word = " " + plain(word) + " "
+    return -np.mean([PAIRS.get(pair, WITH_DIGIT) for pair in zip(word, word[1:])]) / 100
+
+
 def features(row):
-    """What src/score/calibration.rs weighs: the letters' mean log-odds, and those against the rival."""
+    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, the pairs of letters."""
     p = np.exp(row["ln_p"])
     letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8)
     rival = np.log(max(1 - row["rival_p"], 1e-9) / max(row["rival_p"], 1e-9))
-    return [letters.mean(), np.clip(rival, -9, 9)]
+    return [letters.mean(), np.clip(rival, -9, 9), max(mean_ln_p_of_pairs(row["word"]), -4.2)]
 
 
 def rows_of(readings, verdicts):
@@ -174,7 +188,7 @@ def main():
                        np.array([float(row["both"]) for row in fit[0] + fit[1] + clean]),
                        np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])
                                 + [CLEAN_READ / max(len(clean), 1)] * len(clean)))
-    print("constant, mean log-odds, rival:", np.round(weights, 3))
+    print("constant, mean log-odds, rival, pairs:", np.round(weights, 3))
     for half in ("choose", "test"):
         part = of_half(rows, half)
         table(f"{half}, as shipped", part, of_half(wrong, half))

@@ -23,8 +23,9 @@ use super::smooth::simplified;
 use crate::error::{Error, Result};
 use crate::geometry::distance;
 
-/// Most points of a character's outline; a larger one counts as missing.
-const MAX_POINTS: usize = 20_000;
+/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
+/// grows with their square.
+const MAX_POINTS: usize = 8_000;
 
 /// Largest coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;

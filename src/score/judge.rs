@@ -6,6 +6,7 @@ use super::calibration::readability;
 use super::choice::Choice;
 use super::columns::Columns;
 use super::net;
+use super::pairs;
 use super::search::search;
 use super::strip::Strip;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
@@ -28,6 +29,8 @@ pub(super) struct Expected {
     /// The classes that count as each character.
     classes: Vec<Classes>,
     digits: Vec<bool>,
+    /// Mean of ln p over its pairs of letters.
+    ln_p_of_pairs: f64,
 }
 
 /// What strips show of a word.
@@ -47,6 +50,7 @@ impl Expected {
             characters: known().map(|(_, c, _)| c).collect(),
             classes: known().map(|(.., classes)| classes).collect(),
             digits: known().map(|(_, c, _)| c.is_ascii_digit()).collect(),
+            ln_p_of_pairs: pairs::mean_ln_p(&strokes.word),
         }
     }
 
@@ -60,7 +64,7 @@ impl Expected {
         let choices = columns.choices(&self.classes, &self.digits);
         let rival = self.rival(&columns, &choices);
         let against = rival.as_ref().map_or(f64::INFINITY, |(_, ln_odds)| -ln_odds);
-        let readability = readability(&choices, against);
+        let readability = readability(&choices, against, self.ln_p_of_pairs);
         let rival =
             rival.map(|(word, ln_odds)| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) });
         Judgment { choices, rival, readability }

@@ -53,6 +53,7 @@ mod mending;
 mod net;
 mod overlay;
 mod page;
+mod pairs;
 mod plane;
 mod raster;
 mod reader;

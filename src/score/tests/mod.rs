@@ -192,7 +192,8 @@ fn a_missing_letter_is_a_gap() {
     moves.retain(|step| !a.contains(step));
     let verdict = Shot::of(&near).showing(moves).verdict(&near);
     assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NE?R", None), "{verdict:?}");
-    assert!(!verdict.legible && verdict.readability < 0.6, "{verdict:?}");
+    assert!(!verdict.legible && verdict.readability < 0.7, "{verdict:?}");
+    assert_eq!(verdict.rival.unwrap().word, "NER");
 }
 
 #[test]
