@@ -2,9 +2,9 @@
 
     python3 pairs.py /usr/share/dict/american-english > ../../src/score/pairs.txt
 
-The list is Debian's wamerican (SCOWL, whose license allows it). A row for each letter, the first for the begin of a
-word; in it -100 ln p of the end of the word and of each next letter. Marks are left out, and each word of 2 to 9
-letters counts once.
+The list is Debian's wamerican (SCOWL, copyright 2000-2011 Kevin Atkinson; its license allows any use). A row
+for each letter, the first for the begin of a word; in it -100 ln p of the end of the word and of each next
+letter. Marks are left out, and each word of 2 to 9 letters counts once.
 """
 
 import collections
