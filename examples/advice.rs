@@ -18,7 +18,7 @@ type Fault = (&'static str, &'static [(&'static str, &'static str)]);
 const FAULTS: [Fault; 15] = [
     ("the team's way of flying, fast", &[("plan.style", "team"), ("plan.stroke_speed_m_s", "0.6")]),
     (
-        "lights on the setpoints' clock, a slow radio",
+        "lights timed by setpoints, a radio delay of 1.2 s",
         &[("plan.light_clock", "setpoint"), ("light.radio_delay_s", "1.2")],
     ),
     (
@@ -34,7 +34,7 @@ const FAULTS: [Fault; 15] = [
     ("small letters", &[("letters.cap_height_m", "0.1")]),
     ("strokes at 2 m/s", &[("plan.stroke_speed_m_s", "2.0")]),
     (
-        "a fast lens, focused before the word",
+        "f/1.4, focused in front of the word",
         &[("camera.f_number", "1.4"), ("camera.iso", "25"), ("camera.focus_m", "0.3")],
     ),
     ("ISO 100000", &[("camera.iso", "100000")]),

@@ -1,6 +1,6 @@
 """Fits the calibration to readings, and prints the tables of docs/calibration.md.
 
-    python3 fit.py READINGS.tsv FOLDER [--old OLD.tsv]        (in the repository; needs numpy)
+    python3 fit.py READINGS.tsv FOLDER [--clean CLEAN] [--old OLD.tsv]        (in the repository; needs numpy)
 
 READINGS.tsv has a line for each photo: name, half (choose or test), kind, word shown, word expected, and of each
 reader what was read and how surely (sure, guess, no). FOLDER is what photos.py made: its verdicts are taken with the
@@ -20,7 +20,7 @@ import tempfile
 
 import numpy as np
 
-from pairs import plain
+from pairs import LETTERS, plain
 
 READERS = ["a", "b"]
 
@@ -31,7 +31,6 @@ WEIGHT_OF_WRONG = 0.3
 CLEAN_READ = 62
 
 # -100 ln p of pairs of letters, as src/score/pairs.rs has them, and of a pair with a digit.
-LETTERS = " abcdefghijklmnopqrstuvwxyz"
 PAIRS = dict(zip(itertools.product(LETTERS, LETTERS), map(int, open(
     os.path.join(os.path.dirname(__file__), "../../src/score/pairs.txt")).read().split())))
 WITH_DIGIT = 358
@@ -184,8 +183,8 @@ def main():
     of_half = lambda rows, half: [row for row in rows if row["half"] == half]
     fit = of_half(rows, "choose"), of_half(wrong, "choose")
     clean = clean_rows(args.clean) if args.clean else []
-    weights = logistic(np.array([features(row) for row in fit[0] + fit[1] + clean]),
-                       np.array([float(row["both"]) for row in fit[0] + fit[1] + clean]),
+    fitted = fit[0] + fit[1] + clean
+    weights = logistic(np.array([features(row) for row in fitted]), np.array([float(row["both"]) for row in fitted]),
                        np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])
                                 + [CLEAN_READ / max(len(clean), 1)] * len(clean)))
     print("constant, mean log-odds, rival, pairs:", np.round(weights, 3))

@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use super::alphabet::latin;
+use super::alphabet::{class_of, latin};
 
 /// Letters of the Latin alphabet, and the begin or end of a word.
 const N_SYMBOLS: usize = 27;
@@ -26,8 +26,7 @@ const AVERAGE: u16 = 313;
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let costs = words.flat_map(|word| {
-        let end = [Some(0)].into_iter();
-        let symbols: Vec<_> = end.clone().chain(word.chars().map(symbol)).chain(end).collect();
+        let symbols: Vec<_> = format!(" {word} ").chars().map(symbol).collect();
         let costs = symbols.windows(2).map(|pair| cost(pair[0], pair[1]));
         if symbols.len() > 3 { costs.collect() } else { vec![AVERAGE] }
     });
@@ -35,9 +34,12 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
     -0.01 * sum as f64 / f64::from(n.max(1))
 }
 
+/// The net's classes of capitals are 1 to 26.
 fn symbol(character: char) -> Option<usize> {
-    let letter = latin(character)?.to_ascii_lowercase();
-    letter.is_ascii_lowercase().then(|| usize::from(letter as u8 - b'a') + 1)
+    if character == ' ' {
+        return Some(0);
+    }
+    class_of(latin(character)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
 }
 
 fn cost(first: Option<usize>, second: Option<usize>) -> u16 {

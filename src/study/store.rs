@@ -232,7 +232,7 @@ fn check_header(folder: &Path) -> Result<()> {
     }
     let header: Header = serde_json::from_str(&text).map_err(|_broken| {
         let found: String = text.trim().chars().take(60).collect();
-        let hint = "name another folder: this one is not of ours";
+        let hint = "name another folder: this one holds no study";
         Error::input(path.display().to_string(), found, "the header of a store", hint)
     })?;
     if header != ours {
