@@ -35,6 +35,9 @@ pub struct Reading {
     pub text: String,
     /// Letter by letter, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
+    /// What the lines show, one after another, each at the size at which it was read.
+    #[serde(skip)]
+    pub(super) columns: Columns,
 }
 
 /// A letter that was read.
@@ -65,6 +68,7 @@ struct ReadLine {
     letters: Vec<ReadLetter>,
     /// Mean of ln p over the letters.
     ln_p: f64,
+    columns: Columns,
 }
 
 /// Reads a photo.
@@ -98,8 +102,10 @@ pub fn read(photo: &Photo) -> Result<Reading> {
         .iter()
         .map(|line| line.letters.iter().map(|letter| letter.letter).collect())
         .collect();
-    let letters = lines.into_iter().flat_map(|line| line.letters).collect();
-    Ok(Reading { text: texts.join("\n"), letters })
+    let (letters, columns): (Vec<_>, Vec<_>) =
+        lines.into_iter().map(|line| (line.letters, line.columns)).unzip();
+    let (letters, columns) = (letters.concat(), Columns::joined(columns));
+    Ok(Reading { text: texts.join("\n"), letters, columns })
 }
 
 /// Reads a line at the size at which it is clearest; `None` where it has no letters.
@@ -125,7 +131,7 @@ fn read_line(line: &Line) -> Option<ReadLine> {
     let letters = text.chars().zip(line.boxes(&middles)).zip(choices);
     let letters =
         letters.map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px });
-    Some(ReadLine { letters: letters.collect(), ln_p })
+    Some(ReadLine { letters: letters.collect(), ln_p, columns })
 }
 
 /// The likeliest text of some columns, and the mean of ln p over its letters.
