@@ -22,8 +22,9 @@ impl Columns {
     /// Shares along the strip of an expected word. Light far beside the word is nothing unless it is a
     /// letter: trails lead to and from every word.
     pub(super) fn of_word(strip: &Strip) -> Self {
-        let mut columns = Self(Vec::new());
-        columns.0.resize(strip.width / COLUMN_PX, [0.0; N_CLASSES]);
+        let mut dark = [LEAST; N_CLASSES];
+        dark[0] = 1.0;
+        let mut columns = Self(vec![dark; strip.width / COLUMN_PX]);
         columns.replace(strip, 0..strip.width);
         columns
     }

@@ -208,7 +208,7 @@ impl Reader {
         let drawn = |grid: &Grid| {
             let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
-            Strip { width: grid.width, bright: light.clone(), pure: light }
+            Strip::drawn(grid.width, light)
         };
         let drawn = self.lines.iter().map(|grid| Columns::of_word(&drawn(grid)));
         let choices = self.expected.choices(&Columns::joined(drawn));

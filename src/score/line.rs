@@ -153,7 +153,7 @@ impl Line {
             (0..width * HEIGHT).map(at).collect()
         };
         let [bright, pure] = [&self.light[0], &self.light[1]].map(channel);
-        (Strip { width, bright, pure }, left * self.step, pitch * self.step)
+        (Strip { width, bright, pure, read: 0..width }, left * self.step, pitch * self.step)
     }
 
     /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where

@@ -56,16 +56,17 @@ static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     reach.sum::<usize>().next_multiple_of(COLUMN_PX)
 });
 
-/// Logits of each class at every second column of a strip.
+/// Logits of each class at every second column of a strip that is read.
 pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
-    logits_of(strip, 0..strip.width)
+    logits_of(strip, strip.read.clone())
 }
 
 /// The logits of the columns that depend on a part of a strip, and the index of the first.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
     let around = |reach: usize| {
-        let first = part.start.saturating_sub(reach) / COLUMN_PX;
-        first..(part.end + reach).min(strip.width).div_ceil(COLUMN_PX)
+        let within = |at: usize| at.clamp(strip.read.start, strip.read.end);
+        let first = within(part.start.saturating_sub(reach)) / COLUMN_PX;
+        first..within(part.end + reach).div_ceil(COLUMN_PX)
     };
     let (wanted, needed) = (around(*REACH_PX), around(2 * *REACH_PX));
     let all = logits_of(strip, COLUMN_PX * needed.start..COLUMN_PX * needed.end);
@@ -185,7 +186,7 @@ mod tests {
         let light = |step: usize| -> Vec<f32> {
             (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
         };
-        let strip = Strip { width, bright: light(7), pure: light(13) };
+        let strip = Strip { width, bright: light(7), pure: light(13), read: 0..width };
         let whole = logits(&strip);
         for part in [0..10, 130..151, 280..300, 0..300] {
             let (first, found) = logits_around(&strip, part.clone());
@@ -207,7 +208,7 @@ mod tests {
         let light = |step: usize| -> Vec<f32> {
             (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
         };
-        let logits = logits(&Strip { width, bright: light(7), pure: light(13) });
+        let logits = logits(&Strip { width, bright: light(7), pure: light(13), read: 0..width });
         assert_eq!(logits.len(), width / COLUMN_PX);
         let bytes: Vec<u8> =
             logits.iter().flatten().flat_map(|logit| logit.to_le_bytes()).collect();

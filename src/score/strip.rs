@@ -27,6 +27,10 @@ pub(super) const SIDE_PX: usize = 33;
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
 
+/// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels of
+/// it: hot pixels are single ones.
+const LIT: (f32, usize) = (0.15, 2);
+
 /// A line of writing: light from 0 to 1.
 #[derive(Clone, Debug)]
 pub(super) struct Strip {
@@ -36,6 +40,9 @@ pub(super) struct Strip {
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes.
     pub(super) pure: Vec<f32>,
+    /// The columns that are read, from an even one to an even one: the net knows no wide darkness, and
+    /// sees letters in it.
+    pub(super) read: Range<usize>,
 }
 
 impl Strip {
@@ -52,11 +59,16 @@ impl Strip {
         let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
         let both =
             grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
-        Self {
-            width: grid.width,
-            bright: both.iter().map(|light| exposed(light[0])).collect(),
-            pure: both.iter().map(|light| exposed(light[1])).collect(),
-        }
+        let [bright, pure] =
+            [0, 1].map(|channel| both.iter().map(|light| exposed(light[channel])).collect());
+        let read = lit_columns(&bright, grid.width);
+        Self { width: grid.width, bright, pure, read }
+    }
+
+    /// A strip of drawn light.
+    pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
+        let read = lit_columns(&light, width);
+        Self { width, bright: light.clone(), pure: light, read }
     }
 
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
@@ -111,4 +123,18 @@ impl Strip {
             pixels.flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
         })
     }
+}
+
+/// The columns from the first to the last with light, and the margin that the net knows; all where
+/// there is none.
+fn lit_columns(bright: &[f32], width: usize) -> Range<usize> {
+    let is_lit = |x: &usize| {
+        let column = bright.iter().skip(*x).step_by(width);
+        column.filter(|light| **light >= LIT.0).count() >= LIT.1
+    };
+    let (Some(first), Some(last)) = ((0..width).find(is_lit), (0..width).rfind(is_lit)) else {
+        return 0..width;
+    };
+    let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(width);
+    first.saturating_sub(MARGIN_PX) / 2 * 2..end
 }
