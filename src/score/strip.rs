@@ -59,8 +59,9 @@ impl Strip {
         let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
         let both =
             grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
-        let [bright, pure] =
-            [0, 1].map(|channel| both.iter().map(|light| exposed(light[channel])).collect());
+        let channel =
+            |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
+        let (bright, pure) = (channel(0), channel(1));
         let read = lit_columns(&bright, grid.width);
         Self { width: grid.width, bright, pure, read }
     }
