@@ -5,6 +5,7 @@
 use nalgebra::Vector3;
 
 use super::{Located, Reference};
+use crate::statistics::median;
 
 /// Step of the search, s: drones turn within a second.
 const STEP_S: f64 = 0.1;
@@ -37,23 +38,21 @@ impl Path<'_> {
 /// Seconds to add to the clock of the second of two drones, each located by its own log alone, so
 /// that the ranges between them fit; `None` where these do not tell.
 ///
-/// `between`: ranges between the drones, each on the clock of the log that holds it: of the first
-/// (`false`) or of the second (`true`).
+/// `between`: ranges between the drones: whether the log of the second holds it (`true`) or that of
+/// the first, its time on the clock of that log, s, and its distance, m.
 #[must_use]
 pub fn log_offset_s(
     first: &Located,
     second: &Located,
     between: &[(bool, f64, f64)],
 ) -> Option<f64> {
-    let path = |located: &'_ Located| -> Option<([f64; 2], usize)> {
-        let last = located.time_s.len().checked_sub(1)?;
-        Some(([located.time_s[0], located.time_s[last]], last))
-    };
-    let ([first_from_s, first_to_s], _) = path(first)?;
-    let ([second_from_s, second_to_s], _) = path(second)?;
+    let span_s =
+        |located: &Located| located.time_s.first().copied().zip(located.time_s.last().copied());
+    let ((first_from_s, first_to_s), (second_from_s, second_to_s)) =
+        (span_s(first)?, span_s(second)?);
     let [a, b] = [first, second]
         .map(|located| Path { time_s: &located.time_s, position_m: &located.position_m[0] });
-    let left_m = |offset_s: f64, step: usize| {
+    let left_m2 = |offset_s: f64, step: usize| {
         let square = |(of_second, time_s, distance_m): &(bool, f64, f64)| {
             let on_first_s = if *of_second { time_s + offset_s } else { *time_s };
             let apart_m = a.position_m(on_first_s)? - b.position_m(on_first_s - offset_s)?;
@@ -62,7 +61,7 @@ pub fn log_offset_s(
         };
         mean(between.iter().step_by(step).map(square))
     };
-    best(left_m, between.len(), [first_from_s - second_to_s, first_to_s - second_from_s])
+    best(left_m2, between.len(), [first_from_s - second_to_s, first_to_s - second_from_s])
 }
 
 /// Seconds to add to a reference's clock so that the located positions of a drone lie nearest to it;
@@ -121,7 +120,7 @@ fn best(
     }
     let enough = tried.iter().filter(|(_, _, n)| *n >= LEAST_SHARE * most);
     let (near_s, least, _) = enough.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let usual = crate::statistics::median(enough.map(|(_, square, _)| *square))?;
+    let usual = median(enough.map(|(_, square, _)| *square))?;
     if *least > LEAST_FALL * usual {
         return None;
     }
