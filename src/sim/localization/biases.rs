@@ -15,13 +15,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
 
 use super::pass::{Estimate, Model};
 use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_link};
-use super::smoother::{Solved, solve};
+use super::solve::{Solved, solve};
 use super::start::start;
-use super::{Link, LocateOptions, RangeSample};
+use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};
 use crate::error::Result;
 
 /// σ of a bias before the log: antenna delays that nobody measured are some 0.5 m, paths around an
@@ -37,52 +36,6 @@ const ROUNDS: usize = 6;
 const MOST_TRIED: usize = 6;
 /// Share of the mean normalized innovation squared that is left at most where leaving out helps.
 const HELPS: f64 = 0.7;
-
-/// The ranges that a bias belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum BiasOf {
-    /// One link.
-    Link(Link),
-    /// All ranges of a drone to anchors, as by its antenna's delay.
-    Drone(usize),
-}
-
-impl BiasOf {
-    pub(super) fn covers(self, link: Link) -> bool {
-        match self {
-            Self::Link(own) => own == link,
-            Self::Drone(own) => matches!(link, Link::Anchor { drone, .. } if drone == own),
-        }
-    }
-}
-
-impl std::fmt::Display for BiasOf {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Link(link) => link.fmt(f),
-            Self::Drone(drone) => write!(f, "all anchors of drone {}", drone + 1),
-        }
-    }
-}
-
-impl Serialize for BiasOf {
-    fn serialize<S: serde::Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
-        to.collect_str(self)
-    }
-}
-
-/// A bias that was found and taken off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Bias {
-    /// Of which ranges.
-    pub of: BiasOf,
-    /// Measured minus true distance.
-    pub bias_m: f64,
-    /// Its standard deviation.
-    pub sigma_m: f64,
-    /// Whether another bias in the list would explain the log as well without this one.
-    pub in_doubt: bool,
-}
 
 /// The information of a log on the biases of all links.
 struct Evidence {

@@ -7,6 +7,7 @@
 //! The filter that flies is the estimator `cooperative`.
 
 mod anchors;
+mod bias;
 mod biases;
 mod clocks;
 mod enlarged;
@@ -21,12 +22,13 @@ mod reference;
 mod region;
 mod residuals;
 mod smoother;
+mod solve;
 mod start;
 
 use nalgebra::{DVector, Vector3};
 
 pub use anchors::read_anchors;
-pub use biases::{Bias, BiasOf};
+pub use bias::{Bias, BiasOf};
 pub use clocks::{log_offset_s, reference_offset_s};
 pub use enlarged::Enlarged;
 pub use known_motion::{Track, locate_enlarged, locate_shared};

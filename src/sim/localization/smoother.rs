@@ -9,21 +9,18 @@
 //! A link that the gate refuses five times in a row is believed again, as in flight. Where the
 //! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
 
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::biases::{Bias, repair};
+use super::biases::repair;
 use super::mirror::{Ambiguity, ambiguities};
 use super::pairs::{counted_once, since_both_are_logged};
-use super::pass::{Estimate, Innovations, Model, STEP_S};
+use super::pass::{Model, STEP_S};
 use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
+use super::solve::{Solved, solve};
 use super::start::start;
-use super::{Link, RangeSample, Room};
+use super::{Bias, Link, RangeSample, Room};
 use crate::error::{Error, Result};
 
-/// Most passes.
-const MAX_PASSES: usize = 8;
-/// Change of a position between two passes at which they end.
-const CONVERGED_M: f64 = 1e-4;
 /// Least standard deviation of a range for the place at the start.
 const START_SIGMA_M: f64 = 0.05;
 
@@ -84,43 +81,6 @@ pub struct Located {
     pub warnings: Vec<String>,
 }
 
-/// A log after the last pass.
-pub(super) struct Solved {
-    time_s: Vec<f64>,
-    /// State and covariance at each time.
-    pub(super) ends: Vec<Estimate>,
-    pub(super) innovations: Innovations,
-}
-
-impl Solved {
-    /// Positions: for each drone one at each time.
-    pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
-        let place =
-            |drone: usize, state: &DVector<f64>| state.fixed_rows::<3>(6 * drone).into_owned();
-        let places = |drone| self.ends.iter().map(|(state, _)| place(drone, state)).collect();
-        (0..n_drones).map(places).collect()
-    }
-
-    fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let block = |drone: usize| {
-            let at = (6 * drone, 6 * drone);
-            self.ends.iter().map(|(_, p)| p.fixed_view::<3, 3>(at.0, at.1).into_owned()).collect()
-        };
-        (0..n_drones).map(block).collect()
-    }
-
-    /// The biases of the model, as the whole log has them.
-    pub(super) fn biases(&self, model: &Model<'_>) -> Vec<Bias> {
-        let Some((state, covariance)) = self.ends.last() else { return Vec::new() };
-        let bias = |(k, of)| {
-            let place = 6 * model.n_drones() + k;
-            let sigma_m = covariance[(place, place)].max(0.0).sqrt();
-            Bias { of, bias_m: state[place], sigma_m, in_doubt: false }
-        };
-        model.biases.iter().copied().enumerate().map(bias).collect()
-    }
-}
-
 /// Turns the ranges of `n_drones` into positions.
 ///
 /// # Errors
@@ -162,33 +122,6 @@ pub fn locate(
     located.note_residuals(anchors_m, &samples, refused, sigma_m);
     located.warnings = located.contradictions(sigma_m);
     Ok(located)
-}
-
-/// Passes over a log from a start until the positions rest.
-pub(super) fn solve(
-    model: &Model<'_>,
-    samples: &[RangeSample],
-    start: &Estimate,
-    smooth: bool,
-) -> Result<Solved> {
-    // The innovations are those of the filter, which knows no later range.
-    let (mut steps, innovations) = model.forward(samples, start, None);
-    let mut smoothed: Option<Vec<Estimate>> = None;
-    for _ in 0..if smooth { MAX_PASSES } else { 0 } {
-        let next = model.backward(&steps)?;
-        let moved_m = smoothed.as_ref().map_or(f64::INFINITY, |before| {
-            let pairs = before.iter().zip(&next);
-            pairs.map(|(a, b)| (&a.0 - &b.0).amax()).fold(0.0, f64::max)
-        });
-        let about = smoothed.insert(next);
-        if moved_m < CONVERGED_M {
-            break;
-        }
-        (steps, _) = model.forward(samples, start, Some(about));
-    }
-    let time_s = steps.iter().map(|step| step.time_s).collect();
-    let ends = smoothed.unwrap_or_else(|| steps.into_iter().map(|step| step.updated).collect());
-    Ok(Solved { time_s, ends, innovations })
 }
 
 /// Whether the ranges contradict their noise, or a link the others.
