@@ -12,7 +12,7 @@ use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
-use crate::logs::{self, Damaged, ImportOptions, PositionSource};
+use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
 use crate::plan::{Plan, Style};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
@@ -43,13 +43,22 @@ impl SceneFlags {
 
     /// The same, with the learned plans if the scene is a folder.
     pub(super) fn named(&self, more: &[Setting]) -> Result<NamedScene> {
+        self.named_using(more, &[])
+    }
+
+    fn named_using(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
         let mut found = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
             None => NamedScene::new("", parse_scene("", "scene", &settings)?),
         };
-        self.finish(&mut found.scene)?;
+        self.finish(&mut found.scene, used)?;
         Ok(found)
+    }
+
+    /// The scene for a verb that uses keys which are without effect in a flight.
+    pub(super) fn load_using(&self, keys: &[&str]) -> Result<Scene> {
+        Ok(self.named_using(&[], keys)?.scene)
     }
 
     /// Whether a scene was named.
@@ -75,11 +84,11 @@ impl SceneFlags {
         }
         let mut scene = parse_scene(toml, file, &self.set.set)?;
         check(&mut scene)?;
-        self.finish(&mut scene)?;
+        self.finish(&mut scene, &[])?;
         Ok(scene)
     }
 
-    fn finish(&self, scene: &mut Scene) -> Result<()> {
+    fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         scene.seed = self.seed.unwrap_or(scene.seed);
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
@@ -88,7 +97,7 @@ impl SceneFlags {
         }
         scene.check()?;
         scene.settle_files()?;
-        warn_of_idle_keys(scene);
+        warn_of_idle_keys_but(scene, used);
         Ok(())
     }
 }
@@ -332,6 +341,13 @@ impl FlightFlags {
         Ok(flight)
     }
 
+    /// The same, with the clock of the log.
+    pub(super) fn read_on_clock(&self, path: &Path) -> Result<OnClock> {
+        let found = logs::import_on_clock(path, &self.options())?;
+        warn_of(path, &found.flight.warnings);
+        Ok(found)
+    }
+
     /// Flights, logs or light traces that are photographed, one for each drone.
     pub(super) fn shoot(
         &self,
@@ -355,7 +371,13 @@ impl FlightFlags {
 
 /// Warns of keys that were set and have no effect.
 pub(super) fn warn_of_idle_keys(scene: &Scene) {
-    for (key, why) in scene.idle_keys() {
+    warn_of_idle_keys_but(scene, &[]);
+}
+
+/// The same, but for keys that the verb uses.
+fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
+    let idle = scene.idle_keys().into_iter();
+    for (key, why) in idle.filter(|(key, _)| !used.contains(&key.as_str())) {
         message("warning: ", &format!("{key} has no effect: {why}"));
     }
 }

@@ -1,7 +1,7 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible or not safe to fly, 2 error. Only this room knows the names of flags.
+//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names of flags.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,6 +13,7 @@ use report::{Outcome, Report, wrapped};
 
 mod advice;
 mod check;
+mod clocks;
 mod compare;
 mod compare_photo;
 mod coverage;
@@ -30,6 +31,7 @@ mod import;
 mod learn;
 mod letters;
 mod locate;
+mod locate_region;
 mod meter;
 mod names;
 mod output;
@@ -58,7 +60,7 @@ mod tune;
     max_term_width = 80,
     arg_required_else_help = true,
     after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), 1 \
-                  not legible or not safe to fly, 2 error."
+                  not legible, not safe to fly or ambiguous, 2 error."
 )]
 struct Args {
     #[command(subcommand)]
@@ -203,7 +205,7 @@ pub fn main() -> ExitCode {
     });
     match done {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
+        Ok(Outcome::NotLegible | Outcome::NotSafe | Outcome::Ambiguous) => ExitCode::from(1),
         Err(error) => {
             message("error: ", &error.to_string());
             message("hint: ", error.hint());

@@ -27,6 +27,7 @@ pub(super) enum Outcome {
     Done,
     NotLegible,
     NotSafe,
+    Ambiguous,
 }
 
 impl Report {

@@ -19,8 +19,8 @@ const MAX_EXTRA_CELLS: usize = 64 << 20;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// Makes a flight of a recording with settled clocks.
-pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Flight> {
+/// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
+pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<(Flight, f64)> {
     let found = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
@@ -50,7 +50,8 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
     check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
     let warnings = [recording.warnings, warnings].concat();
-    Ok(Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings })
+    let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
+    Ok((flight, axis.zero_s))
 }
 
 fn nothing_known(recording: &Recording) -> Error {

@@ -16,6 +16,7 @@ mod faults;
 mod golden;
 mod hostile;
 mod letters;
+mod locate;
 mod obstacles;
 mod outputs;
 mod photos;
