@@ -68,6 +68,9 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
         Some(Factor::CenterOfMass) => format!("σ {:.1} mm", 1e3 * conditions.center_of_mass_m),
         Some(Factor::MotorLag) => format!("to {:.0} ms", 1e3 * conditions.motor_lag_s),
         Some(Factor::Lighthouse) => format!("σ {:.0} mm", 1e3 * conditions.lighthouse_distortion_m),
+        Some(Factor::AirspeedMoment) => {
+            format!("to {:.2} mN s", 1e3 * conditions.airspeed_moment_n_s)
+        }
         Some(Factor::Gusts) => format!("σ {:.2} m/s", conditions.gust_m_s),
         Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
     }

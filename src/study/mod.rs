@@ -44,7 +44,10 @@ mod tune;
 pub use conditions::{Conditions, Factor};
 pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
-pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
+pub use hold::{
+    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, Interval, Verdict as HoldVerdict,
+    hold_figures,
+};
 pub use knobs::{Knob, Turn, turned};
 pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};

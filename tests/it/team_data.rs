@@ -214,7 +214,7 @@ fn the_band_of_the_room_holds_the_real_flight_nine_tenths_of_the_time() {
     for held in held(&Conditions::default()) {
         eprintln!("{held:?}");
         for axis in 0..3 {
-            assert!((0.85..=0.95).contains(&held.inside[axis]), "axis {axis}: {held:?}");
+            assert!((0.85..=0.98).contains(&held.inside[axis]), "axis {axis}: {held:?}");
             assert!(held.width[axis] <= 1.6, "axis {axis}: {held:?}");
         }
     }
