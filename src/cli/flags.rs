@@ -7,6 +7,7 @@ use clap::Args;
 use super::letters::LetterFlags;
 use super::message;
 use super::names::{named, names};
+use super::relit::relit_where_dark;
 use super::set::{SetFlag, Setting, borrowed};
 use crate::camera::Framing;
 use crate::error::{Error, Result};
@@ -27,9 +28,6 @@ pub(super) struct SceneFlags {
     scene: Option<String>,
     #[command(flatten)]
     set: SetFlag,
-    /// Seed of all noise [default: the scene's]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
     /// Lighthouse configuration (YAML of cfclient) whose base stations replace the scene's
     #[arg(long, value_name = "FILE")]
     lighthouse: Option<PathBuf>,
@@ -89,7 +87,6 @@ impl SceneFlags {
     }
 
     fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
-        scene.seed = self.seed.unwrap_or(scene.seed);
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
             warn_of(path, &config.warnings);
@@ -110,6 +107,26 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
 /// The text of a scene with settings laid over it.
 fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
     Scene::parse_with(toml, file, &borrowed(settings))
+}
+
+/// The seed, of verbs that draw noise.
+#[derive(Debug, Args)]
+pub(super) struct SeedFlag {
+    /// Seed of all noise [default: the scene's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+impl SeedFlag {
+    /// The key of the scene that was typed.
+    pub(super) fn settings(&self) -> Vec<Setting> {
+        self.seed.iter().map(|seed| ("seed".to_owned(), seed.to_string())).collect()
+    }
+
+    /// The seed that was typed, else the scene's.
+    pub(super) fn or(&self, scenes: u64) -> u64 {
+        self.seed.unwrap_or(scenes)
+    }
 }
 
 /// Way of flying and number of drones.
@@ -167,6 +184,8 @@ pub(super) struct SubjectFlags {
     word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
 }
 
 impl SubjectFlags {
@@ -176,7 +195,7 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let mut found = self.design.named(&[])?;
+        let mut found = self.design.named(&self.seed.settings())?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
@@ -348,7 +367,8 @@ impl FlightFlags {
         Ok(found)
     }
 
-    /// Flights, logs or light traces that are photographed, one for each drone.
+    /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
+    /// has those of the scene's word.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -358,14 +378,16 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        let read = |path: &PathBuf| {
-            let recording = Recording::read(path, &self.options())?;
-            if let Recording::Flight(flight) = &recording {
+        let mut recordings = Vec::new();
+        for path in paths {
+            let mut recording = Recording::read(path, &self.options())?;
+            if let Recording::Flight(flight) = &mut recording {
                 warn_of(path, &flight.warnings);
+                relit_where_dark(flight, &mut scene, path)?;
             }
-            Ok(recording)
-        };
-        Shoot::with_recordings(scene, paths.iter().map(read).collect::<Result<_>>()?)
+            recordings.push(recording);
+        }
+        Shoot::with_recordings(scene, recordings)
     }
 }
 

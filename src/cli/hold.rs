@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::SceneFlags;
+use super::flags::{SceneFlags, SeedFlag};
 use super::names::{named, names};
 use super::output::OutputFolder;
 use super::report::{Outcome, Report, wrapped};
@@ -33,6 +33,8 @@ pub(super) struct HoldArgs {
     preset: String,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
     /// Folder for hold.html, hold.json and, for each scenario and model, a CSV and a figure of the
     /// first flight
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-hold")]
@@ -43,7 +45,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
-    let (options, seed) = (scene.sim(), scene.seed);
+    let (options, seed) = (scene.sim(), args.seed.or(scene.seed));
     let models = args.model.map_or(Model::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];

@@ -202,8 +202,8 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     }
     let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
     Err(Error::input(
-        "flight",
-        format!("light columns [{}]", names.join(", ")),
+        "lights of the flight",
+        format!("columns [{}]", names.join(", ")),
         format!("a column light.{first} with levels from 0 to 1"),
         "add the column (0 where the lights are off), or change light.fixtures in the scene",
     ))

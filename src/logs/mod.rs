@@ -61,10 +61,10 @@ settings! {
         /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
         /// oscillations of strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
-        /// Longest gap over which position and attitude are interpolated (or two and a half periods
-        /// of a slower log). The error is `a T² / 8`: 3 mm, a lamp's width, at 0.25 s and the
-        /// 0.4 m/s² of the reference flight. A lower limit leaves many gaps in a radio log (a third
-        /// of that flight at 0.1 s).
+        /// Longest gap over which the position is interpolated (or two and a half periods of a slower
+        /// log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a lamp's
+        /// width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves many gaps
+        /// in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;

@@ -7,7 +7,7 @@ use super::alphabet::in_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
 use super::choice::Choice;
 use super::columns::Columns;
-use super::faults::{Found, cause};
+use super::faults::{Found, cause, lost_in};
 use super::gaps::{Gap, Stray};
 use super::judge::Judgment;
 use super::mending::{Mending, mend};
@@ -66,9 +66,14 @@ impl Reader {
         let verdict = &mut sight.verdict;
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        let mut found = self.compare(&sketches, known, verdict, |page, sketch, gaps, strays| {
-            mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
-        });
+        let mut found = self.compare(
+            &sketches,
+            (&seen.placed, known),
+            verdict,
+            |page, sketch, gaps, strays| {
+                mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
+            },
+        );
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
         let middles = self.expected.middles(&columns);
@@ -107,7 +112,7 @@ impl Reader {
     fn compare(
         &self,
         sketches: &[Sketch],
-        known: &Known,
+        known: (&Placed, &Known),
         verdict: &mut Verdict,
         mut mark: impl FnMut(&LetterPage, &Sketch, &[Gap], &[Stray]),
     ) -> Vec<Found> {
@@ -116,7 +121,8 @@ impl Reader {
         let [mut length, mut lit, mut own] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
-            let (gaps, recall) = sketch.trace.gaps(&sketch.bent);
+            let is_lost = |points: &_| lost_in(points, page, known.0, known.1).is_some();
+            let (gaps, recall) = sketch.trace.gaps(&sketch.bent, is_lost);
             let (mut strays, precision) = sketch.trace.strays(&sketch.own, &sketch.beside);
             strays.retain(|stray| stray.points.iter().any(|point| page.holds(*point)));
             let pitch_mm = 1000.0 * page.grid.pitch_m;

@@ -149,7 +149,7 @@ fn gaps_in_words(flight: &Flight) -> Vec<String> {
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let bridges = (!bridged.is_empty()).then(|| {
         format!(
-            "{} gap(s) of the log are bridged, to within {:.0} mm: {}",
+            "gaps of the log: {} bridged by a smooth path, uncertain by up to {:.0} mm ({})",
             bridged.len(),
             1e3 * most_m,
             spans(&bridged)
@@ -157,8 +157,8 @@ fn gaps_in_words(flight: &Flight) -> Vec<String> {
     });
     let breaks = (!open.is_empty()).then(|| {
         format!(
-            "{} gap(s) of the log are too long to bridge: trails break there, though the lamps may \
-             have shone: {}",
+            "gaps of the log: {} too long to bridge; trails break there, though the lamps may have \
+             shone ({})",
             open.len(),
             spans(&open)
         )

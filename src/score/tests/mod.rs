@@ -362,8 +362,8 @@ fn the_verdict_is_written_as_it_is_documented() {
     let advice = serde_json::to_value(advice).unwrap();
     assert_eq!(keys(&advice), ["gain", "kind", "text"]);
     let all = [
-        MissingRun, LitTransit, Streak, DwellBlob, Overlap, OtherStray, Shifted, Glow, FewPixels,
-        Dim, Design, OffPath,
+        MissingRun, LogGap, LitTransit, Streak, DwellBlob, Overlap, OtherStray, Shifted, Glow,
+        FewPixels, Dim, Design, OffPath,
     ];
     let mut all = all.map(|kind| serde_json::to_value(kind).unwrap().as_str().unwrap().to_owned());
     all.sort_unstable();
