@@ -57,7 +57,7 @@ fn name(endurance: &Endurance) -> &'static str {
 }
 
 fn points(endurance: &Endurance) -> Vec<(f64, f64)> {
-    endurance.levels.iter().map(|level| (level.times, level.legibility.value)).collect()
+    endurance.levels.iter().map(|level| (level.times, level.legible.value)).collect()
 }
 
 /// The usual disturbance, in the factor's own unit.
@@ -77,9 +77,10 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
 }
 
 fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text = "fraction of flights in which every letter reads; the weakest factor first;\n\
-                    factors of one place are not surely different (intervals of 95 %)\n\n    \
-                    factor          usual (x1)  breaks at between "
+    let mut text = "fraction of photos that are legible at multiples of the usual disturbance; a \
+                    word\nbreaks where it falls to one half; what breaks it first comes first; \
+                    factors of\nequal place cannot be told apart (intervals of 95 %)\n\n    factor    \
+                          usual (x1)  breaks at between "
         .to_owned();
     let shown = options.times.len().min(5);
     for times in &options.times[..shown] {
@@ -100,7 +101,7 @@ fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
             usual(&options.usual, e.factor)
         );
         for level in &e.levels[..shown] {
-            text += &format!("{:6.2}", level.all_read.value);
+            text += &format!("{:6.2}", level.legible.value);
         }
         text += "\n";
     }

@@ -125,6 +125,15 @@ pub enum Reason {
 }
 
 impl Verdict {
+    /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the readability,
+    /// and where another word is likelier, no more than the word's own share against it. What
+    /// studies rank, tune and learn by.
+    #[must_use]
+    pub fn read_probability(&self) -> f64 {
+        let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
+        likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
+    }
+
     /// Whether blind recognition reads another text than the word; equal shapes are equal.
     #[must_use]
     pub fn is_contradicted(&self) -> bool {
@@ -190,5 +199,26 @@ impl LetterVerdict {
             stray_mm: None,
             confusion: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+
+    #[test]
+    fn a_likelier_rival_caps_the_probability_of_being_read_by_the_words_share() {
+        let strokes = write("PARIS", &LetterOptions::default()).unwrap();
+        let unseen = Verdict::unseen(&strokes, Reason::NoLight, None);
+        let of = |readability: f64, rival: Option<f64>| {
+            let rival = rival.map(|p| RivalWord { word: "ARIS".into(), p });
+            Verdict { readability, rival, ..unseen.clone() }.read_probability()
+        };
+        assert_eq!(of(0.84, None), 0.84, "nothing else to read");
+        assert_eq!(of(0.84, Some(0.3)), 0.84, "the rival is less likely");
+        assert_eq!(of(0.84, Some(0.5)), 0.84, "as likely");
+        assert_eq!(of(0.84, Some(0.75)), 0.25, "one in four reads the word");
+        assert_eq!(of(0.1, Some(0.75)), 0.1, "the readability is lower yet");
     }
 }

@@ -48,7 +48,7 @@ pub use hold::{
     Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, Interval, Verdict as HoldVerdict,
     hold_figures,
 };
-pub use knobs::{Knob, Turn, turned};
+pub use knobs::{Knob, Turn, settings, turned};
 pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};
