@@ -162,7 +162,8 @@ mod tests {
             };
             let found = compare(&a, &b, &options).unwrap().first.unwrap().0;
             if let Discrepancy::Lag(s) = found {
-                assert!((s - 0.2).abs() < 0.01, "{s} s beside by {aside}");
+                // To the first order: the corner takes 6 % off.
+                assert!((s - 0.2).abs() < 0.015, "{s} s beside by {aside}");
             } else {
                 assert!(aside != Vector3::zeros(), "{found:?}");
             }

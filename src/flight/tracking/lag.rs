@@ -13,10 +13,11 @@ const RESOLUTION_S: f64 = 1e-6;
 /// Most samples of the first search, spread over the flight; the refinement takes all.
 const COARSE_SAMPLES: usize = 2000;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, a drone that is beside a
-/// design which ends elsewhere than it began has a wrong lag (0.013 s at 3 cm); with 0, a straight
-/// stroke at an even speed has none, since its lag is an offset along it.
-const OFFSET_WEIGHT: f64 = 0.01;
+/// Weight of the mean error, squared, against the variance about it. With 1, a drone that flies beside
+/// a design which ends elsewhere than it began has a wrong lag (0.4 s for 0.2 s of an L that is 6 cm
+/// off; with this, 0.2005 s); with 0, a straight stroke at an even speed has none, since its lag is an
+/// offset along it.
+const OFFSET_WEIGHT: f64 = 1e-3;
 
 /// The shift of the design within `range_s` that brings it closest to the flown positions, but for a
 /// constant offset: the shifted design at time t is the design at t − shift.
