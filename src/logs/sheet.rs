@@ -61,8 +61,10 @@ impl Sheet {
             let found = format!("{} columns", header.len());
             return Err(Error::input(file, found, format!("at most {MAX_COLUMNS}"), HINT));
         }
-        let ends = |byte: &&u8| matches!(byte, b'\n' | b'\r');
-        let n_lines = text.iter().filter(ends).count() + 1;
+        let next = text.iter().skip(1).chain(&[0]);
+        let ends =
+            |(byte, next): &(&u8, &u8)| **byte == b'\n' || **byte == b'\r' && **next != b'\n';
+        let n_lines = text.iter().zip(next).filter(ends).count() + 1;
         budget.bytes(size_of::<f64>() * n_lines.saturating_mul(header.len()))?;
         budget.steps(STEPS[0] * text.len() + STEPS[1] * n_lines * header.len())?;
         let columns = header.iter().map(|_| Vec::with_capacity(n_lines)).collect();
