@@ -4,6 +4,7 @@
 //! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names of flags.
 
 use std::io::Write;
+use std::num::NonZero;
 use std::process::ExitCode;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -182,8 +183,18 @@ fn command() -> Command {
 }
 
 /// Runs the command that was typed.
+///
+/// On a thread with a stack of [`STACK`] bytes; on the main thread only where none can be started.
 #[must_use]
 pub fn main() -> ExitCode {
+    if std::thread::current().name() == Some("main")
+        && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
+    {
+        let kib = bytes >> 10;
+        message("error: ", &format!("no thread can be started, and the stack has {kib} KiB only"));
+        message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
+        return ExitCode::from(2);
+    }
     let command = command();
     let matches = match command.clone().try_get_matches() {
         Ok(matches) => matches,
@@ -252,21 +263,51 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// Most worker threads: those of the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Runs work on a number of threads; 0: one for each processor core.
+/// Stack of a thread in bytes: the main thread's may be a few pages (`ulimit -s`).
+pub const STACK: usize = 8 << 20;
+
+/// The limit of the main thread's stack in bytes, where the system tells it.
+fn main_stack() -> Option<usize> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max stack size"))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+/// Runs work on a number of threads; 0: one for each processor core, or as many as the system
+/// starts. Where it starts none, the present thread does the work.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    if threads == 0 {
-        return work();
-    }
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Error::Infeasible {
-        what: format!("{threads} threads cannot be started: {error}"),
-        hint: "ask for fewer threads".into(),
-    })?;
-    pool.install(work)
+    let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
+    if threads > 0 {
+        let pool = pool(threads).map_err(|error| Error::Infeasible {
+            what: format!("{threads} threads cannot be started: {error}"),
+            hint: "ask for fewer threads".into(),
+        })?;
+        return pool.install(work);
+    }
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS);
+    let mut fewer = std::iter::successors(Some(cores), |n| Some(n / 2)).take_while(|n| *n > 0);
+    match fewer.find_map(|n| pool(n).ok()) {
+        Some(pool) => {
+            if pool.current_num_threads() < cores {
+                let n = pool.current_num_threads();
+                message("note: ", &format!("the system starts {n} of {cores} threads"));
+            }
+            pool.install(work)
+        }
+        None => {
+            message("note: ", "the system starts no thread: one does all the work");
+            let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+            alone.build_global().map_err(|error| Error::Infeasible {
+                what: format!("no thread can be started: {error}"),
+                hint: "allow more processes (ulimit -u)".into(),
+            })?;
+            work()
+        }
+    }
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.

@@ -36,7 +36,9 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
         ));
     }
     check_script(word)?;
-    let word = drawable(word, &font)?;
+    let drawn = drawable(word, &font);
+    font.check_work()?;
+    let word = drawn?;
     let strokes = lay_out(&word, &font, options);
     let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
     let scale = fitting(&strokes, canvas_m);

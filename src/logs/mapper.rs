@@ -6,6 +6,7 @@ use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, VelocityFrame, quantities};
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
 use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity};
@@ -13,14 +14,18 @@ use crate::flight::{Flight, FlightSample, Quantity};
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
 
-/// Most numbers in all further columns together: half a gigabyte.
-const MAX_EXTRA_CELLS: usize = 64 << 20;
+/// Steps of finding a channel's value at a stamp.
+const STEPS: usize = 50;
 
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
 /// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
-pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<(Flight, f64)> {
+pub(super) fn flight(
+    recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
     let found = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
@@ -37,7 +42,13 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<(F
         ));
     }
     let mut warnings = Vec::new();
-    let axis = axis(&recording, &found, options, &mut warnings)?;
+    let axis = axis(&recording, &found, options, budget, &mut warnings)?;
+    let n_channels = found.channels.values().map(Vec::len).sum::<usize>();
+    let n_extra = recording.names().filter(|name| !found.used.contains(*name)).count();
+    let n_samples = axis.stamps_s.len();
+    budget
+        .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
+    budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
     if !unlogged.is_empty() {
         let names: Vec<&str> = unlogged.iter().map(|quantity| quantity.name()).collect();
         warnings.push(format!("not in the log: {}; set to zero", names.join(", ")));
@@ -46,7 +57,7 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<(F
         axis.stamps_s.iter().map(|&stamp_s| sample(&found, options, stamp_s, &axis)).collect();
     warnings.extend(warn_of_held_values(&found, options, &axis));
     warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &found.used, &axis)?;
+    let mut extra = extra(&recording, &found.used, &axis);
     check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
     let warnings = [recording.warnings, warnings].concat();
@@ -93,6 +104,7 @@ fn axis(
     recording: &Recording,
     found: &Quantities,
     options: &ImportOptions,
+    budget: &Budget,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
     let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -130,12 +142,14 @@ fn axis(
             "cut the log to one flight, or lower the sample rate",
         ));
     }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
+    let steps = steps as u32;
+    budget.steps(STEPS * steps as usize * pose.len())?;
     let known =
         |stamp_s: f64| pose.iter().all(|pose| interpolated(*pose, stamp_s, options).is_some());
     // The last step may lie beyond the end by rounding.
     let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
-    let steps: Vec<u32> = (0..=steps as u32).filter(|step| known(stamp_s(*step))).collect();
+    let steps: Vec<u32> = (0..=steps).filter(|step| known(stamp_s(*step))).collect();
     let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
     let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
     let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
@@ -285,16 +299,8 @@ fn extra(
     recording: &Recording,
     used: &BTreeSet<String>,
     axis: &Axis,
-) -> Result<BTreeMap<String, Vec<f64>>> {
-    let names: Vec<&str> = recording.names().filter(|name| !used.contains(*name)).collect();
-    if names.len().saturating_mul(axis.stamps_s.len()) > MAX_EXTRA_CELLS {
-        return Err(Error::input(
-            &recording.file,
-            format!("{} further columns over {} samples", names.len(), axis.stamps_s.len()),
-            format!("at most {MAX_EXTRA_CELLS} numbers"),
-            "cut the log to one flight, or lower the sample rate",
-        ));
-    }
+) -> BTreeMap<String, Vec<f64>> {
+    let names = recording.names().filter(|name| !used.contains(*name));
     let mut extra = BTreeMap::new();
     for name in names {
         let Some(channel) = recording.channel(name) else { continue };
@@ -305,7 +311,7 @@ fn extra(
         let values = axis.stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
         extra.insert(title, values.collect());
     }
-    Ok(extra)
+    extra
 }
 
 /// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.

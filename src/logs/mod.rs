@@ -30,13 +30,14 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::Limit;
+use crate::files::{Budget, Limit, files_in};
 use crate::flight::{Flight, Quantity};
 use crate::settings::{Described, settings};
 
 mod ae483_json;
 mod cfclient_csv;
 mod clock;
+mod json_tree;
 mod mapper;
 mod mocap;
 mod plain_csv;
@@ -49,8 +50,14 @@ mod usd;
 
 use recording::Recording;
 
-/// Largest log that is read: an hour of 100 columns at 100 Hz.
-const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a log", hint: "cut the log to one flight" };
+/// Largest log that is read: ten minutes of 200 columns at 100 Hz.
+const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
+
+/// Advice for a log that is too large.
+const HINT: &str = "cut the log to one flight, or log fewer variables";
+
+/// Most variables of a log; the firmware logs 128 at a time.
+const MAX_VARIABLES: usize = 1024;
 
 /// First columns of our own flight files.
 const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
@@ -138,7 +145,8 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     options.check("import", None)?;
     let name = path.display().to_string();
     if path.is_dir() {
-        let (flight, _) = flight(cfclient_csv::read(&folder(path)?, &name)?, options)?;
+        let budget = Budget::of(&name, HINT);
+        let (flight, _) = flight(folder(path, &name, &budget)?, options, &budget)?;
         return Ok(OnClock { flight, zero_stamp_s: None });
     }
     on_clock(&read(path)?, &name, options)
@@ -189,23 +197,30 @@ fn use_estimate(flight: &mut Flight) {
 /// Imports a log from its bytes; `file` is its name in messages.
 fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let budget = Budget::of(file, HINT);
+    budget.bytes(bytes.len())?;
     let format = Format::detect(bytes, file)?;
     let recording = match format {
-        Format::Usd => usd::read(bytes, file, options.damaged),
-        Format::Json => ae483_json::read(bytes, file),
-        Format::Cfclient => cfclient_csv::read(&[(file.to_owned(), bytes.to_vec())], file),
-        Format::Plain => plain_csv::read(bytes, file),
+        Format::Usd => usd::read(bytes, file, options.damaged, &budget),
+        Format::Json => ae483_json::read(bytes, file, &budget),
+        Format::Cfclient => cfclient_csv::read(bytes, file, file, &budget),
+        Format::Plain => plain_csv::read(bytes, file, &budget),
     };
-    let (flight, zero_s) = flight(recording?, options)?;
+    let (flight, zero_s) = flight(recording?, options, &budget)?;
     Ok(OnClock { flight, zero_stamp_s: (format == Format::Plain).then_some(zero_s) })
 }
 
-fn flight(mut recording: Recording, options: &ImportOptions) -> Result<(Flight, f64)> {
+fn flight(
+    mut recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
+    recording.check(budget)?;
     recording.name_apart();
     clock::settle(&mut recording, options.clock_ratio);
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
-    mapper::flight(recording, options)
+    mapper::flight(recording, options, budget)
 }
 
 /// A format of logs.
@@ -252,24 +267,31 @@ fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
     )
 }
 
-/// All CSV files in a folder that are cfclient's, in order of their names.
-fn folder(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let entries = std::fs::read_dir(path).map_err(|source| Error::read(path, source))?;
-    let entries = entries.collect::<std::io::Result<Vec<_>>>();
-    let entries = entries.map_err(|source| Error::read(path, source))?;
-    let mut paths: Vec<_> = entries.into_iter().map(|entry| entry.path()).collect();
+/// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
+fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
+    let mut paths = files_in(path)?;
     paths.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")));
-    paths.sort();
-    let mut files = Vec::new();
+    let mut all: Option<Recording> = None;
     for path in paths {
         let bytes = read(&path)?;
+        budget.steps(bytes.len())?;
+        budget.bytes(bytes.len())?;
         if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
-            files.push((path.display().to_string(), bytes));
+            let file = path.display().to_string();
+            let mut block = cfclient_csv::read(&bytes, &file, name, budget)?;
+            for warning in &mut block.warnings {
+                *warning = format!("{file}: {warning}");
+            }
+            match &mut all {
+                Some(all) => all.extend(block),
+                None => all = Some(block),
+            }
+            // Each file by itself may be small: what counts is their number.
+            all.as_ref().map_or(Ok(()), |all| all.check_variables())?;
         }
+        budget.free(bytes.len() as u64);
     }
-    if files.is_empty() {
-        let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(unknown(&path.display().to_string(), found));
-    }
-    Ok(files)
+    all.ok_or_else(|| {
+        unknown(name, "a folder without a CSV file of cfclient (Timestamp,group.name …)")
+    })
 }

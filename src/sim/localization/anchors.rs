@@ -6,9 +6,13 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Largest file that is read.
-const MAX_FILE_BYTES: u64 = 1 << 20;
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
+
+/// Most anchors: a byte counts them in the firmware's long mode.
+const MAX_ANCHORS: usize = 256;
 
 #[derive(Deserialize)]
 struct Place {
@@ -24,13 +28,7 @@ struct Place {
 /// [`Error::Io`] where the file cannot be read; [`Error::Input`] with its line where it is broken,
 /// and for indices that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
-    let unreadable = |source| Error::read(path, source);
-    if std::fs::metadata(path).map_err(unreadable)?.len() > MAX_FILE_BYTES {
-        let place = path.display().to_string();
-        return Err(Error::input(place, "more than a megabyte", "a few anchors", HINT));
-    }
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
-    parse(&text).map_err(|error| error.in_file(path))
+    parse(&LIMIT.read_text(path)?).map_err(|error| error.in_file(path))
 }
 
 const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
@@ -41,6 +39,10 @@ fn parse(yaml: &str) -> Result<Vec<[f64; 3]>> {
         let found = text.lines().next().unwrap_or_default().to_owned();
         Error::input("anchors", found, "anchors with x, y and z", HINT)
     })?;
+    if places.len() > MAX_ANCHORS {
+        let wanted = format!("at most {MAX_ANCHORS}");
+        return Err(Error::input("anchors", format!("{} anchors", places.len()), wanted, HINT));
+    }
     for (index, (anchor, place)) in places.iter().enumerate() {
         if *anchor != index {
             let wanted = format!("key {index}");
