@@ -111,7 +111,10 @@ impl<'a> FlightFigures<'a> {
         let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
         let height = line(
             "height",
-            &format!("held to {height_m:.3} m after the lag: good for letters from {least_m:.2} m"),
+            &format!(
+                "error {height_m:.3} m RMS after the lag: precise enough for letters of {least_m:.2} m \
+                 or more"
+            ),
         );
         format!(
             "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
@@ -157,7 +160,7 @@ pub(super) fn camera_line(shot: &Shot) -> String {
 }
 
 /// Stops relative to saturation.
-fn in_stops(stops: f64) -> String {
+pub(super) fn in_stops(stops: f64) -> String {
     let side = if stops < 0.0 { "under" } else { "over" };
     format!("{:.1} stops {side} saturation", stops.abs())
 }

@@ -21,6 +21,7 @@ mod outputs;
 mod photos;
 mod plan;
 mod road;
+mod safety;
 mod study;
 mod team_data;
 mod twins;
