@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 
 use super::letters::LetterFlags;
 use super::message;
@@ -14,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
+use crate::plan::check::Profile;
 use crate::plan::{Plan, Style};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
@@ -202,6 +204,11 @@ impl SubjectFlags {
         Ok(found)
     }
 
+    /// The room that was typed.
+    fn room_m(&self) -> Option<[f64; 3]> {
+        self.design.letters.room_m()
+    }
+
     /// The word that was typed, in either way.
     pub(super) fn typed_word(&self) -> Option<&str> {
         self.word.as_ref().or(self.inputs.first()).map(String::as_str)
@@ -228,6 +235,30 @@ impl SubjectFlags {
             }
         }
         Shoot::named(named)
+    }
+}
+
+/// Limits that a flight is checked against.
+#[derive(Debug, Args)]
+pub(super) struct ProfileFlags {
+    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
+    #[arg(long, value_name = "NAME", default_value = "indoor", value_parser = profiles())]
+    profile: String,
+}
+
+fn profiles() -> PossibleValuesParser {
+    Profile::all().map(|profile| profile.name).into()
+}
+
+impl ProfileFlags {
+    /// The profile, within the room that was typed.
+    pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
+        let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
+        let profile = profile.expect("the parser knows the names");
+        match subject.room_m() {
+            Some(room_m) => profile.in_room(room_m),
+            None => profile,
+        }
     }
 }
 

@@ -162,7 +162,7 @@ pub(super) fn camera_line(shot: &Shot) -> String {
 }
 
 /// Stops relative to saturation.
-fn in_stops(stops: f64) -> String {
+pub(super) fn in_stops(stops: f64) -> String {
     let side = if stops < 0.0 { "under" } else { "over" };
     format!("{:.1} stops {side} saturation", stops.abs())
 }

@@ -71,7 +71,7 @@ impl Shoot {
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, metered, mut obstacles, warnings } = lighting;
+        let Lighting { flights, trace, camera, metered, mut obstacles, warnings, .. } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         if let Some(format) = self.format {

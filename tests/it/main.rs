@@ -25,6 +25,7 @@ mod photos;
 mod plan;
 mod readme;
 mod road;
+mod safety;
 mod study;
 mod team_data;
 mod twins;
