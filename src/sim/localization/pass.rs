@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 pub(super) const STEP_S: f64 = 0.01;
 
 /// A drone whose first range comes this much later than the first of all stands until then.
-const LATE_S: f64 = 0.25;
+pub(super) const LATE_S: f64 = 0.25;
 
 /// A state and its covariance.
 pub(super) type Estimate = (DVector<f64>, DMatrix<f64>);

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::fit::{Observation, fit, residuals};
-use super::pass::Estimate;
+use super::pass::{Estimate, LATE_S};
 use super::{Link, RangeSample, Room};
 use crate::error::{Error, Result};
 
@@ -32,7 +32,13 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Estimate> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    let means = means(heard_s, samples);
+    // Ranges between drones that begin at different times belong to no one place of both.
+    let mut means = means(heard_s, samples);
+    let at_once: Vec<Observation> =
+        means.iter().copied().filter(|m| begin_together(heard_s, m)).collect();
+    if at_once.len() >= n {
+        means = at_once;
+    }
     if means.len() < n {
         return Err(Error::Infeasible {
             what: format!(
@@ -70,6 +76,11 @@ pub(super) fn start(
         }
     }
     Ok((state, covariance))
+}
+
+fn begin_together(heard_s: &[[f64; 2]], mean: &Observation) -> bool {
+    let (first, second) = mean.link.drones();
+    second.is_none_or(|second| (heard_s[first][0] - heard_s[second][0]).abs() <= LATE_S)
 }
 
 /// Mean range of each link in the first second in which its drones are heard.
