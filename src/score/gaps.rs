@@ -65,11 +65,9 @@ impl Trace {
                         && corner - from <= CUT_PX
                         && to.saturating_sub(*corner) <= CUT_PX
                 };
-                let is_cut = from > 0
-                    && to < points.len()
-                    && bent.corners[stroke].iter().any(cut)
-                    && !is_lost(&points[from..to]);
-                if same[0] || is_cut || (same.len() as f64) < LEAST_GAP_PX {
+                let is_cut = from > 0 && to < points.len() && bent.corners[stroke].iter().any(cut);
+                let is_small = is_cut || (same.len() as f64) < LEAST_GAP_PX;
+                if same[0] || (is_small && !is_lost(&points[from..to])) {
                     continue;
                 }
                 // Light ends a bit before the first point that it is no longer near.

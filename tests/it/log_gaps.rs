@@ -53,10 +53,11 @@ fn log(flight: &Flight, lost: impl Fn(&str, f64) -> bool) -> String {
 
 /// The middle of the O's bottom, which is one stroke of the square letter, in time and place.
 fn bottom_of_o(flight: &Flight) -> FlightSample {
-    let o = flight.samples.iter().filter(|sample| sample.letter == Some(1));
-    let lit = o.zip(&flight.lights["headlights"]);
-    let low = lit.map(|(sample, _)| *sample).filter(|sample| sample.design_m.z < 0.501);
-    let low: Vec<FlightSample> = low.collect();
+    let samples = flight.samples.iter().zip(&flight.lights["headlights"]);
+    let low = samples.filter(|(sample, level)| {
+        sample.letter == Some(1) && **level > 0.0 && sample.design_m.z < 0.501
+    });
+    let low: Vec<FlightSample> = low.map(|(sample, _)| *sample).collect();
     low[low.len() / 2]
 }
 
@@ -152,5 +153,5 @@ fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
 }
 
 fn word_of(photo: &Path) -> String {
-    noctograph::photo::Photo::read(photo).unwrap().scene_toml.unwrap()
+    noctograph::photo::Photo::read_with_notes(photo).unwrap().0.scene_toml.unwrap()
 }
