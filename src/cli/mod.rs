@@ -1,7 +1,7 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible or not safe to fly, 2 error. Only this room knows the names of flags.
+//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names of flags.
 
 use std::io::Write;
 use std::num::NonZero;
@@ -14,6 +14,7 @@ use report::{Outcome, Report, wrapped};
 
 mod advice;
 mod check;
+mod clocks;
 mod compare;
 mod compare_photo;
 mod coverage;
@@ -31,6 +32,7 @@ mod import;
 mod learn;
 mod letters;
 mod locate;
+mod locate_region;
 mod meter;
 mod names;
 mod output;
@@ -39,6 +41,7 @@ mod preview;
 mod progress;
 mod rank;
 mod read;
+mod relit;
 mod report;
 mod robustness;
 mod scene;
@@ -59,7 +62,7 @@ mod tune;
     max_term_width = 80,
     arg_required_else_help = true,
     after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), 1 \
-                  not legible or not safe to fly, 2 error."
+                  not legible, not safe to fly or ambiguous, 2 error."
 )]
 struct Args {
     #[command(subcommand)]
@@ -79,9 +82,6 @@ macro_rules! verbs {
         #[derive(Debug, Subcommand)]
         enum Verb {
             $($($(#[$meta])* $verb($module::$args),)+)+
-            /// Generate shell completions or man pages
-            #[command(hide = true)]
-            Generate(generate::GenerateArgs),
         }
 
         /// Names of the verbs by their use.
@@ -90,7 +90,6 @@ macro_rules! verbs {
         fn run(verb: &Verb) -> Result<Report> {
             match verb {
                 $($(Verb::$verb(args) => $module::run(args),)+)+
-                Verb::Generate(args) => generate::run(args),
             }
         }
     };
@@ -160,6 +159,10 @@ verbs! {
         /// Draw a font's characters: order and direction of strokes
         Specimen(specimen::SpecimenArgs),
     }
+    "Install" {
+        /// Generate shell completions and man pages
+        Generate(generate::GenerateArgs),
+    }
 }
 
 /// The command with its verbs in groups, which clap does not have.
@@ -214,7 +217,7 @@ pub fn main() -> ExitCode {
     });
     match done {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
+        Ok(Outcome::NotLegible | Outcome::NotSafe | Outcome::Ambiguous) => ExitCode::from(1),
         Err(error) => {
             message("error: ", &error.to_string());
             message("hint: ", error.hint());
@@ -354,10 +357,81 @@ mod tests {
         let help = command().render_help().to_string();
         for verb in Args::command().get_subcommands() {
             let name = verb.get_name();
-            assert_ne!(help.contains(&format!("\n  {name:15}")), verb.is_hide_set(), "{name}");
+            assert!(help.contains(&format!("\n  {name:15}")), "{name}");
             for flag in verb.get_arguments() {
                 assert!(flag.get_help().is_some(), "{name} {}", flag.get_id());
             }
         }
+    }
+
+    #[test]
+    fn only_verbs_that_draw_noise_take_a_seed() {
+        let takes_seed = |verb: &&Command| verb.get_arguments().any(|a| a.get_id() == "seed");
+        let verbs = command();
+        let verbs = verbs.get_subcommands().flat_map(|verb| {
+            std::iter::once(verb).chain(verb.get_subcommands()).collect::<Vec<_>>()
+        });
+        let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
+        // `scene` writes it down. `export` refuses what `check`, which flies, stops.
+        let noisy = [
+            "preview",
+            "fly",
+            "expose",
+            "check",
+            "meter",
+            "export",
+            "rank",
+            "tune",
+            "learn",
+            "robustness",
+            "plan",
+            "hold",
+            "scene",
+        ];
+        assert_eq!(names, noisy, "`plan` is that of `sweep`");
+        let plan = command().find_subcommand("plan").cloned().expect("a verb");
+        assert!(!takes_seed(&&plan), "a plan has no noise");
+    }
+
+    /// The verb and the flags of each command of ours in a text.
+    fn commands(text: &str) -> Vec<(String, Vec<String>)> {
+        let text = text.replace("\\\n", " ");
+        let mut found = Vec::new();
+        for (at, _) in text.match_indices("noctograph ") {
+            // A command in a sentence is between backquotes, and may be wrapped.
+            let ends: &[char] = if text[..at].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
+            let rest = &text[at + "noctograph ".len()..];
+            let mut words = rest.split(ends).next().unwrap_or(rest).split_whitespace();
+            let verb = words.next().unwrap_or_default().to_owned();
+            let flags = words.filter(|word| word.starts_with("--") && word.len() > 2);
+            let name = |flag: &str| flag[2..].split('=').next().unwrap_or_default().to_owned();
+            found.push((verb, flags.map(name).collect()));
+        }
+        found
+    }
+
+    #[test]
+    fn every_flag_of_the_documentation_is_in_the_help() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let pages = std::fs::read_dir(root.join("docs")).unwrap().map(|e| e.unwrap().path());
+        let pages = pages.filter(|page| page.extension().is_some_and(|end| end == "md"));
+        let (mut n, mut wrong) = (0, Vec::new());
+        for page in pages.chain([root.join("README.md")]) {
+            for (verb, flags) in commands(&std::fs::read_to_string(&page).unwrap()) {
+                let (page, command) = (page.display(), command());
+                let Some(command) = command.find_subcommand(&verb) else { continue };
+                let below = command.get_subcommands().flat_map(Command::get_arguments);
+                let known: Vec<&str> = command
+                    .get_arguments()
+                    .chain(below)
+                    .filter_map(clap::Arg::get_long)
+                    .chain(["json", "threads", "help", "version"])
+                    .collect();
+                n += flags.len();
+                let unknown = flags.iter().filter(|flag| !known.contains(&flag.as_str()));
+                wrong.extend(unknown.map(|flag| format!("{page}: {verb} --{flag}")));
+            }
+        }
+        assert!(n > 50 && wrong.is_empty(), "{n} flags: {}", wrong.join("\n"));
     }
 }

@@ -102,8 +102,8 @@ fn check_script(word: &str) -> Result<()> {
     for (index, character) in word.chars().enumerate() {
         if let Some((_, kind)) = SHAPED.iter().find(|(range, _)| range.contains(&character)) {
             return Err(Error::input(
-                format!("word, position {}", index + 1),
-                format!("{character:?}, of a script {kind}"),
+                "word",
+                format!("{character:?} at position {}, of a script {kind}", index + 1),
                 "a script of separate letters from left to right",
                 "draw the word in another program, and fly the drawing (SVG)",
             ));

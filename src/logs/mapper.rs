@@ -20,12 +20,12 @@ const STEPS: usize = 50;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// Makes a flight of a recording with settled clocks.
+/// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
 pub(super) fn flight(
     recording: Recording,
     options: &ImportOptions,
     budget: &Budget,
-) -> Result<Flight> {
+) -> Result<(Flight, f64)> {
     let found = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
@@ -61,7 +61,8 @@ pub(super) fn flight(
     check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
     let warnings = [recording.warnings, warnings].concat();
-    Ok(Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings })
+    let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
+    Ok((flight, axis.zero_s))
 }
 
 fn nothing_known(recording: &Recording) -> Error {
@@ -106,9 +107,11 @@ fn axis(
     budget: &Budget,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
-    let pose = [Quantity::Position, Quantity::Attitude];
-    let pose: Vec<&Channel> =
-        pose.iter().filter_map(|quantity| found.channels.get(quantity)).flatten().collect();
+    let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
+        let channels = found.channels.get(&quantity).into_iter().flatten();
+        channels.map(move |channel| (quantity, channel))
+    });
+    let pose: Vec<(Quantity, &Channel)> = pose.collect();
     if pose.is_empty() {
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
@@ -122,8 +125,8 @@ fn axis(
     let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
     let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
     let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
-    let start_s = pose.iter().map(|channel| channel.start_s()).fold(first_s, f64::max);
-    let end_s = pose.iter().map(|channel| channel.end_s()).fold(last_s, f64::min);
+    let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
+    let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
     check_span(recording, end_s - start_s)?;
     let steps = ((end_s - start_s) * options.sample_rate_hz + 1e-6).floor();
     if steps.is_nan() || !(0.0..MAX_SAMPLES).contains(&steps) {
@@ -143,7 +146,7 @@ fn axis(
     let steps = steps as u32;
     budget.steps(STEPS * steps as usize * pose.len())?;
     let known =
-        |stamp_s: f64| pose.iter().all(|channel| interpolated(channel, stamp_s, options).is_some());
+        |stamp_s: f64| pose.iter().all(|pose| interpolated(*pose, stamp_s, options).is_some());
     // The last step may lie beyond the end by rounding.
     let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
     let steps: Vec<u32> = (0..=steps).filter(|step| known(stamp_s(*step))).collect();
@@ -197,9 +200,14 @@ fn check_numbers(
     Ok(())
 }
 
+/// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body that
+/// leans by 0.1 rad moves a lamp 5 cm from its middle by 5 mm; without a position nothing is known.
+const ATTITUDE_GAPS: f64 = 4.0;
+
 /// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.
-fn gap_limit_s(channel: &Channel, options: &ImportOptions) -> f64 {
-    options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
+fn gap_limit_s(quantity: Quantity, channel: &Channel, options: &ImportOptions) -> f64 {
+    let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
+    share * options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
 }
 
 fn warn_of_gaps(axis: &Axis) -> Option<String> {
@@ -235,9 +243,8 @@ fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis
         for (cell, channel) in sample[quantity.places()].iter_mut().zip(channels) {
             *cell = match quantity {
                 Quantity::Design | Quantity::Motors => channel.held(stamp_s),
-                _ => {
-                    interpolated(channel, stamp_s, options).unwrap_or_else(|| channel.held(stamp_s))
-                }
+                _ => interpolated((quantity, channel), stamp_s, options)
+                    .unwrap_or_else(|| channel.held(stamp_s)),
             };
         }
     }
@@ -253,8 +260,12 @@ fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis
 }
 
 /// A measured value between samples; `None` where they are too far apart.
-fn interpolated(channel: &Channel, stamp_s: f64, options: &ImportOptions) -> Option<f64> {
-    channel.linear(stamp_s, gap_limit_s(channel, options))
+fn interpolated(
+    (quantity, channel): (Quantity, &Channel),
+    stamp_s: f64,
+    options: &ImportOptions,
+) -> Option<f64> {
+    channel.linear(stamp_s, gap_limit_s(quantity, channel, options))
 }
 
 /// Names measured quantities other than the pose that are held over gaps of their own.
@@ -267,7 +278,8 @@ fn warn_of_held_values<'a>(
     measured.into_iter().filter_map(move |quantity| {
         let channels = found.channels.get(&quantity)?;
         let held = |stamp_s: &&f64| {
-            channels.iter().any(|channel| interpolated(channel, **stamp_s, options).is_none())
+            let held = |channel| interpolated((quantity, channel), **stamp_s, options).is_none();
+            channels.iter().any(held)
         };
         let (n, n_all) = (axis.stamps_s.iter().filter(held).count(), axis.stamps_s.len());
         let name = quantity.name();

@@ -68,10 +68,10 @@ settings! {
         /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
         /// oscillations of strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
-        /// Longest gap over which position and attitude are interpolated (or two and a half periods
-        /// of a slower log). The error is `a T² / 8`: 3 mm, a lamp's width, at 0.25 s and the
-        /// 0.4 m/s² of the reference flight. A lower limit leaves many gaps in a radio log (a third
-        /// of that flight at 0.1 s).
+        /// Longest gap over which the position is interpolated (or two and a half periods of a slower
+        /// log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a lamp's
+        /// width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves many gaps
+        /// in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;
@@ -122,13 +122,34 @@ settings! {
 /// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
 /// for unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    Ok(import_on_clock(path, options)?.flight)
+}
+
+/// A flight, and the clock that its log was stamped with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnClock {
+    /// The flight; its times begin at zero, or are those of a flight file.
+    pub flight: Flight,
+    /// Stamp of its time zero, s, on a clock that other logs may share: a date, a time of day, or
+    /// the numbers of a plain CSV file. `None` where the log has a clock of its own: the firmware's
+    /// counter since the drone was switched on, or an imported log, whose zero is lost.
+    pub zero_stamp_s: Option<f64>,
+}
+
+/// Imports a log as [`import`] does, and keeps the zero of its clock.
+///
+/// # Errors
+///
+/// As [`import`].
+pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> {
     options.check("import", None)?;
     let name = path.display().to_string();
     if path.is_dir() {
         let budget = Budget::of(&name, HINT);
-        return flight(folder(path, &name, &budget)?, options, &budget);
+        let (flight, _) = flight(folder(path, &name, &budget)?, options, &budget)?;
+        return Ok(OnClock { flight, zero_stamp_s: None });
     }
-    import_bytes(&read(path)?, &name, options)
+    on_clock(&read(path)?, &name, options)
 }
 
 /// Reads a log's file.
@@ -139,14 +160,26 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 /// Imports a log from its bytes; `file` is its name in messages.
 pub(crate) fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
     options.check("import", None)?;
-    if sheet::header(bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
+    Ok(on_clock(bytes, file, options)?.flight)
+}
+
+fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
+    let header = sheet::header(bytes).unwrap_or_default();
+    let mut found = if header.starts_with(&OWN.map(str::to_owned)) {
         let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
-        return Ok(flight);
+        OnClock { flight, zero_stamp_s: Some(0.0) }
+    } else {
+        parse(bytes, file, options)?
+    };
+    // A flight file with ranges is an imported log.
+    let is_ours = header.first().is_some_and(|name| name == OWN[0]);
+    if is_ours && header.iter().any(|name| name.starts_with("ranging.")) {
+        found.zero_stamp_s = None;
     }
-    parse(bytes, file, options)
+    Ok(found)
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -162,20 +195,26 @@ fn use_estimate(flight: &mut Flight) {
 }
 
 /// Imports a log from its bytes; `file` is its name in messages.
-fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
+fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let budget = Budget::of(file, HINT);
     budget.bytes(bytes.len())?;
-    let recording = match Format::detect(bytes, file)? {
+    let format = Format::detect(bytes, file)?;
+    let recording = match format {
         Format::Usd => usd::read(bytes, file, options.damaged, &budget),
         Format::Json => ae483_json::read(bytes, file, &budget),
         Format::Cfclient => cfclient_csv::read(bytes, file, file, &budget),
         Format::Plain => plain_csv::read(bytes, file, &budget),
     };
-    flight(recording?, options, &budget)
+    let (flight, zero_s) = flight(recording?, options, &budget)?;
+    Ok(OnClock { flight, zero_stamp_s: (format == Format::Plain).then_some(zero_s) })
 }
 
-fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<Flight> {
+fn flight(
+    mut recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
     recording.check(budget)?;
     recording.name_apart();
     clock::settle(&mut recording, options.clock_ratio);

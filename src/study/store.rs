@@ -18,8 +18,8 @@ use super::design::MAX_TRIALS;
 use crate::error::{Error, Result};
 use crate::files::{Limit, Output};
 
-/// Layout of the folder.
-const FORMAT: u32 = 1;
+/// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
+const FORMAT: u32 = 2;
 /// Records between two syncs to disk. Killing the program loses none of
 /// them; pulling the plug loses at most so many.
 const SYNC_EVERY: usize = 64;

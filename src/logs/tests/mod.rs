@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use proptest::prelude::*;
 
+use super::import_bytes as parse;
 use super::recording::Recording;
 use super::*;
 use crate::files::Budget;

@@ -45,19 +45,19 @@ fn parse(yaml: &str) -> Result<Vec<[f64; 3]>> {
     }
     for (index, (anchor, place)) in places.iter().enumerate() {
         if *anchor != index {
-            let wanted = format!("anchor {index}");
-            return Err(Error::input("anchors", format!("anchor {anchor}"), wanted, HINT));
+            let wanted = format!("key {index}");
+            return Err(Error::input("anchors", format!("key {anchor}"), wanted, HINT));
         }
         for value in [place.x, place.y, place.z] {
-            crate::error::within(&format!("anchors, anchor {anchor}"), value, -1e4, 1e4)?;
+            crate::error::within(&format!("anchors, key {anchor}"), value, -1e4, 1e4)?;
         }
     }
     let places: Vec<[f64; 3]> =
         places.into_values().map(|place| [place.x, place.y, place.z]).collect();
     for (index, place) in places.iter().enumerate() {
         if let Some(first) = places[..index].iter().position(|other| other == place) {
-            let found = format!("the place of anchor {first}");
-            return Err(Error::input(format!("anchors, anchor {index}"), found, "another", HINT));
+            let found = format!("the place of key {first}");
+            return Err(Error::input(format!("anchors, key {index}"), found, "another", HINT));
         }
     }
     Ok(places)
@@ -72,11 +72,11 @@ mod tests {
         let file = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
         assert_eq!(parse(file).unwrap(), [[0.99, 1.49, 1.8], [0.99, 3.29, 1.8]]);
         for (broken, wanted) in [
-            (file.replace("1:\n", "2:\n"), "anchor 2"),
+            (file.replace("1:\n", "2:\n"), "key 2"),
             (file.replace("z: 1.8", "z: much"), "anchors"),
             (file.replace("  x: 0.99\n", ""), "anchors"),
             (file.replace("1.49", ".nan"), "NaN"),
-            (file.replace("3.29", "1.49"), "the place of anchor 0"),
+            (file.replace("3.29", "1.49"), "the place of key 0"),
         ] {
             let error = parse(&broken).unwrap_err();
             assert!(error.to_string().contains(wanted), "{error}");
