@@ -8,7 +8,16 @@ pub(crate) fn typeface(most: usize, random: &mut Random) -> Vec<u8> {
     let n_points = (4 << random.below(12)).min(7900);
     // From ! on, so that the letters of a word are among them.
     let n_glyphs = (most / (n_points * 5 + 24)).clamp(96, 1000);
-    let shape = random.below(4);
+    typeface_of(n_glyphs, n_points, random.below(4), random)
+}
+
+/// A typeface of the characters from ! on, each of so many points in one of four shapes.
+pub(crate) fn typeface_of(
+    n_glyphs: usize,
+    n_points: usize,
+    shape: usize,
+    random: &mut Random,
+) -> Vec<u8> {
     let mut glyf = Vec::new();
     let mut loca = vec![0_u32, 0];
     for _ in 0..n_glyphs {

@@ -22,6 +22,7 @@ mod mutate;
 mod readers;
 mod words;
 
+use noctograph::letters::{Font, Trace};
 use readers::Reader;
 
 /// Most processor time of a case, and most memory that it may take at a time.
@@ -108,6 +109,23 @@ fn no_growth_hurts_its_reader() {
         }
         Some(tally)
     });
+}
+
+/// A tangle takes some milliseconds, and a sheet shows a thousand characters.
+#[test]
+fn a_face_has_one_budget_for_all_its_characters() {
+    let mut random = mutate::Random::new("face", 1);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("heavy.ttf");
+    std::fs::write(&path, heavy::typeface_of(1000, 300, 0, &mut random)).unwrap();
+    let font = Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap();
+    font.check_work().unwrap();
+    let (begun, all) = (processor_time(), '!'..='\u{408}');
+    let drawn = all.filter(|character| font.aspect(*character).is_some()).count();
+    assert!((10..1000).contains(&drawn), "{drawn} drawn");
+    let error = font.check_work().unwrap_err().to_string();
+    assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
+    assert!(processor_time() - begun < GROWN.time, "{:?}", processor_time() - begun);
 }
 
 /// Equal and alternating letters, written, told to photos of themselves and of each other, read
