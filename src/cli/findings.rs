@@ -79,15 +79,15 @@ fn found(finding: &Finding) -> String {
         Check::DoubledStroke | Check::LostStroke => format!("{detail} ({value:.2} m)"),
         Check::Tail | Check::LightNeverOff | Check::PenJump => detail.clone(),
         Check::Volume if value > 0.0 => {
-            format!("{value:.2} m outside{at} ({x:.2}, {y:.2}, {z:.2}): {detail}")
+            format!("{value:.2} m outside{at} ({x:.2}, {y:.2}, {z:.2})")
         }
-        Check::Volume => format!("{:.2} m or more inside {detail}", -value + 0.0),
+        Check::Volume => format!("{:.2} m or more from the sides of {detail}", -value + 0.0),
         Check::Speed => format!("{value:.2} m/s{at}"),
         Check::Acceleration => format!("{value:.2} m/s²{at}"),
-        Check::VelocityStep => format!("velocity steps like {value:.1} m/s²{at}"),
+        Check::VelocityStep => format!("setpoints change velocity by up to {value:.1} m/s²{at}"),
         Check::Jump if is_fine => "none".into(),
         Check::Jump => {
-            format!("{} of them, up to {value:.2} m{at}", finding.count.unwrap_or_default())
+            format!("{} jumps of up to {value:.2} m{at}", finding.count.unwrap_or_default())
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
         Check::Memory => memory(finding),
@@ -230,7 +230,7 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
             "lower plan.style.acceleration_m_s2, or fly a lighter drone (the team's hovers at 67 %)",
         ),
         Check::Battery => {
-            ("thrust to the end".into(), "write fewer letters, or share them (--drones 2)")
+            ("a battery that lasts".into(), "write fewer letters, or share them (--drones 2)")
         }
         Check::LitTransit => (
             format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * limit),
@@ -279,7 +279,7 @@ fn to_check(check: Check) -> (String, &'static str) {
     let (wanted, change) = match check {
         Check::DoubledStroke => ("the word that the plans write", "name it: --word WORD"),
         Check::AltitudeHold => {
-            ("letters of a known height", "name the word that the plans write: --word WORD")
+            ("letters, which a drawing has not", "name the word that plans write: --word WORD")
         }
         Check::Battery => {
             ("a drone with a battery", "name a preset with one, such as `--scene cf21`")

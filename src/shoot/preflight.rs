@@ -251,13 +251,16 @@ fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64,
     pieces
 }
 
+/// The same of one emitter, whose highest level counts as full light: the dies of a color LED are
+/// balanced by their levels.
 fn pieces_of(lamp: &Lamp) -> Vec<(f64, f64, f64)> {
+    let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
     let mut from: Option<(f64, Vector3<f64>)> = None;
     let mut light_s = 0.0;
     for pair in lamp.samples.windows(2) {
         let lasts_s = pair[1].time_s - pair[0].time_s;
-        let lit = 0.5 * (pair[0].level + pair[1].level);
+        let lit = 0.5 * (pair[0].level + pair[1].level) / full.max(f64::MIN_POSITIVE);
         if lit <= 0.0 {
             (from, light_s) = (None, 0.0);
             continue;

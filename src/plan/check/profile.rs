@@ -48,17 +48,14 @@ impl Profile {
     /// The volume in words.
     #[must_use]
     pub fn volume(&self) -> String {
-        let size = |[w, d, h]: [f64; 3]| format!("{w} x {d} x {h} m");
+        let [low, high] = self.volume_m;
+        let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
         match self.room_m {
-            Some(room_m) => format!(
-                "the room of {}, {ROOM_MARGIN_M} m from walls and ceiling, and the profile",
-                size(room_m)
+            Some(_) => format!(
+                "{w} x {d} x {h} m: the profile's volume in the room, {ROOM_MARGIN_M} m from its \
+                 walls and ceiling"
             ),
-            None => {
-                let [low, high] = self.volume_m;
-                let sides_m = std::array::from_fn(|axis| high[axis] - low[axis]);
-                format!("the profile's {}", size(sides_m))
-            }
+            None => format!("the profile's {w} x {d} x {h} m"),
         }
     }
 
