@@ -141,19 +141,23 @@ impl Reader {
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
         let reading = read(photo)?;
         let cap_height_px = self.cap_height_px(view);
-        let seen = self.see(photo, view)?;
-        let in_place = seen.as_ref().ok().filter(|seen| !self.has_more(&reading, seen, view));
-        let in_place = in_place.map(|seen| Columns::joined(seen.columns.iter().cloned()));
+        let seen = match self.see(photo, view)? {
+            Ok(seen) => seen,
+            Err(reason) => {
+                let verdict = Verdict::unseen(&self.strokes, reason, cap_height_px);
+                let second_opinion = Some(reading.text);
+                return Ok(Sight { verdict: Verdict { second_opinion, ..verdict }, seen: None });
+            }
+        };
+        let in_place = (!self.has_more(&reading, &seen, view))
+            .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
         let views = [in_place, blind].into_iter().flatten();
         let judgments = views.map(|columns| self.expected.judge(&columns));
         let better = |a: Judgment, b: Judgment| if b.readability > a.readability { b } else { a };
-        let verdict = match (judgments.reduce(better), &seen) {
-            (Some(judgment), _) => self.verdict(judgment, seen.as_ref(), cap_height_px, &reading),
-            (None, Err(reason)) => Verdict::unseen(&self.strokes, *reason, cap_height_px),
-            (None, Ok(_)) => unreachable!("light in the place of the word is judged"),
-        };
-        Ok(Sight { verdict, seen: seen.ok() })
+        let judgment = judgments.reduce(better).expect("letters beside the word were read");
+        let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
+        Ok(Sight { verdict, seen: Some(seen) })
     }
 
     /// Whether blind recognition clearly reads letters outside the strips that were cut out for the
@@ -204,7 +208,7 @@ impl Reader {
     fn verdict(
         &self,
         Judgment { choices, rival, readability }: Judgment,
-        seen: std::result::Result<&Seen, &Reason>,
+        seen: &Seen,
         cap_height_px: Option<f64>,
         reading: &Reading,
     ) -> Verdict {
@@ -215,22 +219,21 @@ impl Reader {
             Some(_) => letter_verdict(choices.next().expect("one a letter"), glyph.character),
         };
         let letters: Vec<LetterVerdict> = self.strokes.glyphs.iter().map(letter).collect();
-        let placement = seen.map(|seen| Placement::from(&seen.placed));
+        let placement = Placement::from(&seen.placed);
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
         let legible = is_likeliest && readability >= self.options.legible_probability;
-        let reason = match placement {
-            _ if legible => None,
-            Err(reason) => Some(*reason),
-            _ if reading.is_clear() && reading.letters.len() != n_judged => {
+        let reason = match () {
+            () if legible => None,
+            () if reading.is_clear() && reading.letters.len() != n_judged => {
                 Some(Reason::OtherLength)
             }
-            Ok(placement) if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
-            _ if has_few_px => Some(Reason::TooSmall),
-            _ if is_read && is_likeliest => Some(Reason::Unsure),
-            _ => Some(Reason::Misread),
+            () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
+            () if has_few_px => Some(Reason::TooSmall),
+            () if is_read && is_likeliest => Some(Reason::Unsure),
+            () => Some(Reason::Misread),
         };
         Verdict {
             word: self.strokes.word.clone(),
@@ -240,7 +243,7 @@ impl Reader {
             rival,
             faithfulness: None,
             calibration: CALIBRATION,
-            placement: placement.ok(),
+            placement: Some(placement),
             cap_height_px,
             letters,
             reason,
