@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::photo::Photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
+use crate::study::statistics::median;
 use crate::study::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
 
 #[derive(Debug, Args)]
@@ -95,7 +96,7 @@ fn text(found: &Spread, title: &str) -> String {
         let legible = verdicts.iter().filter(|verdict| verdict.legible).count();
         words += &format!(
             ": {legible} legible; readability {least:.2} to {most:.2}, median {:.2}",
-            readability[readability.len() / 2]
+            median(&mut readability)
         );
     }
     let lost = found.flights.len() - shots.count();
@@ -114,7 +115,7 @@ fn text(found: &Spread, title: &str) -> String {
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     if band.holds_frac() < BAND_FRAC {
-        format!("all {} lie within (of others {percent:.0} %)", band.n_flights)
+        format!("all {} flights, and {percent:.0} % of further ones, lie within", band.n_flights)
     } else {
         format!("{percent:.0} % lie within")
     }

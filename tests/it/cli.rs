@@ -440,9 +440,10 @@ fn gains_shows_the_loops_of_the_scenes_own_controller() {
 fn a_spread_of_two_flights_does_not_claim_nine_tenths() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["preview", "I", "--spread", "2", "-o", "a"];
-    let run = noctograph(folder.path()).args(args).args(SMALL).assert().success();
-    let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    assert!(text.contains("all 2 lie within (of others 33 %)"), "{text}");
+    // A single stroke may be too little to be legible, which is exit code 1.
+    let output = noctograph(folder.path()).args(args).args(SMALL).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("all 2 flights, and 33 % of further ones"), "{text}");
     let svg = std::fs::read_to_string(folder.path().join("a/spread.svg")).unwrap();
     assert!(svg.contains("all 2 flights"), "{svg}");
     assert!(!text.contains("90 %") && !svg.contains("90 %"), "{text}");
