@@ -304,13 +304,13 @@ class Flights(unittest.TestCase):
             started_s = cf.packets(HIGH_LEVEL, START)[0][0]
             start_s = script.DATA["trajectory"]["start_s"]
             edges = [e for e in self.lights(cf) if e[0] > started_s]
-            for (t, _, value, *_), (sent_s, sent) in zip(script.DATA["lights"], edges):
+            for (t, _, value, *_), (sent_s, sent) in zip(script.DATA["trajectory"]["lights"], edges):
                 self.assertEqual(sent, value)
                 self.assertLessEqual(abs(sent_s - started_s - (t - start_s) / rate), 0.05)
 
     def test_few_lights_of_the_ring_play_from_its_timing_memory(self):
         script = load("ring.py")
-        timing = script.DATA["timing"]
+        timing = script.DATA["trajectory"]["timing"]
         cf, drone, ended = flight(script, "trajectory")
         self.assertIsNone(ended)
         self.assertEqual(cf.timings, [tuple(entry) for entry in timing["entries"]])
@@ -318,7 +318,7 @@ class Flights(unittest.TestCase):
         zero_s = started_s - script.DATA["trajectory"]["start_s"]
         effects = [(t - zero_s, v) for t, n, v in cf.params if n == "ring.effect"]
         self.assertEqual([v for _, v in effects], [14, 0, 17, 0])
-        self.assertLessEqual(abs(effects[2][0] - script.DATA["lights"][0][0]), 0.05)
+        self.assertLessEqual(abs(effects[2][0] - script.DATA["trajectory"]["lights"][0][0]), 0.05)
         sent = [t for t, n, _ in cf.params if n == "ring.fadeColor" and t > started_s]
         self.assertEqual(len(sent), 1, "only in the end")
         notes = json.loads(content(os.path.abspath(drone.log_file)))["light.ring"]

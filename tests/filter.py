@@ -12,36 +12,37 @@ from filterpy.kalman import KalmanFilter
 GRAVITY, PERIOD, START = 9.81, 0.1, (0.05, 0.05, 0.02)
 STATES = ("z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m")
 ROWS = {
-    "gnss_m": ([1, 0, 0, 0, 0, 0], "gnss_sigma_m"),
-    "time_of_flight_m": ([1, 0, 0, 0, 1, 0], "time_of_flight_sigma_m"),
-    "barometer_m": ([1, 0, 0, 0, 0, 1], "barometer_sigma_m"),
+    "gnss_m": ([1, 0, 0, 0, 0, 0, 0], "gnss_sigma_m"),
+    "time_of_flight_m": ([1, 0, 0, 0, 1, 0, 0], "time_of_flight_sigma_m"),
+    "barometer_m": ([1, 0, 0, 0, 0, 1, 0], "barometer_sigma_m"),
 }
-RANGER = 4
+RANGER, GUST = 4, 6
 
 
 def started(options, hover, altitude_m):
-    """The filter before the flight: the hover throttle ties the offset to the gain."""
-    gain, spread = GRAVITY / hover, options["gain_sigma_m_s2"] ** 2
-    kf = KalmanFilter(dim_x=6, dim_z=1)
-    kf.x = np.array([altitude_m, 0, -GRAVITY, gain, 0, 0], float)
-    kf.P = np.diag([START[0] ** 2, START[1] ** 2, 0, spread, START[2] ** 2,
-                    options["barometer_bias_sigma_m"] ** 2])
-    kf.P[2, 2] = hover**2 * spread + (options["hover_throttle_sigma"] * gain) ** 2
-    kf.P[2, 3] = kf.P[3, 2] = -hover * spread
+    """The filter before the flight."""
+    kf = KalmanFilter(dim_x=7, dim_z=1)
+    kf.x = np.array([altitude_m, 0, -GRAVITY, GRAVITY / hover, 0, 0, 0], float)
+    sigmas = [START[0], START[1], options["offset_sigma_m_s2"], options["gain_sigma_m_s2"], START[2],
+              options["barometer_bias_sigma_m"], options["gust_sigma_m_s2"]]
+    kf.P = np.diag(np.square(sigmas))
     return kf
 
 
 def predict(kf, options, throttle):
     t = PERIOD
-    a = np.eye(6)
-    a[0, 1], a[0, 2:4] = t, [t * t / 2, throttle * t * t / 2]
-    a[1, 2:4] = [t, throttle * t]
-    q = np.zeros((6, 6))
+    a = np.eye(7)
+    a[0, 1] = t
+    a[0, [2, 3, GUST]] = np.array([1, throttle, 1]) * t * t / 2
+    a[1, [2, 3, GUST]] = np.array([1, throttle, 1]) * t
+    a[GUST, GUST] = math.exp(-t / options["gust_time_s"])
+    q = np.zeros((7, 7))
     density = options["acceleration_noise_m_s2_sqrt_hz"] ** 2
     q[:2, :2] = density * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
     walks = ("offset_walk_m_s2_sqrt_s", "gain_walk_m_s2_sqrt_s", "ranger_walk_m_sqrt_s",
              "barometer_walk_m_sqrt_s")
     q[range(2, 6), range(2, 6)] = [options[walk] ** 2 * t for walk in walks]
+    q[GUST, GUST] = (1 - a[GUST, GUST] ** 2) * options["gust_sigma_m_s2"] ** 2
     kf.predict(F=a, Q=q)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 ANCHORS = np.array([[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2]])
 # Ranges farther apart than the 10 ms that share a state.
 SIGMA, DENSITY, RATE, END = 0.06, 1.0, 50, 8
-# As noctograph starts: the mean ranges of the first second, at rest.
+# As noctograph starts: the mean ranges of the first second in which their drones are heard, at rest.
 START_S, START_SIGMA, START_SPEED = 1.0, 0.05, 0.5
 LINKS = [("a", d, k) for d in range(2) for k in range(4)] + [("d", 0, 1)]
 
@@ -55,11 +55,15 @@ def write(work, rows):
 
 
 def start(rows):
-    """Least squares on the mean ranges of the first second: places and their information."""
-    means = {}
-    for time, link, distance in rows:
-        if time <= START_S:
-            means.setdefault(link, []).append(distance)
+    """Least squares on the mean ranges of the first seconds: places and their information."""
+    means, since = {}, {}
+    for time, (kind, i, j), _ in rows:
+        for drone in [i, j] if kind == "d" else [i]:
+            since.setdefault(drone, time)
+    for time, (kind, i, j), distance in rows:
+        begin = max(since[i], since[j]) if kind == "d" else since[i]
+        if begin <= time <= begin + START_S:
+            means.setdefault((kind, i, j), []).append(distance)
     x = np.concatenate([place(d, 0.0) for d in range(2)])
     for _ in range(50):
         slopes, left = np.zeros((len(means), 6)), np.zeros(len(means))

@@ -8,7 +8,12 @@ use crate::scene::Scene;
 use crate::settings::{Described, Setting, Shape};
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 14] = [
+const FLAGS: [(&str, &str, &str); 16] = [
+    (
+        "a letter of the word",
+        "font",
+        "names another font: simplex, or a file *.ttf, *.otf or *.strokes",
+    ),
     ("camera", "corners", "names the corners of the line instead of a camera"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
     (
@@ -23,6 +28,7 @@ const FLAGS: [(&str, &str, &str); 14] = [
     ("letters.drawing", "trust", "opens the file"),
     ("letters.font", "font", "names another font"),
     ("letters.font", "trust", "opens the file"),
+    ("lights of the flight", "word", "infers lights and letters of a log from its setpoints"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),
@@ -34,6 +40,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let Error::Input { place, .. } = error else { return Vec::new() };
     let key = place.rsplit(": ").next().unwrap_or(place);
     let path = key.split('[').next().unwrap_or(key);
+    // `word, position 3`: a letter that the font lacks.
+    let path = if path.starts_with("word, ") { "a letter of the word" } else { path };
     let has = |typed: &str| {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
@@ -91,8 +99,10 @@ mod tests {
         assert!(at("camera.framing.position_m", "preview").contains("`--camera auto`"));
         assert!(at("flight B", "compare").contains("--offset"));
         assert!(at("flight", "compare").contains("--part") && at("flight", "identify").is_empty());
+        assert!(at("lights of the flight", "expose").starts_with("`--word` infers lights"));
         assert_eq!(at("import.max_gap_s", "import"), "`--max-gap` sets it");
         assert_eq!(at("budget", "tune"), "`--budget` sets it");
+        assert!(at("word, position 3", "preview").starts_with("`--font` names another font"));
         assert_eq!(at("plan.csv:7: x_m", "fly") + &at("word, position 3", "fly"), "");
         assert_eq!(at("my.toml:3: vehicle.mas_kg", "fly"), "");
     }

@@ -1,11 +1,10 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use super::findings;
-use super::flags::SubjectFlags;
+use super::flags::{ProfileFlags, SubjectFlags};
 use super::report::{Outcome, Report};
 use crate::error::Result;
 use crate::plan::check::{Finding, Profile, Severity};
@@ -14,30 +13,33 @@ use crate::plan::check::{Finding, Profile, Severity};
 pub(super) struct CheckArgs {
     #[command(flatten)]
     subject: SubjectFlags,
-    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
-    #[arg(long, value_name = "NAME", default_value = "indoor", value_parser = profiles())]
-    profile: String,
+    #[command(flatten)]
+    profile: ProfileFlags,
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let profile = Profile::all().into_iter().find(|profile| profile.name == args.profile);
-    let profile = profile.expect("the parser knows the names");
+    let profile = args.profile.profile(&args.subject);
     let shoot = args.subject.shoot(|_| Ok(()))?;
-    let findings = shoot.preflight(&profile)?;
-    let stops = findings.iter().any(|finding| finding.severity == Severity::Stop);
+    let found = shoot.preflight(&profile)?;
+    let stops = found.iter().any(|finding| finding.severity == Severity::Stop);
+    let options = &shoot.scene.plan;
     let json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
-        "findings": findings.iter().map(findings::json).collect::<Vec<_>>(),
+        "findings": found.iter().map(|f| findings::json(f, options)).collect::<Vec<_>>(),
     });
+    let text = findings::table(&found, options) + "\n" + &conclusion(&found, stops, &profile);
     let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };
-    Ok(Report::new(table(&findings, stops, &profile), json).with_outcome(outcome))
+    Ok(Report::new(text, json).with_outcome(outcome))
 }
 
-fn profiles() -> PossibleValuesParser {
-    Profile::all().map(|profile| profile.name).into()
-}
-
-fn table(findings: &[Finding], stops: bool, profile: &Profile) -> String {
+fn conclusion(found: &[Finding], stops: bool, profile: &Profile) -> String {
     let verdict = if stops { "not safe to fly" } else { "safe to fly" };
-    format!("{}\n{verdict} (profile {})\n", findings::table(findings), profile.name)
+    let room = profile.room_m.map_or_else(String::new, |[w, d, h]| format!(", room {w}x{d}x{h}"));
+    let n = found.iter().filter(|finding| finding.severity == Severity::Unknown).count();
+    let unchecked = match n {
+        0 => String::new(),
+        1 => ", 1 property not checked".to_owned(),
+        n => format!(", {n} properties not checked"),
+    };
+    format!("{verdict} (profile {}{room}){unchecked}\n", profile.name)
 }

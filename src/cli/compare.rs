@@ -122,7 +122,8 @@ fn to_json(
         "max_m": comparison.max_m,
         "attitude_rmse_rad": turned,
         "first": comparison.first.map(|(cause, share)| {
-            json!({ "cause": first(cause), "share": share })
+            let (cause, change) = in_words(cause);
+            json!({ "cause": cause, "change": change, "share": share })
         }),
         "a": side(&args.a, digest_a, a),
         "b": side(&args.b, digest_b, b),
@@ -164,42 +165,47 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
         Some(format!("{:24}{:+8.3}{:+8.3}{share:15.1} %\n", "", d.min_y_m, d.max_y_m))
     });
     if let Some((cause, share)) = comparison.first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
+        let (cause, change) = in_words(cause);
         text += "\n";
-        text +=
-            &line("first", &format!("{} ({:.0} % of the difference)", first(cause), 100.0 * share));
+        text += &line("cause", &format!("{cause}: {:.0} % of the difference", 100.0 * share));
+        text += &line("change", &change);
     }
     text
 }
 
 /// The largest cause of the difference, and what to change for it.
-fn first(cause: Discrepancy) -> String {
-    match cause {
-        Discrepancy::Lag(s) if s > 0.0 => {
-            format!(
-                "lag: B is {s:.2} s behind A: plan with plan.reference=inverse, or learn from B; \
-                 if only its clock is late, compare with --align flown"
+fn in_words(cause: Discrepancy) -> (String, String) {
+    let (cause, change) = match cause {
+        Discrepancy::Lag(s) if s > 0.0 => (
+            format!("B is {s:.2} s behind A"),
+            "plan with plan.reference=inverse, or learn from B; if only its clock is late, compare \
+             with --align flown",
+        ),
+        Discrepancy::Lag(s) => (
+            format!("B is {:.2} s ahead of A", -s),
+            "compare with --align flown, which sets B's clock by what was flown",
+        ),
+        Discrepancy::Offset(m) => (
+            format!("B is displaced from A by {:+.3}, {:+.3}, {:+.3} m (x, y, z)", m.x, m.y, m.z),
+            "plan with --after B, or check the origin of the positioning system",
+        ),
+        Discrepancy::Scale(s) => {
+            let side = if s < 0.0 { "smaller" } else { "larger" };
+            (
+                format!("B is {:.1} % {side} than A", 100.0 * s.abs()),
+                "check the geometry of the positioning system",
             )
         }
-        Discrepancy::Lag(s) => {
-            format!("lag: B is {:.2} s ahead of A: set the clocks with --align flown", -s)
-        }
-        Discrepancy::Offset(m) => format!(
-            "offset: B is beside A by {:+.3}, {:+.3}, {:+.3} m: plan with --after B, or check the \
-             origin of the positioning system",
-            m.x, m.y, m.z
+        Discrepancy::Path(m) => (
+            format!("B flies another path than A, {:.0} mm away (RMS)", 1e3 * m),
+            "learn from B: noctograph learn SCENE WORD --flight B",
         ),
-        Discrepancy::Scale(s) => format!(
-            "scale: B is {:+.1} % larger: check the geometry of the positioning system",
-            100.0 * s
+        Discrepancy::Noise(m) => (
+            format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),
+            "lower the gains, or check the propellers and the measured positions",
         ),
-        Discrepancy::Path(m) => {
-            format!("path: B leaves A's path by {:.0} mm: learn from B", 1e3 * m)
-        }
-        Discrepancy::Noise(m) => format!(
-            "noise: B shakes by {:.0} mm: lower the gains, check the propellers and the positions",
-            1e3 * m
-        ),
-    }
+    };
+    (cause, change.to_owned())
 }
 
 /// A row of a vector: its name, x, y, z and the length in the x-z plane.

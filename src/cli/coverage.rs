@@ -90,20 +90,26 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let mut text = line(
         "bound",
         &format!(
-            "{} cm over all three axes: no unbiased estimate along the strokes is better on average",
+            "{} cm over three axes, 1 \u{3c3}: the least error that the ranges allow along the strokes",
             cm(word_m)
         ),
     );
     text += &line(
         "wanted",
-        "at most 5 % of the letters' height per axis reads; slow errors weigh half as much",
+        "an error of at most 5 % of the letters' height on each axis; a slow error may be twice as \
+         large",
     );
-    text += &line("not in it", "biases of links, strays, lost messages");
+    text +=
+        &line("excluded", "biased ranges, stray ranges and lost messages: with them it is more");
     text += "\nletter  drone   bound, cm\n";
     let strokes = shoot.strokes.as_ref();
-    let word: Vec<char> = strokes.map_or(Vec::new(), |s| s.word.chars().collect());
+    // Spaces are no letters: the plan counts glyphs.
+    let glyphs = strokes.map_or(&[][..], |strokes| &strokes.glyphs);
     let mut letters = Vec::new();
-    for (letter, name) in word.iter().enumerate() {
+    let is_word = strokes.is_some_and(|strokes| !strokes.word.is_empty());
+    for (letter, glyph) in glyphs.iter().enumerate() {
+        // A drawing has strokes of one color in place of letters.
+        let name = if is_word { glyph.character.to_string() } else { (letter + 1).to_string() };
         for (drone, bound) in found.iter().enumerate() {
             let sigma_m = writing_sigma_m(std::slice::from_ref(bound), Some(letter));
             if let Some(sigma_m) = sigma_m {
@@ -114,7 +120,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     }
     let [x, y, z] = place_m;
     let more = format!(
-        "one more anchor, heard by all, helps most at ({x:.2}, {y:.2}, {z:.2}) m: {} cm",
+        "one more anchor that all drones hear helps most at ({x:.2}, {y:.2}, {z:.2}) m: {} cm then",
         cm(Some(better_m))
     );
     text += &format!("\n{}\n", line("advice", &more));
@@ -143,10 +149,10 @@ fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4
     text += &match quantiles_m(grid).map(|q| q.map(|error_m| 1e3 * error_m)) {
         Some([median, most, worst]) => {
             format!(
-                "error     median {median:.1} mm, 95 % below {most:.1} mm, worst {worst:.1} mm\n"
+                "error     median {median:.1} mm, 95 % below {most:.1} mm, largest {worst:.1} mm\n"
             )
         }
-        None => "error     no point is seen by two\n".to_owned(),
+        None => "error     unknown: no point is seen by two base stations\n".to_owned(),
     };
     text += "\nstations  points    share\n";
     for n in 0..=n_stations {

@@ -13,6 +13,9 @@ use crate::expose::BackendChoice;
 /// shader in a few seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// What is wrong where no process can be started; it is not remembered.
+const UNTRIED: &str = "cannot be tried in a process of its own";
+
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
@@ -34,7 +37,7 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
     let fault = known.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
         let Ok(program) = std::env::current_exe() else { return String::new() };
         let fault = fault(Command::new(program).args(TRIAL), PATIENCE).unwrap_or_default();
-        if let Some(path) = &memory {
+        if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
             // Without a memory the next run tries again.
             let _ = path.parent().map(std::fs::create_dir_all);
             let _ = std::fs::write(path, fault);
@@ -44,8 +47,9 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
     if fault.is_empty() {
         return choice;
     }
-    let again =
-        memory.map_or(String::new(), |path| format!("; remove {} to try again", path.display()));
+    let remembered = memory.filter(|_| fault != UNTRIED);
+    let again = remembered
+        .map_or(String::new(), |path| format!("; remove {} to try again", path.display()));
     let text = format!("the graphics driver {fault}: the processor exposes, with the same bits");
     message("note: ", &(text + &again));
     BackendChoice::Cpu
@@ -55,7 +59,7 @@ pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
 /// is no fault.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    let mut child = quiet.spawn().ok()?;
+    let Ok(mut child) = quiet.spawn() else { return Some(UNTRIED) };
     let begun = Instant::now();
     while begun.elapsed() < patience {
         match child.try_wait() {

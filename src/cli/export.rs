@@ -6,14 +6,15 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::SubjectFlags;
+use super::flags::{ProfileFlags, SubjectFlags};
 use super::names::named;
 use super::output::{Output, OutputFolder};
-use super::report::{Report, line};
-use super::warn;
+use super::report::{Outcome, Report, line};
+use super::{findings, warn};
 use crate::error::{Error, Result};
-use crate::export::{Form, Format, Job, Mode, deviation_m, export};
+use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export};
 use crate::plan::Plan;
+use crate::plan::check::{Check, Severity};
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -30,6 +31,11 @@ pub(super) struct ExportArgs {
     /// What the script for cflib sends, unless it is told otherwise
     #[arg(long, value_name = "NAME", default_value = "position", value_parser = named::<Mode>())]
     mode: Mode,
+    #[command(flatten)]
+    profile: ProfileFlags,
+    /// Write files even of a flight that `check` stops; scripts then say so
+    #[arg(long)]
+    unchecked: bool,
     /// File to write, or a folder for several
     #[arg(short, long, value_name = "FILE|DIR")]
     output: Option<PathBuf>,
@@ -41,20 +47,45 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let form = if polynomials { Form::Poly4d } else { Form::Compressed };
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
+    let tolerance_m = tolerance_mm / 1e3;
     let shoot = args.subject.shoot(|_| Ok(()))?;
-    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let word = match &shoot.strokes {
         Some(strokes) if strokes.font.is_some() => strokes.word.clone(),
         _ => "drawing".to_owned(),
     };
-    let sim = shoot.scene.sim();
+    let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
+    let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
+    let flies = trajectory.as_ref().unwrap_or(&shoot);
+    let stops = if args.to.flies() { checked(args, flies)? } else { None };
+    if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
+        let json = json!({
+            "word": word, "format": args.to.name(), "stops": stops, "files": [],
+        });
+        let hint =
+            "nothing was written; --unchecked writes it all the same, `check` says what to change";
+        let text = line("refused", stops) + &line("", hint);
+        return Ok(Report::new(text, json).with_outcome(Outcome::NotSafe));
+    }
+    // The script of setpoints can be told to fly the trajectory, if that is safe as well.
+    let on_board = match args.to {
+        Format::Cflib if trajectory.is_none() => fly((Form::Compressed, Length::OnBoard))
+            .ok()
+            .filter(|shoot| args.unchecked || stops_of(args, shoot).is_ok_and(|s| s.is_none())),
+        _ => trajectory,
+    };
+    let plans_of = |shoot: &Shoot| -> Vec<Plan> {
+        shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
+    };
+    let (plans, sim) = (plans_of(&shoot), shoot.scene.sim());
     let job = Job {
         plans: &plans,
+        flown: &on_board.as_ref().map(plans_of).unwrap_or_default(),
+        unsafe_because: stops.as_deref(),
         word: &word,
         light: &shoot.scene.light,
         sim: &sim,
         camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
-        tolerance_m: tolerance_mm / 1e3,
+        tolerance_m,
         mode: args.mode,
         trajectory_clock: shoot.scene.plan.trajectory_clock,
     };
@@ -80,7 +111,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     };
     let bytes: usize = files.iter().map(|file| file.bytes.len()).sum();
     let deviation_m = deviation_m(args.to, &job)?;
-    let mut text = line("exported", &format!("{word} to {}, {bytes} bytes", args.to.name()));
+    let caution = stops.as_ref().map(|stops| line("unchecked", &format!("not safe: {stops}")));
+    let mut text = caution.unwrap_or_default();
+    text += &line("exported", &format!("{word} to {}, {bytes} bytes", args.to.name()));
     if let Some(off_m) = deviation_m {
         text += &line("deviation", &format!("up to {:.1} mm from the design", 1e3 * off_m));
         if off_m > 2.0 * job.tolerance_m {
@@ -89,9 +122,43 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     }
     let json = json!({
         "word": word, "format": args.to.name(), "bytes": bytes, "drones": plans.len(),
-        "deviation_mm": deviation_m.map(|m| 1e3 * m),
+        "deviation_mm": deviation_m.map(|m| 1e3 * m), "stops": stops,
     });
     Ok(Report::new(text, json).with_files(&paths))
+}
+
+/// What stops a flight.
+fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
+    Ok(findings::stops(&shoot.preflight(&args.profile.profile(&args.subject))?))
+}
+
+/// What stops the flight of an export; prints the warnings of a preview of it.
+fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
+    let found = shoot.preflight(&args.profile.profile(&args.subject))?;
+    if !shoot.designs.is_empty() {
+        warn_of_trailing(shoot);
+    }
+    let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
+    for finding in found.iter().filter(|finding| finding.severity == Severity::Warning) {
+        match finding.check {
+            Check::Picture => warn(std::slice::from_ref(&finding.detail)),
+            Check::LedMemory if plays => warn(&[format!(
+                "the lights take {} entries of the LED timing memory, which has {}: the script sends \
+                 them over the radio",
+                finding.value.unwrap_or_default(),
+                finding.limit
+            )]),
+            _ => {}
+        }
+    }
+    Ok(findings::stops(&found))
+}
+
+/// Warns of a controller that does not follow the motion of a trajectory.
+pub(super) fn warn_of_trailing(shoot: &Shoot) {
+    if !shoot.scene.controller.kind.follows_design() {
+        warn(&["this controller holds positions and trails a trajectory on board".to_owned()]);
+    }
 }
 
 /// The box of the word, or of the plans.

@@ -7,12 +7,12 @@ use clap::Args;
 use serde_json::json;
 
 use super::device::tried;
-use super::flags::{FlightFlags, PictureFlags, SceneFlags};
+use super::flags::{FlightFlags, PictureFlags, SceneFlags, SeedFlag};
 use super::names::named;
 use super::output::Output;
 use super::progress::watch;
 use super::report::{Report, line};
-use super::{show, warn};
+use super::{message, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
@@ -24,11 +24,14 @@ pub(super) struct ExposeArgs {
     flights: Vec<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Word that the camera frames [default: the scene's, or the letters of the flights]
+    /// Word that the flights write: the camera frames it, the photo names it, and a log without
+    /// lights has its [default: the scene's, or the letters of the flights]
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
     #[command(flatten)]
     picture: PictureFlags,
     /// Photo to write
@@ -40,7 +43,7 @@ pub(super) struct ExposeArgs {
 }
 
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&[])?;
+    let mut scene = args.scene.load(&args.seed.settings())?;
     args.picture.apply(&mut scene)?;
     let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
     let output = Output::create(&args.output)?;
@@ -52,6 +55,9 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     warn(&shot.warnings);
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
+    if !shot.scene.has_strokes() {
+        message("note: ", "the photo names no word: to score it, name one (--word here, or there)");
+    }
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let json = json!({
         "camera": show::camera_json(&shot),
@@ -59,6 +65,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
         "adapter": adapter,
         "flight_sha256": shot.flight_sha256(),
         "photo_sha256": sha256(bytes),
+        "word": shot.scene.word,
     });
     let text = show::camera_line(&shot) + &line("exposed", &format!("by {backend} on {adapter}"));
     Ok(Report::new(text, json).with_files(&[path]))

@@ -3,9 +3,10 @@
 use super::report::wrapped;
 use crate::export::poly4d::MAX_PIECES;
 use crate::plan::check::{Check, Finding, Severity};
+use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, Style};
 
-/// The table of findings, and what to change.
-pub(super) fn table(findings: &[Finding]) -> String {
+/// The table of findings, and what to change in plans that were made with some options.
+pub(super) fn table(findings: &[Finding], options: &PlanOptions) -> String {
     let mut text = String::new();
     for finding in findings {
         let mark = match finding.severity {
@@ -14,9 +15,9 @@ pub(super) fn table(findings: &[Finding]) -> String {
             Severity::Warning => "warn",
             Severity::Stop => "STOP",
         };
-        text += &wrapped(&format!("{mark:5} {:16} ", name(finding.check)), &found(finding));
+        text += &wrapped(&format!("{mark:5} {:16} ", name(finding.check)), &numbered(finding));
         if finding.severity != Severity::Fine {
-            let (wanted, change) = wanted(finding);
+            let (wanted, change) = wanted(finding, options);
             text += &wrapped(&format!("{:23}wanted: ", ""), &wanted);
             text += &wrapped(&format!("{:23}change: ", ""), change);
         }
@@ -25,20 +26,26 @@ pub(super) fn table(findings: &[Finding]) -> String {
 }
 
 /// A finding as JSON: its numbers, and its text in `found`, `wanted` and `change`.
-pub(super) fn json(finding: &Finding) -> serde_json::Value {
+pub(super) fn json(finding: &Finding, options: &PlanOptions) -> serde_json::Value {
     let mut json = serde_json::json!(finding);
-    let (wanted, change) = wanted(finding);
+    let (wanted, change) = wanted(finding, options);
     let change = if finding.severity == Severity::Fine { "" } else { change };
     (json["found"], json["wanted"], json["change"]) =
         (found(finding).into(), wanted.into(), change.into());
     json
 }
 
+/// What was found, behind the number of its drone where there are several.
+fn numbered(finding: &Finding) -> String {
+    let number = finding.drone.map_or_else(String::new, |drone| format!("drone {drone}: "));
+    number + &found(finding)
+}
+
 /// The stops in one line; `None` where there are none.
 pub(super) fn stops(findings: &[Finding]) -> Option<String> {
     let stops = findings.iter().filter(|finding| finding.severity == Severity::Stop);
     let stops: Vec<String> =
-        stops.map(|stop| format!("{} ({})", name(stop.check), found(stop))).collect();
+        stops.map(|stop| format!("{} ({})", name(stop.check), numbered(stop))).collect();
     (!stops.is_empty()).then(|| stops.join("; "))
 }
 
@@ -53,6 +60,9 @@ fn found(finding: &Finding) -> String {
     let [x, y, z] = finding.position_m.unwrap_or_default();
     let detail = &finding.detail;
     let is_fine = finding.severity == Severity::Fine;
+    if finding.severity == Severity::Unknown {
+        return format!("not checked: {detail}");
+    }
     match finding.check {
         Check::DoubledStroke
         | Check::LostStroke
@@ -71,45 +81,53 @@ fn found(finding: &Finding) -> String {
         Check::Volume if value > 0.0 => {
             format!("{value:.2} m outside{at} ({x:.2}, {y:.2}, {z:.2})")
         }
-        Check::Volume => format!("inside by {:.2} m", -value + 0.0),
+        Check::Volume => format!("{:.2} m or more from the sides of {detail}", -value + 0.0),
         Check::Speed => format!("{value:.2} m/s{at}"),
         Check::Acceleration => format!("{value:.2} m/s²{at}"),
-        Check::VelocityStep => format!("velocity steps like {value:.1} m/s²{at}"),
+        Check::VelocityStep => format!("setpoints change velocity by up to {value:.1} m/s²{at}"),
         Check::Jump if is_fine => "none".into(),
         Check::Jump => {
-            format!("{} of them, up to {value:.2} m{at}", finding.count.unwrap_or_default())
+            format!("{} jumps of up to {value:.2} m{at}", finding.count.unwrap_or_default())
         }
         Check::FlightTime => format!("{value:.0} s in the air"),
-        Check::Memory if finding.value.is_none() => detail.clone(),
         Check::Memory => memory(finding),
-        Check::LedMemory if value <= 1.0 => "not used".into(),
-        Check::LedMemory => format!("{value} entries"),
-        Check::Headlights if is_fine => "on or off".into(),
+        Check::LedMemory if finding.value.is_none() => "not used".into(),
+        Check::LedMemory => format!("{value} of {} entries", finding.limit),
+        Check::Headlights if finding.value.is_none() => "not used".into(),
+        Check::Headlights if is_fine => "switched on and off, not dimmed".into(),
         Check::Headlights => format!("dimmed by {value} commands, first{at}"),
-        Check::Separation if is_fine => "apart all the time".into(),
-        Check::Separation => format!("{value:.2} m beside each other{at}"),
+        Check::Separation if finding.value.is_none() => "always above each other".into(),
+        Check::Separation => format!("{value:.2} m or more apart sideways, least{at}"),
         Check::Flight => detail.clone(),
         Check::Corridor => format!("y = {value:+.2} m{at}"),
-        Check::AltitudeHold => format!("good for letters from {value:.2} m"),
+        Check::AltitudeHold => format!("precise enough for letters of {value:.2} m or more"),
         Check::Tilt => format!("{:.1}°{at}", value.to_degrees()),
-        Check::Motors if is_fine => "never".into(),
-        Check::Motors => format!("{value:.2} s at the limit, first{at}"),
+        Check::Motors if value == 0.0 => "never at their limit".into(),
+        Check::Motors => format!("{:.0} ms at their limit, first{at}", 1e3 * value),
         Check::Battery if is_fine => "lasts".into(),
-        Check::Battery if detail.is_empty() => "this drone's is not modeled".into(),
         Check::Battery => detail.clone(),
-        Check::LitTransit if finding.value.is_none() => "no stroke".into(),
-        Check::LitTransit => {
-            let side = if value > 0.0 { "beyond" } else { "short of" };
-            format!("{:.0} mm {side} the {detail}{at} ({x:.2}, {z:.2})", 1e3 * value.abs())
-        }
+        Check::LitTransit => lit_transit(finding),
         Check::LitDwell if value > 0.0 => format!("{value:.2} s{at}"),
         Check::LitDwell => "none".into(),
-        Check::Evenness => format!("{:.1} % within half a stop", 100.0 * value),
-        Check::Coverage if finding.value.is_none() => "the scene has no base stations".into(),
+        Check::Evenness => format!("exposure varies by {value:.1} stops along the trail"),
         Check::Coverage => format!("{:.1} % of the flight's box is seen", 100.0 * value),
         Check::Picture if is_fine => "shows the word while it is written".into(),
         Check::Picture => detail.clone(),
     }
+}
+
+/// How far the light is off at the end of a stroke where it is farthest.
+fn lit_transit(finding: &Finding) -> String {
+    let (off_m, end) = (finding.value.unwrap_or(0.0), &finding.detail);
+    let at = finding.time_s.map_or(String::new(), |time_s| format!(" at {time_s:.1} s"));
+    let [x, _, z] = finding.position_m.unwrap_or_default();
+    let what = match (off_m > 0.0, end == "beginning") {
+        (true, true) => "light before a stroke begins",
+        (true, false) => "light after a stroke ends",
+        (false, true) => "a stroke's beginning without light",
+        (false, false) => "a stroke's end without light",
+    };
+    format!("up to {:.0} mm of {what}{at} ({x:.2}, {z:.2})", 1e3 * off_m.abs())
 }
 
 /// Bytes and pieces, each of as many as the drone's memory holds.
@@ -128,10 +146,12 @@ fn memory(finding: &Finding) -> String {
     )
 }
 
-/// Limit, and what to change beyond it.
-fn wanted(finding: &Finding) -> (String, &'static str) {
+/// Limit, and what to change beyond it or, where it was not checked, to have it checked.
+fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
     let limit = finding.limit;
+    let is_even = matches!(options.style, Style::Even(_));
     let (wanted, change) = match finding.check {
+        check if finding.severity == Severity::Unknown => to_check(check),
         Check::DoubledStroke => {
             ("every line drawn once".into(), "write with --font ae483-fixed or simplex")
         }
@@ -151,7 +171,7 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             ("moves that join".into(), "write with --font ae483-fixed, or plan with --style even")
         }
         Check::Volume => (
-            "inside the profile's volume".into(),
+            format!("inside {}", finding.detail),
             "write smaller letters or fewer (letters.canvas_m, cap_height_m, baseline_m)",
         ),
         Check::Speed => (
@@ -168,23 +188,28 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
         ),
         Check::FlightTime => (
             format!("up to {limit:.0} s in the air"),
-            "write fewer letters, faster (--style even), or with --drones 2",
+            match is_even {
+                true => "write fewer letters, or with --drones 2",
+                false => "write fewer letters, faster (--style even), or with --drones 2",
+            },
         ),
         Check::Memory => (
-            format!("{limit} bytes or {MAX_PIECES} pieces on board"),
-            "share the word among --drones, or send positions: `export --to cflib`",
+            format!(
+                "{limit} bytes and {MAX_PIECES} pieces on board, 50 setpoints a second by radio"
+            ),
+            "export in a form that takes it, or share the word among --drones",
         ),
         Check::LedMemory => (
-            format!("{limit} in the LED timing memory"),
-            "send light commands over the radio, or build firmware with a larger \
-             LEDRING_TIME_MEM_SIZE",
+            format!("up to {limit} entries"),
+            "nothing where the radio sends the lights, as the script then does; else build firmware \
+             with a larger LEDRING_TIME_MEM_SIZE",
         ),
         Check::Headlights => (
-            "on or off: a pin".into(),
+            "lights that are on or off: a pin switches them".into(),
             "set plan.style.exposure = \"switched\", or write with lamps that can be dimmed",
         ),
         Check::Separation => (
-            "0.3 m sideways, or 0.9 m above".into(),
+            format!("{MIN_HORIZONTAL_M} m sideways, or {MIN_VERTICAL_M} m above each other"),
             "let the later drone wait (plan.floor_wait_s), or plan with --drones",
         ),
         Check::Flight => ("a flight to its end".into(), "see the message; tune the controller"),
@@ -193,7 +218,7 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             "take the mean error off (plan --after FLIGHT), or fly lqr-integral",
         ),
         Check::AltitudeHold => (
-            format!("letters of {limit} m, twenty times the error of the height"),
+            format!("up to the {limit:.2} m of the letters: twenty times the height's error"),
             "write larger letters (letters.cap_height_m), or fly a better sensor of the height",
         ),
         Check::Tilt => (
@@ -201,39 +226,75 @@ fn wanted(finding: &Finding) -> (String, &'static str) {
             "lower plan.style.acceleration_m_s2 or jerk_m_s3; check that the plan has no jump",
         ),
         Check::Motors => (
-            "commands within their range".into(),
+            format!("up to {:.0} ms at their limit", 1e3 * limit),
             "lower plan.style.acceleration_m_s2, or fly a lighter drone (the team's hovers at 67 %)",
         ),
-        Check::Battery if finding.severity == Severity::Unknown => {
-            ("thrust to the end".into(), "name a preset with a battery, such as cf21")
-        }
         Check::Battery => {
-            ("thrust to the end".into(), "write fewer letters, or share them (--drones 2)")
+            ("a battery that lasts".into(), "write fewer letters, or share them (--drones 2)")
         }
         Check::LitTransit => (
             format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * limit),
-            "slow down (plan.stroke_speed_m_s); in style team also set plan.light_clock = \"light\"",
+            match options.light_clock {
+                LightClock::Light => "slow down (plan.stroke_speed_m_s)",
+                LightClock::Setpoint => {
+                    "set plan.light_clock = \"light\", or slow down (plan.stroke_speed_m_s)"
+                }
+            },
         ),
         Check::LitDwell => (
             format!("below {limit} s of light two stops over the rest"),
-            "plan with --style even; in style team, set plan.light_clock = \"light\"",
+            match (is_even, options.light_clock) {
+                (true, _) => {
+                    "lower plan.stroke_speed_m_s, so that the drone need not brake, or dim the \
+                     light with the speed (plan.style.exposure = \"dimmed\", for a ring or a color \
+                     LED)"
+                }
+                (false, LightClock::Setpoint) => {
+                    "plan with --style even, or set plan.light_clock = \"light\""
+                }
+                (false, LightClock::Light) => "plan with --style even",
+            },
         ),
         Check::Evenness => (
-            format!("{:.0} % of the lit length", 100.0 * limit),
-            "set plan.style.exposure = \"dimmed\", or a lower plan.stroke_speed_m_s",
-        ),
-        Check::Coverage if finding.value.is_none() => (
-            "two Lighthouse stations see every place".into(),
-            "name them with --lighthouse FILE, or under sensors.lighthouse.stations",
+            format!(
+                "within {limit:.0} stops, from the 5th to the 95th percentile, as `meter` reads"
+            ),
+            "turn the writing lamp to the camera (light.fixtures), or write slower \
+             (plan.stroke_speed_m_s)",
         ),
         Check::Coverage => (
             "two Lighthouse stations see every place".into(),
             "move the word or the stations (see `coverage`)",
         ),
         Check::Picture => (
-            "the word in the picture, lit, the shutter open".into(),
-            "as the finding says, or --camera auto",
+            "the whole word in the picture, lit while the shutter is open".into(),
+            "what is said above; --camera auto frames the word",
         ),
     };
     (wanted, change)
+}
+
+/// What has to be known for a check, and how to say it.
+fn to_check(check: Check) -> (String, &'static str) {
+    let (wanted, change) = match check {
+        Check::DoubledStroke => ("the word that the plans write", "name it: --word WORD"),
+        Check::AltitudeHold => {
+            ("letters, which a drawing has not", "name the word that plans write: --word WORD")
+        }
+        Check::Battery => {
+            ("a drone with a battery", "name a preset with one, such as `--scene cf21`")
+        }
+        Check::LitTransit | Check::LitDwell | Check::Evenness => {
+            ("light along the strokes", "check plan.lights and light.deck")
+        }
+        Check::Coverage => (
+            "base stations, and a flight for them to see",
+            "name the stations with --lighthouse FILE, or under sensors.lighthouse.stations",
+        ),
+        Check::Picture => {
+            ("flights that end, and letters", "mend what stops the flight; plan a word")
+        }
+        _ => ("a plan that can be exported", "change what is said above"),
+    };
+    (wanted.to_owned(), change)
 }

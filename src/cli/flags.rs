@@ -3,16 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 
 use super::letters::LetterFlags;
 use super::message;
 use super::names::{named, names};
+use super::relit::relit_where_dark;
 use super::set::{SetFlag, Setting, borrowed};
 use crate::camera::Framing;
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
-use crate::logs::{self, Damaged, ImportOptions, PositionSource};
+use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
+use crate::plan::check::Profile;
 use crate::plan::{Plan, Style};
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
@@ -27,9 +30,6 @@ pub(super) struct SceneFlags {
     scene: Option<String>,
     #[command(flatten)]
     set: SetFlag,
-    /// Seed of all noise [default: the scene's]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
     /// Lighthouse configuration (YAML of cfclient) whose base stations replace the scene's
     #[arg(long, value_name = "FILE")]
     lighthouse: Option<PathBuf>,
@@ -43,13 +43,22 @@ impl SceneFlags {
 
     /// The same, with the learned plans if the scene is a folder.
     pub(super) fn named(&self, more: &[Setting]) -> Result<NamedScene> {
+        self.named_using(more, &[])
+    }
+
+    fn named_using(&self, more: &[Setting], used: &[&str]) -> Result<NamedScene> {
         let settings = [more, &self.set.set].concat();
         let mut found = match &self.scene {
             Some(named) => find_scene(named, &settings)?,
             None => NamedScene::new("", parse_scene("", "scene", &settings)?),
         };
-        self.finish(&mut found.scene)?;
+        self.finish(&mut found.scene, used)?;
         Ok(found)
+    }
+
+    /// The scene for a verb that uses keys which are without effect in a flight.
+    pub(super) fn load_using(&self, keys: &[&str]) -> Result<Scene> {
+        Ok(self.named_using(&[], keys)?.scene)
     }
 
     /// Whether a scene was named.
@@ -75,12 +84,11 @@ impl SceneFlags {
         }
         let mut scene = parse_scene(toml, file, &self.set.set)?;
         check(&mut scene)?;
-        self.finish(&mut scene)?;
+        self.finish(&mut scene, &[])?;
         Ok(scene)
     }
 
-    fn finish(&self, scene: &mut Scene) -> Result<()> {
-        scene.seed = self.seed.unwrap_or(scene.seed);
+    fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
             warn_of(path, &config.warnings);
@@ -88,7 +96,7 @@ impl SceneFlags {
         }
         scene.check()?;
         scene.settle_files()?;
-        warn_of_idle_keys(scene);
+        warn_of_idle_keys_but(scene, used);
         Ok(())
     }
 }
@@ -101,6 +109,26 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
 /// The text of a scene with settings laid over it.
 fn parse_scene(toml: &str, file: &str, settings: &[Setting]) -> Result<Scene> {
     Scene::parse_with(toml, file, &borrowed(settings))
+}
+
+/// The seed, of verbs that draw noise.
+#[derive(Debug, Args)]
+pub(super) struct SeedFlag {
+    /// Seed of all noise [default: the scene's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+impl SeedFlag {
+    /// The key of the scene that was typed.
+    pub(super) fn settings(&self) -> Vec<Setting> {
+        self.seed.iter().map(|seed| ("seed".to_owned(), seed.to_string())).collect()
+    }
+
+    /// The seed that was typed, else the scene's.
+    pub(super) fn or(&self, scenes: u64) -> u64 {
+        self.seed.unwrap_or(scenes)
+    }
 }
 
 /// Way of flying and number of drones.
@@ -158,6 +186,8 @@ pub(super) struct SubjectFlags {
     word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
 }
 
 impl SubjectFlags {
@@ -167,11 +197,16 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let mut found = self.design.named(&[])?;
+        let mut found = self.design.named(&self.seed.settings())?;
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word);
         }
         Ok(found)
+    }
+
+    /// The room that was typed.
+    fn room_m(&self) -> Option<[f64; 3]> {
+        self.design.letters.room_m()
     }
 
     /// The word that was typed, in either way.
@@ -200,6 +235,30 @@ impl SubjectFlags {
             }
         }
         Shoot::named(named)
+    }
+}
+
+/// Limits that a flight is checked against.
+#[derive(Debug, Args)]
+pub(super) struct ProfileFlags {
+    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s) or outdoor
+    #[arg(long, value_name = "NAME", default_value = "indoor", value_parser = profiles())]
+    profile: String,
+}
+
+fn profiles() -> PossibleValuesParser {
+    Profile::all().map(|profile| profile.name).into()
+}
+
+impl ProfileFlags {
+    /// The profile, within the room that was typed.
+    pub(super) fn profile(&self, subject: &SubjectFlags) -> Profile {
+        let profile = Profile::all().into_iter().find(|profile| profile.name == self.profile);
+        let profile = profile.expect("the parser knows the names");
+        match subject.room_m() {
+            Some(room_m) => profile.in_room(room_m),
+            None => profile,
+        }
     }
 }
 
@@ -332,7 +391,15 @@ impl FlightFlags {
         Ok(flight)
     }
 
-    /// Flights, logs or light traces that are photographed, one for each drone.
+    /// The same, with the clock of the log.
+    pub(super) fn read_on_clock(&self, path: &Path) -> Result<OnClock> {
+        let found = logs::import_on_clock(path, &self.options())?;
+        warn_of(path, &found.flight.warnings);
+        Ok(found)
+    }
+
+    /// Flights, logs or light traces that are photographed, one for each drone. A log without lights
+    /// has those of the scene's word.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -342,20 +409,28 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        let read = |path: &PathBuf| {
-            let recording = Recording::read(path, &self.options())?;
-            if let Recording::Flight(flight) = &recording {
+        let mut recordings = Vec::new();
+        for path in paths {
+            let mut recording = Recording::read(path, &self.options())?;
+            if let Recording::Flight(flight) = &mut recording {
                 warn_of(path, &flight.warnings);
+                relit_where_dark(flight, &mut scene, path)?;
             }
-            Ok(recording)
-        };
-        Shoot::with_recordings(scene, paths.iter().map(read).collect::<Result<_>>()?)
+            recordings.push(recording);
+        }
+        Shoot::with_recordings(scene, recordings)
     }
 }
 
 /// Warns of keys that were set and have no effect.
 pub(super) fn warn_of_idle_keys(scene: &Scene) {
-    for (key, why) in scene.idle_keys() {
+    warn_of_idle_keys_but(scene, &[]);
+}
+
+/// The same, but for keys that the verb uses.
+fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
+    let idle = scene.idle_keys().into_iter();
+    for (key, why) in idle.filter(|(key, _)| !used.contains(&key.as_str())) {
         message("warning: ", &format!("{key} has no effect: {why}"));
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{FlightFlags, SceneFlags};
+use super::flags::{FlightFlags, SceneFlags, SeedFlag};
 use super::output::Outputs;
 use super::progress::watch;
 use super::report::Report;
@@ -31,13 +31,15 @@ pub(super) struct FlyArgs {
     flight: FlightFlags,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
     /// Flight to write, or a folder for several [default: flight.csv, or flights]
     #[arg(short, long, value_name = "FILE|DIR")]
     output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
-    let scene = args.scene.load(&[])?;
+    let scene = args.scene.load(&args.seed.settings())?;
     let read = args.plans.iter().map(|path| Plan::read_csv(path));
     let plans = read.chain(args.setpoints.iter().map(|log| sent(args, log)));
     let shoot = Shoot::with_plans(scene, plans.collect::<Result<_>>()?)?;

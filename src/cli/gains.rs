@@ -6,10 +6,12 @@ use serde_json::{Value, json};
 
 use super::flags::SceneFlags;
 use super::message;
-use super::report::{Report, wrapped};
+use super::report::{Report, line, wrapped};
 use crate::control::Margins;
 use crate::error::Result;
+use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
+use crate::sim::{ControllerKind, ControllerOptions, EstimatorKind, SimOptions, pid_gains};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {
@@ -33,34 +35,89 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
         message("warning: ", warning);
     }
     let bryson = if args.bryson { bryson(&design, &scene.controller.lqr.r) } else { String::new() };
-    Ok(Report::new(tables(&design) + &bryson, to_json(&design)))
+    let gains = gains(&scene.sim());
+    let json = to_json(&design, &scene.controller, &gains);
+    Ok(Report::new(tables(&design, &scene, &gains) + &bryson, json))
+}
+
+/// Gains of the loops of a controller that is no regulator: name, figures and their unit.
+type LoopGains = Vec<(&'static str, Vec<(&'static str, f64)>, &'static str)>;
+
+/// The gains of the scene's cascade or geometric controller; nothing for a regulator.
+fn gains(sim: &SimOptions) -> LoopGains {
+    match sim.controller.kind {
+        ControllerKind::Pid => {
+            let names = [
+                ["position x", "position y", "position z"],
+                ["velocity x", "velocity y", "velocity z"],
+                ["attitude roll", "attitude pitch", "attitude yaw"],
+                ["rate roll", "rate pitch", "rate yaw"],
+            ];
+            let units = ["m/s per m", "deg per m/s", "deg/s per deg", "1/65535 per deg/s"];
+            let loops = names.into_iter().flatten().zip(pid_gains(&sim.controller.pid).concat());
+            let named = loops.enumerate().map(|(index, (name, [p, i, d]))| {
+                // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
+                let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
+                (name, vec![("p", p), ("i", i), ("d", d)], unit)
+            });
+            named.collect()
+        }
+        ControllerKind::Geometric => {
+            let k = &sim.controller.geometric;
+            let position =
+                vec![("p", k.k_position), ("i", k.k_position_integral), ("d", k.k_velocity)];
+            let mut gains = vec![("position x y z", position, "m/s2 per m")];
+            for (index, name) in ["attitude x", "attitude y", "attitude z"].into_iter().enumerate()
+            {
+                let [p, i, d] = [k.k_attitude, k.k_attitude_integral, k.k_rate].map(|k| k[index]);
+                gains.push((name, vec![("p", p), ("i", i), ("d", d)], "rad/s2 per rad"));
+            }
+            gains
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Everything for people.
-fn tables(design: &Design) -> String {
-    let Design { controllability_rank, observability_rank, .. } = design;
+fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
+    let Design { controllability_rank, observability_rank, n_controller_states, .. } = design;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let hidden = design.unobservable.join(", ");
     let mut text = format!(
         "model     at hover: 12 states, {controllability_rank} controllable by the motors\n          \
          9 observer states, {observability_rank} observable by the position (not: {hidden})\n",
     );
-    text += "\nK         u = u_hover - K (x - x_des), transposed\n";
-    text += &matrix(&design.k.transpose(), &design.states, &INPUTS);
-    text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
-    text += &matrix(&design.l, &observed, &["y_x", "y_y", "y_z"]);
+    let kind = scene.controller.kind.name();
+    let own = format!("{kind}, {n_controller_states} states of its own, linearized at hover");
+    text += &line("loop", &own);
+    if let Some(k) = &design.k {
+        text += "\nK         u = u_hover - K (x - x_des), transposed\n";
+        text += &matrix(&k.transpose(), &design.states, &INPUTS);
+    } else {
+        text += &format!("\n{:20}{:>12}{:>12}{:>12}   unit of p\n", "gains", "p", "i", "d");
+    }
+    for (name, figures, unit) in gains {
+        text += &format!("{name:20}");
+        figures.iter().for_each(|(_, gain)| text += &format!("{gain:>12}"));
+        text += &format!("   {unit}\n");
+    }
+    if scene.observer.kind == EstimatorKind::Luenberger {
+        text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
+        text += &matrix(&design.l, &observed, &["y_x", "y_y", "y_z"]);
+    }
     let lag_s = design.motor_lag_s;
-    text +=
-        &format!("\npoles     1/s\n{}", pole_lines("regulator", design.regulator_poles.as_ref()));
+    text += &format!("\npoles     1/s\n{}", pole_lines("loop", design.regulator_poles.as_ref()));
     text += &pole_lines(&format!("  {lag_s} s lag"), design.lagging_poles.as_ref());
-    text += &pole_lines("observer", design.observer_poles.as_ref());
-    text += "\nmargins   gain, phase and crossover (rad/s), loop broken at each input\n";
-    text += &format!("{:10}{:33}with {lag_s} s of motor lag\n", "", "without motor lag");
+    if scene.observer.kind == EstimatorKind::Luenberger {
+        text += &pole_lines("observer", design.observer_poles.as_ref());
+    }
+    text += "\nmargins   gain (dB), phase and its crossover (rad/s), loop broken at each input\n";
+    text += &format!("{:10}{:35}with {lag_s} s of motor lag\n", "", "without motor lag");
     for (i, input) in INPUTS.iter().enumerate() {
         let shown =
             |margins: &Option<[Margins; 4]>| margins.map_or("unstable".into(), |m| margin(&m[i]));
         let (now, late) = (shown(&design.margins), shown(&design.lagging_margins));
-        text += &format!("{input:10}{now:33}{late}\n");
+        text += &format!("{input:10}{now:35}{late}\n");
     }
     let longest = design.longest_lag_s.map_or("over a second".into(), |s| format!("{s:.3} s"));
     text + &format!("longest   motor lag with a stable loop: {longest}\n")
@@ -103,12 +160,17 @@ fn pole_lines(name: &str, poles: Option<&Vec<Complex<f64>>>) -> String {
 }
 
 fn margin(margins: &Margins) -> String {
-    let down = margins.gain_down.map_or("0".into(), |g| format!("{g:.2}"));
-    let up = margins.gain_up.map_or("any".into(), |g| format!("{g:.2}"));
+    let down = margins.gain_down.map_or("-inf".into(), |gain| format!("{:+.1}", decibels(gain)));
+    let up = margins.gain_up.map_or("+inf".into(), |gain| format!("{:+.1}", decibels(gain)));
     let phase = margins.phase_rad.zip(margins.crossover_rad_s);
     let phase =
         phase.map_or("any".into(), |(phase, at)| format!("{:.0}° at {at:.1}", phase.to_degrees()));
-    format!("{:14}{phase}", format!("{down} to {up}"))
+    format!("{:18}{phase}", format!("{down} to {up} dB"))
+}
+
+/// A factor of an amplitude in decibels.
+fn decibels(factor: f64) -> f64 {
+    20.0 * libm::log10(factor)
 }
 
 /// Bryson's weights beside those of the scene.
@@ -128,7 +190,7 @@ fn bryson(design: &Design, r: &[f64; 4]) -> String {
 }
 
 /// Everything for programs; matrices are arrays of rows.
-fn to_json(design: &Design) -> Value {
+fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -> Value {
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
         m.row_iter().map(|row| row.iter().copied().collect()).collect()
     };
@@ -141,7 +203,9 @@ fn to_json(design: &Design) -> Value {
                 json!({
                     "input": input,
                     "gain_up": m.gain_up,
+                    "gain_up_db": m.gain_up.map(decibels),
                     "gain_down": m.gain_down,
+                    "gain_down_db": m.gain_down.map(decibels),
                     "phase_rad": m.phase_rad,
                     "crossover_rad_s": m.crossover_rad_s,
                 })
@@ -149,8 +213,16 @@ fn to_json(design: &Design) -> Value {
             INPUTS.into_iter().zip(margins).map(one).collect::<Vec<_>>()
         })
     };
+    let gains = gains.iter().map(|(name, figures, unit)| {
+        let figures = figures.iter().map(|(part, gain)| ((*part).to_owned(), json!(gain)));
+        let unit = [("unit".to_owned(), json!(unit))];
+        ((*name).to_owned(), Value::Object(figures.chain(unit).collect()))
+    });
     json!({
-        "K": rows(&design.k),
+        "controller": controller.kind.name(),
+        "controller_states": design.n_controller_states,
+        "gains": Value::Object(gains.collect()),
+        "K": design.k.as_ref().map(rows),
         "L": rows(&design.l),
         "states": design.states,
         "inputs": INPUTS,

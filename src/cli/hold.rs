@@ -6,15 +6,15 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::SceneFlags;
+use super::flags::{SceneFlags, SeedFlag};
 use super::names::{named, names};
 use super::output::OutputFolder;
 use super::report::{Outcome, Report, wrapped};
 use crate::error::Result;
 use crate::report::{hold_figure, hold_page};
 use crate::scene::Preset;
-use crate::sim::altitude::{Hold, Model, Scenario, Sensor, hold};
-use crate::study::{DURATION_S, HoldFigures, hold_figures};
+use crate::sim::altitude::{Hold, Model, STATE_NAMES, Scenario, Sensor, hold};
+use crate::study::{CONSISTENT, DURATION_S, HoldFigures, HoldVerdict, hold_figures};
 
 #[derive(Debug, Args)]
 pub(super) struct HoldArgs {
@@ -33,6 +33,8 @@ pub(super) struct HoldArgs {
     preset: String,
     #[command(flatten)]
     scene: SceneFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
     /// Folder for hold.html, hold.json and, for each scenario and model, a CSV and a figure of the
     /// first flight
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-hold")]
@@ -43,7 +45,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
-    let (options, seed) = (scene.sim(), scene.seed);
+    let (options, seed) = (scene.sim(), args.seed.or(scene.seed));
     let models = args.model.map_or(Model::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
@@ -62,7 +64,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
             names.extend([csv, svg]);
         }
     }
-    let text = table(&found);
+    let text = table(&found) + &consistency(&found);
     let json = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
@@ -104,6 +106,43 @@ fn table(found: &[HoldFigures]) -> String {
     }
     for (f, missed) in found.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
         text += &wrapped("missed    ", &format!("{}, {}: {missed}", f.scenario, f.model));
+    }
+    text
+}
+
+/// Squared error over variance of each state, with its 95 % interval below it and a word where it is
+/// out of bounds.
+fn consistency(found: &[HoldFigures]) -> String {
+    let [least, most] = CONSISTENT;
+    let mut text = format!(
+        "\nsquared error over variance: 1 of a filter that knows its errors, consistent from\n\
+         {least} to {most}; its 95 % interval below\n{:20}",
+        "scenario    model"
+    );
+    for name in STATE_NAMES {
+        text += &format!("{name:>10}");
+    }
+    text += "\n";
+    for f in found {
+        text += &format!("{:12}{:8}", f.scenario, f.model);
+        for state in &f.states {
+            text += &format!("{:>10.2}", state.error.value);
+        }
+        text += &format!("\n{:20}", "");
+        for state in &f.states {
+            let interval = format!("{:.2}-{:.2}", state.error.low, state.error.high);
+            text += &format!("{interval:>10}");
+        }
+        text += "\n";
+    }
+    for f in found {
+        let out = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
+        let words: Vec<String> =
+            out.map(|state| format!("{} {}", state.state, state.verdict.name())).collect();
+        if !words.is_empty() {
+            let words = format!("{}, {}: {}", f.scenario, f.model, words.join(", "));
+            text += &wrapped("out       ", &words);
+        }
     }
     text
 }

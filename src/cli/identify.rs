@@ -8,6 +8,7 @@ use serde_json::json;
 use super::flags::{FlightFlags, SceneFlags};
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
+use crate::sim::VehicleOptions;
 use crate::sim::identify::yaw::ReactionTorque;
 use crate::sim::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 
@@ -37,8 +38,9 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let found =
         flight.map(|flight| identify(&flight, &vehicle)).transpose().map_err(named(args))?;
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
-    let text = [found.as_ref().map(table), inertia].into_iter().flatten().collect();
-    Ok(Report::new(text, to_json(found.as_ref(), inertia_kg_m2)))
+    let assumed = assumed(&vehicle);
+    let text = [Some(assumed), found.as_ref().map(table), inertia].into_iter().flatten().collect();
+    Ok(Report::new(text, to_json(&vehicle, found.as_ref(), inertia_kg_m2)))
 }
 
 /// Puts the log's name in the place of "flight".
@@ -49,6 +51,18 @@ fn named(args: &IdentifyArgs) -> impl Fn(Error) -> Error + '_ {
         }
         (other, _) => other,
     }
+}
+
+/// What the scene says of the drone, which the log does not tell: thrust scales with the mass, torque
+/// with the arm.
+fn assumed(vehicle: &VehicleOptions) -> String {
+    let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
+    let text = format!(
+        "mass {:.2} g, arm {:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...",
+        1e3 * mass_kg,
+        1e3 * arm_m
+    );
+    wrapped(&format!("{:14}", "assumed"), &text)
 }
 
 fn table(found: &Identified) -> String {
@@ -90,9 +104,14 @@ fn table(found: &Identified) -> String {
     text
 }
 
-fn to_json(found: Option<&Identified>, inertia_kg_m2: Option<f64>) -> serde_json::Value {
+fn to_json(
+    vehicle: &VehicleOptions,
+    found: Option<&Identified>,
+    inertia_kg_m2: Option<f64>,
+) -> serde_json::Value {
     let reaction = found.and_then(|found| found.reaction);
     json!({
+        "assumed": { "mass_kg": vehicle.mass_kg, "arm_m": vehicle.arm_m },
         "samples": found.map(|found| found.n_samples),
         "mean_motors": found.map(|found| found.mean_motors),
         "k_f_n": found.map(|found| found.k_f_n),

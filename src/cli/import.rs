@@ -7,11 +7,11 @@ use serde_json::json;
 
 use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::output::Output;
+use super::relit::relit;
 use super::report::{Report, line};
 use super::show::FlightFigures;
 use crate::error::Result;
 use crate::flight::airborne;
-use crate::plan::relight;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
@@ -19,7 +19,7 @@ pub(super) struct ImportArgs {
     /// CSV
     log: PathBuf,
     /// Word that was flown: its letters and the schedule of the headlights are inferred from the
-    /// setpoints
+    /// setpoints (in the letters of the scene or of a preset)
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
@@ -37,7 +37,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let mut flight = args.flight.read(&args.log)?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
-        relight(&mut flight, &scene.strokes()?)?;
+        relit(&mut flight, &mut scene, &args.log)?;
     }
     let path = output.keep(|out| flight.write_csv(out))?;
     let air_s = airborne(&flight).map(|air| {

@@ -11,7 +11,7 @@ use super::message;
 use super::output::Output;
 use super::report::{Report, line};
 use super::set::SetFlag;
-use super::studies::open_store;
+use super::studies::{open_store, share};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::Plan;
@@ -101,8 +101,8 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     }
     let outcome = match helped {
         Some(false) => format!(
-            "nothing: no round of {} is significantly better than the design, which is kept; try \
-             more repeats, less gain, or another controller",
+            "nothing: no round of {} is significantly better than the design (95 %), which is kept; \
+             try more repeats, less gain, or another controller",
             rounds.json.len().saturating_sub(1)
         ),
         _ => ready.word().to_owned(),
@@ -120,18 +120,22 @@ struct Rounds {
 
 impl Rounds {
     fn add(&mut self, round: &Round) {
-        let Round { legibility: p, contour_m, rmse_m, lag_s, kept, .. } = *round;
+        let Round { legibility: p, legible, contour_m, rmse_m, lag_s, kept, .. } = *round;
         let number = self.json.len();
         message("", &format!("round {number}: read with probability {p:.3}"));
         if number == 0 {
-            self.table += "round   P(read)   contour      rmse      lag\n";
-            self.table += "                     mm        mm        s\n";
+            self.table += "round   P(read)  legible    interval   contour      rmse      lag\n";
+            self.table += "                                            mm        mm        s\n";
         }
-        let note = if kept { "" } else { "  not significantly better" };
+        let note = if kept { "" } else { "  not better" };
+        let [share, interval] = share(&legible);
         let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
-        self.table += &format!("{number:5}{p:10.3}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n");
+        self.table += &format!(
+            "{number:5}{p:10.3}{share:>9}{interval:>12}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n"
+        );
         self.json.push(json!({
-            "legibility": p, "contour_m": contour_m, "rmse_m": rmse_m, "lag_s": lag_s, "kept": kept,
+            "legibility": p, "legible": legible, "contour_m": contour_m, "rmse_m": rmse_m,
+            "lag_s": lag_s, "kept": kept,
         }));
     }
 }

@@ -18,8 +18,9 @@ pub(super) struct LetterFlags {
     /// (the ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 3]>,
-    /// Width, depth and height of the room in meters, such as 4x3x2.5: the word is fitted to it,
-    /// half a meter from the walls and 0.3 m below the ceiling
+    /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a word
+    /// is fitted to it, half a meter from the walls and 0.3 m below the ceiling, and safety checks
+    /// keep any plan 0.2 m from them
     #[arg(long, value_name = "WxDxH", value_parser = room)]
     room: Option<[f64; 3]>,
 }
@@ -65,6 +66,11 @@ fn room(text: &str) -> Result<[f64; 3], String> {
 }
 
 impl LetterFlags {
+    /// The room that was typed.
+    pub(super) fn room_m(&self) -> Option<[f64; 3]> {
+        self.room
+    }
+
     /// The keys of the scene that were typed.
     pub(super) fn settings(&self) -> Vec<Setting> {
         let font = self.font.iter().map(|font| ("letters.font", font.as_str()));

@@ -1,40 +1,35 @@
-//! `noctograph locate`: positions from range logs, beside a reference; or what the observer of two
-//! drones with a shared anchor sees of a word.
+//! `noctograph locate`: positions from range logs, beside a reference.
 
 use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
+use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
 use super::flags::{FlightFlags, SceneFlags};
+use super::locate_region::region;
 use super::output::OutputFolder;
-use super::report::{Report, line};
+use super::report::{Outcome, Report, line};
 use super::warn;
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::report::{Trace, front_view, top_view};
 use crate::scene::Scene;
-use crate::shoot::Shoot;
-use crate::sim::UwbOptions;
 use crate::sim::localization::{
-    Link, LinkError, LocateOptions, Located, Outputs, PositionError, RangeSample, Reference,
-    SharedAnchorObserver, Track, link_errors, locate, locate_enlarged, locate_shared,
-    observability, position_error, read_anchors, share_left, shared_anchor,
+    Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
+    RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
+    nis_interval, position_error, read_anchors,
 };
+use crate::statistics::median;
 
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
-/// Start errors, gains and times of the map.
-const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
-const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
-const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
-/// Time of the map, and its starts for each error.
-const MAP_S: f64 = 64.0;
-const STARTS: u32 = 40;
+/// Keys of the scene that are used, which have no effect in a flight without ranges.
+const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
 /// What turns ranges into positions.
@@ -61,9 +56,13 @@ pub(super) struct LocateArgs {
     /// Flight or log with the true positions, one for each drone
     #[arg(long, value_name = "FILE")]
     reference: Vec<PathBuf>,
-    /// Seconds to add to the references' clock
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
-    offset: f64,
+    /// Seconds to add to the clock of a reference, one for each [default: 0 where its stamps and
+    /// those of the logs have time in common, otherwise those at which the positions fit best]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    offset: Vec<f64>,
+    /// Clocks of the logs
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = Clocks::Common)]
+    clocks: Clocks,
     /// Anchors (YAML of cfclient) that replace the scene's
     #[arg(long, value_name = "FILE")]
     anchors: Option<PathBuf>,
@@ -73,6 +72,9 @@ pub(super) struct LocateArgs {
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother, and lags in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
+    /// Box that holds all drones, in meters: of two mirror images that fit the ranges, the one inside
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
+    within: Option<Room>,
     /// Map the local region of the shared-anchor observer for the scene's word, without a log
     #[arg(long)]
     region: bool,
@@ -86,7 +88,7 @@ pub(super) struct LocateArgs {
 }
 
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&[])?;
+    let mut scene = args.scene.load_using(&USED)?;
     if let Some(path) = &args.anchors {
         scene.sensors.uwb.anchors_m = read_anchors(path)?;
         scene.sensors.uwb.heard.clear();
@@ -99,32 +101,84 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         let found = format!("{} for {} logs", args.reference.len(), args.ranges.len());
         return Err(Error::input("reference", found, "one for each log", "repeat it in order"));
     }
+    if !args.offset.is_empty() && args.offset.len() != args.reference.len() {
+        let found = format!("{} for {} references", args.offset.len(), args.reference.len());
+        return Err(Error::input("offset", found, "one for each reference", "repeat it in order"));
+    }
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
-    let logs =
-        args.ranges.iter().map(|path| args.flights.read(path)).collect::<Result<Vec<_>>>()?;
-    let mut samples = Vec::new();
-    for (drone, (log, path)) in logs.iter().zip(&args.ranges).enumerate() {
-        samples.extend(ranges(log, drone).map_err(|error| error.in_file(path))?);
+    let anchors_m = scene.sensors.uwb.anchors();
+    let options = options(args, &scene);
+    let (mut logs, mut samples) = (read_all(args, &args.ranges)?, Vec::new());
+    for (drone, log) in logs.iter().enumerate() {
+        let of_log = ranges(&log.flight, drone).map_err(|error| error.in_file(log.path))?;
+        samples.push(of_log);
     }
-    let located = by_observer(args, &scene, &logs, &samples)?;
+    let mut alignments = align_logs(&mut logs, &mut samples, args.clocks, &anchors_m, &options)?;
+    let samples = samples.concat();
+    let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
 
-    let read = |path: &PathBuf| args.flights.read(path);
-    let true_flights = args.reference.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let reference = |flight| Reference { flight, offset_s: args.offset };
-    let references: Vec<Reference<'_>> = true_flights.iter().map(reference).collect();
-    let (mut names, mut traces, mut rows) = (Vec::new(), Vec::new(), Vec::new());
-    for drone in 0..args.ranges.len() {
-        let flight = flight(&located, drone);
+    let mut references = read_all(args, &args.reference)?;
+    let more = align_references(&mut references, &logs, &located, &args.offset)?;
+    alignments.extend(more);
+    let references: Vec<Reference<'_>> = references
+        .iter()
+        .map(|dated| Reference { flight: &dated.flight, offset_s: dated.offset_s })
+        .collect();
+    let rows = references.iter().enumerate();
+    let rows = rows.map(|(drone, reference)| position_error(&located, drone, *reference));
+    let rows = rows.collect::<Result<Vec<_>>>()?;
+    let files = write(folder, &located, &references)?;
+    let links = link_errors(&samples, &anchors_m, &references);
+    let (head, mut json) = described(&located, args.observer);
+    let text = [
+        head,
+        alignments.iter().map(|one| line("clocks", &statement(one))).collect(),
+        ambiguity_lines(&located),
+        residual_table(&located),
+        reference_table(&rows),
+        link_table(&links),
+        "\n".to_owned(),
+    ];
+    json["reference"] = json!(rows);
+    json["links"] = json!(links);
+    json["clocks"] = json!(alignments);
+    let is_certain = located.ambiguities.is_empty();
+    let outcome = if is_certain { Outcome::Done } else { Outcome::Ambiguous };
+    Ok(Report::new(text.concat(), json).with_files(&files).with_outcome(outcome))
+}
+
+fn options(args: &LocateArgs, scene: &Scene) -> LocateOptions {
+    LocateOptions {
+        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
+        acceleration_m_s2_sqrt_hz: args.acceleration,
+        smooth: args.observer == Observer::Smooth,
+        room: args.within,
+        ..LocateOptions::default()
+    }
+}
+
+fn read_all<'a>(args: &LocateArgs, paths: &'a [PathBuf]) -> Result<Vec<Dated<'a>>> {
+    paths.iter().map(|path| Ok(Dated::new(path, args.flights.read_on_clock(path)?))).collect()
+}
+
+/// Writes the flights and their plots.
+fn write(
+    folder: OutputFolder,
+    located: &Located,
+    references: &[Reference<'_>],
+) -> Result<Vec<PathBuf>> {
+    let (mut names, mut traces) = (Vec::new(), Vec::new());
+    for drone in 0..located.position_m.len() {
+        let flight = flight(located, drone);
         let name = format!("flight-{}.csv", drone + 1);
         folder.write(&name, |out| flight.write_csv(out))?;
         names.push(name);
         traces.push(Trace { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
-            rows.push(position_error(&located, drone, *reference)?);
             let mut samples = reference.flight.samples.clone();
-            samples.iter_mut().for_each(|s| s.time_s += args.offset);
+            samples.iter_mut().for_each(|s| s.time_s += reference.offset_s);
             traces.push(Trace { name: format!("reference {}", drone + 1), samples });
         }
     }
@@ -132,45 +186,32 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         folder.write(name, |out| out.write_all(svg.as_bytes()))?;
         names.push((*name).to_owned());
     }
-    let files = folder.keep(&names)?;
-    let links = link_errors(&samples, &scene.sensors.uwb.anchors(), &references);
-    let (mut text, mut json) = described(&located, samples.len(), &rows, args.observer);
-    text += &link_table(&links);
-    text.push('\n');
-    json["links"] = json!(links);
-    Ok(Report::new(text, json).with_files(&files))
+    folder.keep(&names)
 }
 
 fn by_observer(
     args: &LocateArgs,
-    scene: &Scene,
-    logs: &[Flight],
+    anchors_m: &[Vector3<f64>],
+    logs: &[Dated<'_>],
     samples: &[RangeSample],
+    options: &LocateOptions,
 ) -> Result<Located> {
-    let anchors_m = scene.sensors.uwb.anchors();
-    let options = LocateOptions {
-        range_sigma_m: scene.observer.ekf.two_way_sigma_m,
-        acceleration_m_s2_sqrt_hz: args.acceleration,
-        smooth: args.observer == Observer::Smooth,
-        ..LocateOptions::default()
-    };
     let tracks = || {
-        let track = |(log, path): (&Flight, &PathBuf)| track(log).map_err(|e| e.in_file(path));
-        logs.iter().zip(&args.ranges).map(track).collect::<Result<Vec<_>>>()
+        let track = |log: &Dated<'_>| track(log).map_err(|error| error.in_file(log.path));
+        logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
     match args.observer {
-        Observer::Smooth | Observer::Filter => locate(&anchors_m, logs.len(), samples, &options),
-        Observer::Enlarged => locate_enlarged(&anchors_m, &tracks()?, samples, &options),
+        Observer::Smooth | Observer::Filter => locate(anchors_m, logs.len(), samples, options),
+        Observer::Enlarged => locate_enlarged(anchors_m, &tracks()?, samples, options),
         Observer::Shared => {
             let Ok(tracks) = <[Track; 2]>::try_from(tracks()?) else {
                 let hint = "give a log of each drone";
                 return Err(Error::input("ranges", logs.len(), "the logs of two drones", hint));
             };
             let start = |k: usize| {
-                let first = logs[k]
-                    .samples
-                    .first()
-                    .filter(|_| !logs[k].unlogged.contains(&Quantity::Position));
+                let flight = &logs[k].flight;
+                let first = flight.samples.first();
+                let first = first.filter(|_| !flight.unlogged.contains(&Quantity::Position));
                 first.map(|sample| sample.position_m)
             };
             let Some(starts_m) = start(0).zip(start(1)) else {
@@ -178,19 +219,19 @@ fn by_observer(
                 let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
                 return Err(Error::input("columns", "no position", wanted, hint));
             };
-            locate_shared(&anchors_m, &tracks, starts_m.into(), samples)
+            locate_shared(anchors_m, &tracks, starts_m.into(), samples)
         }
     }
 }
 
 /// The motion of a log.
-fn track(log: &Flight) -> Result<Track> {
-    if log.unlogged.contains(&Quantity::Velocity) {
+fn track(log: &Dated<'_>) -> Result<Track> {
+    if log.flight.unlogged.contains(&Quantity::Velocity) {
         let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
         return Err(Error::input("columns", "no velocity", "the motion of the drone", hint));
     }
     let world = |s: &FlightSample| s.attitude.world_from_body() * s.velocity_body_m_s;
-    Ok(Track::new(log.samples.iter().map(|s| (s.time_s, world(s)))))
+    Ok(Track::new(log.flight.samples.iter().map(|s| (s.time_s + log.offset_s, world(s)))))
 }
 
 /// The ranges of a log: a value that changes is a measurement, one that stays is held.
@@ -222,14 +263,14 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))
 }
 
-/// The positions of a drone as a flight.
+/// The positions of a drone as a flight, from its first range to its last.
 fn flight(located: &Located, drone: usize) -> Flight {
     let sample = |(time_s, position_m): (&f64, &Vector3<f64>)| {
         let position_m = position_m.map(on_grid);
         let time_s = on_grid(*time_s);
         FlightSample { time_s, position_m, estimate_m: position_m, ..FlightSample::default() }
     };
-    let places = &located.position_m[drone];
+    let (places, heard) = (&located.position_m[drone], located.heard(drone));
     let unlogged = [
         Quantity::Attitude,
         Quantity::Velocity,
@@ -238,18 +279,21 @@ fn flight(located: &Located, drone: usize) -> Flight {
         Quantity::Motors,
     ];
     Flight {
-        samples: located.time_s.iter().zip(places).map(sample).collect(),
+        samples: located
+            .time_s
+            .iter()
+            .zip(places)
+            .take(heard.end)
+            .skip(heard.start)
+            .map(sample)
+            .collect(),
         unlogged: unlogged.into(),
         ..Flight::default()
     }
 }
 
-fn described(
-    located: &Located,
-    n_ranges: usize,
-    rows: &[PositionError],
-    observer: Observer,
-) -> (String, Value) {
+/// The figures of a whole log.
+fn described(located: &Located, observer: Observer) -> (String, Value) {
     let ends = located.time_s.first().zip(located.time_s.last());
     let span_s = ends.map_or(0.0, |(first, last)| last - first);
     let way = match observer {
@@ -260,124 +304,129 @@ fn described(
     };
     let drones = located.position_m.len();
     let mut text = line("located", &format!("{drones} of {drones} drones, {way}"));
-    text += &line("ranges", &format!("{n_ranges} in {span_s:.1} s"));
+    text += &line("ranges", &format!("{} in {span_s:.1} s", located.ranges));
+    let interval = nis_interval(located.ranges);
     if let Some(nis) = located.nis {
-        text += &line("refused", &format!("{:.1} % by the gate", 100.0 * located.refused_frac));
-        text += &line("NIS", &format!("{nis:.2} (1: noise and motion are as assumed)"));
+        text += &line("refused", &format!("{:.1} % of the ranges", 100.0 * located.refused_frac));
+        let [least, most] = interval;
+        let meaning = "where noise and motion are as assumed";
+        text += &line("NIS", &format!("{nis:.2} (from {least:.2} to {most:.2} {meaning})"));
     }
-    if !rows.is_empty() {
-        text += "\nRMSE, cm      x       y       z     3-D    NEES  samples\n";
-        for (drone, row) in rows.iter().enumerate() {
-            let [x, y, z] = row.rmse_m.map(|m| 100.0 * m);
-            text += &format!(
-                "drone {:<4}{x:>5.1}{y:>8.1}{z:>8.1}{:>8.1}{:>8}{:>9}\n",
-                drone + 1,
-                100.0 * row.rmse_3d_m,
-                row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}")),
-                row.samples
-            );
-        }
+    let sigmas_m = sigmas_m(located);
+    if let Some([median_m, worst_m]) = sigmas_m {
+        let [median_cm, worst_cm] = [100.0 * median_m, 100.0 * worst_m];
+        let sigmas =
+            format!("{median_cm:.1} cm over three axes (median), {worst_cm:.1} cm at worst");
+        text += &line("sigma", &sigmas);
+    }
+    for bias in &located.biases {
+        text += &line("bias", &bias_text(bias));
+    }
+    if !located.left_out.is_empty() {
+        text += &line("left out", &located.left_out.join(", "));
     }
     let json = json!({
-        "ranges": n_ranges, "span_s": span_s, "nis": located.nis,
-        "refused_frac": located.refused_frac, "reference": rows,
+        "ranges": located.ranges, "span_s": span_s, "nis": located.nis, "nis_interval": interval,
+        "refused_frac": located.refused_frac, "sigma_median_m": sigmas_m.map(|s| s[0]),
+        "sigma_max_m": sigmas_m.map(|s| s[1]), "residuals": located.links,
+        "biases": located.biases, "left_out": located.left_out, "ambiguities": located.ambiguities,
+        "warnings": located.warnings,
     });
     (text, json)
 }
 
-/// The errors of the ranges by link.
+/// A bias that was taken off.
+fn bias_text(bias: &Bias) -> String {
+    let [bias_cm, sigma_cm] = [bias.bias_m, bias.sigma_m].map(|m| 100.0 * m);
+    let doubt = if bias.in_doubt {
+        "; the ranges do not tell which of these links is wrong, so each has a bias"
+    } else {
+        ""
+    };
+    format!("{}: {bias_cm:+.1} cm \u{b1} {sigma_cm:.1}, estimated and taken off{doubt}", bias.of)
+}
+
+/// Median and greatest standard deviation of the positions over three axes.
+fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
+    let of_drone = |(drone, covariances): (usize, &Vec<Matrix3<f64>>)| {
+        let heard = covariances[located.heard(drone)].iter();
+        heard.map(|covariance| covariance.trace().max(0.0).sqrt()).collect::<Vec<_>>()
+    };
+    let all = located.covariance_m2.iter().enumerate().flat_map(of_drone);
+    let sigmas_m: Vec<f64> = all.collect();
+    let worst_m = sigmas_m.iter().copied().fold(0.0, f64::max);
+    Some([median(sigmas_m)?, worst_m])
+}
+
+/// When the place of a drone is not certain.
+fn ambiguity_lines(located: &Located) -> String {
+    let text = |(k, ambiguity): (usize, &Ambiguity)| {
+        let Ambiguity { drone, from_s, to_s, apart_m } = ambiguity;
+        let text = format!(
+            "drone {} from {from_s:.1} to {to_s:.1} s: a place up to {apart_m:.1} m away has the \
+             same ranges",
+            drone + 1
+        );
+        line(if k == 0 { "ambiguous" } else { "" }, &text)
+    };
+    let rows: String = located.ambiguities.iter().enumerate().map(text).collect();
+    let advice = "`--within` the room where it holds one of the two places; otherwise an anchor \
+                  outside the plane of the others";
+    if rows.is_empty() { rows } else { rows + &line("advice", advice) }
+}
+
+/// What the located positions leave of the ranges, by link.
+fn residual_table(located: &Located) -> String {
+    let head = "\nresiduals, cm                     median  scatter  refused  ranges\n";
+    let row = |link: &LinkResidual| {
+        let [median_cm, scatter_cm] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
+        format!(
+            "{:<32}{median_cm:>+8.1}{scatter_cm:>9.1}{:>9}{:>8}\n",
+            link.link, link.refused, link.ranges
+        )
+    };
+    head.to_owned() + &located.links.iter().map(row).collect::<String>()
+}
+
+/// The errors of the positions against the references.
+fn reference_table(rows: &[PositionError]) -> String {
+    let mut text = String::new();
+    if !rows.is_empty() {
+        text += "\nRMSE, cm      x       y       z     3-D    NEES  samples\n";
+    }
+    for (drone, row) in rows.iter().enumerate() {
+        let [x, y, z] = row.rmse_m.map(|m| 100.0 * m);
+        text += &format!(
+            "drone {:<4}{x:>5.1}{y:>8.1}{z:>8.1}{:>8.1}{:>8}{:>9}\n",
+            drone + 1,
+            100.0 * row.rmse_3d_m,
+            row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}")),
+            row.samples
+        );
+    }
+    text
+}
+
+/// The errors of the ranges by link, against the references.
 fn link_table(links: &[LinkError]) -> String {
-    let head = "\nranges minus distances, cm  median  scatter  ranges\n";
+    let head = "\nranges minus true distances, cm   median  scatter  ranges\n";
     let row = |error: &LinkError| {
         let [median_cm, scatter_cm] = [error.median_m, error.scatter_m].map(|m| 100.0 * m);
-        format!("{:<26}{median_cm:>+8.1}{scatter_cm:>9.1}{:>8}\n", error.link, error.ranges)
+        format!("{:<32}{median_cm:>+8.1}{scatter_cm:>9.1}{:>8}\n", error.link, error.ranges)
     };
     let rows: String = links.iter().map(row).collect();
     if rows.is_empty() { rows } else { head.to_owned() + &rows }
 }
 
-/// The local region of the observer along the scene's word.
-fn region(scene: Scene) -> Result<Report> {
-    let uwb = scene.sensors.uwb.clone();
-    let Some(anchors) = shared_anchor(&uwb.heard) else {
-        let hint = "take the scene two-drones-three-anchors";
-        let wanted = "two drones that hear two anchors each, one of them the same";
-        let found = format!("{:?}", uwb.heard);
-        return Err(Error::input("sensors.uwb.heard", found, wanted, hint));
-    };
-    let [one, two, shared_m] = anchors.map(|anchor| Vector3::from(uwb.anchors_m[anchor]));
-    let plans = Shoot::new(scene)?.plans;
-    let [first, second] = plans.as_slice() else {
-        let hint = "set plan.drones = 2 and plan.style = \"even\"";
-        return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
-    };
-    let path = |time_s: f64| {
-        [first, second]
-            .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
-    };
-    let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
-    let (map, left) = map(observer, path);
-    let (table, seen) = observability_table(&uwb, observer(1.0), path);
-    Ok(Report::new(map + &table, json!({ "region": left, "observability": seen })))
-}
-
-/// Shares of the start error that are left, by error and gain.
-fn map(
-    observer: impl Fn(f64) -> SharedAnchorObserver,
-    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
-) -> (String, Vec<Value>) {
-    let mut text = format!(
-        "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
-         writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n\
-         error, m"
-    );
-    for gain in GAINS {
-        text += &format!("{:>23}", format!("gain {gain}"));
-    }
-    text.push('\n');
-    let mut left = Vec::new();
-    for error_m in ERRORS_M {
-        text += &format!("{error_m:<8}");
-        for gain in GAINS {
-            let found = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
-            let [best, worst] = found.range;
-            let fled = 100.0 * found.fled_frac;
-            let cell = format!("{:.2} ({best:.2}-{worst:.2}; {fled:.0} %)", found.median);
-            text += &format!("{cell:>23}");
-            left.push(json!({ "gain": gain, "share_left": found }));
-        }
-        text.push('\n');
-    }
-    (text, left)
-}
-
-/// Rank and worst direction of the start, from all ranges and from the observer's three outputs.
-fn observability_table(
-    uwb: &UwbOptions,
-    observer: SharedAnchorObserver,
-    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
-) -> (String, Vec<Value>) {
-    let mut text = "\nObservability of the positions at the start, with known motion\n\n\
-                    time, s      five ranges: rank, worst    observer's three: rank, worst\n"
-        .to_owned();
-    let mut seen = Vec::new();
-    for span_s in SPANS_S {
-        let both = [Outputs::Ranges, Outputs::Three].map(|outputs| {
-            observability(&observer, outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
-        });
-        let worst = |sigma_m: f64| match sigma_m.is_finite() {
-            true => format!("{:.1} cm", 100.0 * sigma_m),
-            false => "open".to_owned(),
-        };
-        text += &format!(
-            "{span_s:<13}{:>14}{:>14}{:>18}{:>14}\n",
-            both[0].rank,
-            worst(both[0].sigmas_m[5]),
-            both[1].rank,
-            worst(both[1].sigmas_m[5])
-        );
-        seen.push(json!({ "time_s": span_s, "ranges": both[0], "three_outputs": both[1] }));
-    }
-    text.push('\n');
-    (text, seen)
+/// The least and the greatest coordinates of a box.
+fn room(text: &str) -> std::result::Result<Room, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let room = numbers.filter(|n| n.len() == 6).map(|n| Room {
+        low_m: Vector3::new(n[0], n[1], n[2]),
+        high_m: Vector3::new(n[3], n[4], n[5]),
+    });
+    let holds = |room: &Room| (room.high_m - room.low_m).min() > 0.0;
+    room.filter(holds).ok_or_else(|| {
+        "wanted the least x, y, z and the greatest in meters, such as -2,-2,0,2,2,2.4".to_owned()
+    })
 }

@@ -7,12 +7,12 @@ use clap::Args;
 use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
 use super::progress::watch;
 use super::report::{Report, wrapped};
+use super::show::in_stops;
 use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{LampReading, floor_stops, meter};
-use crate::light::Drive;
-use crate::shoot::Lighting;
+use crate::shoot::Metered;
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {
@@ -26,13 +26,16 @@ pub(super) struct MeterArgs {
     flights: FlightFlags,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Exposure wanted in the middle of the trail, in stops over saturation
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
-    target_stops: f64,
+    /// Exposure wanted in the middle of the trail, in stops over saturation [default: that of the
+    /// exposure that `preview` sets]
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    target_stops: Option<f64>,
 }
 
 pub(super) fn run(args: &MeterArgs) -> Result<Report> {
-    crate::error::within("target_stops", args.target_stops, -30.0, 30.0)?;
+    if let Some(stops) = args.target_stops {
+        crate::error::within("target_stops", stops, -30.0, 30.0)?;
+    }
     let shoot = match args.flight.as_slice() {
         [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
         paths => {
@@ -42,37 +45,40 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         }
     };
     let scene = shoot.scene.clone();
-    let Lighting { trace, camera, warnings, .. } = shoot.lighting(&watch())?;
-    warn(&warnings);
-    let fixtures = scene.light.fixtures().into_iter();
-    let writes = fixtures.filter(|fixture| matches!(fixture.drive, Drive::Command(_)));
+    let lighting = shoot.lighting(&watch())?;
+    warn(&lighting.warnings);
+    let readings = meter(&lighting.trace, &lighting.camera)?;
+    let recommended = lighting.recommended(&scene);
     let found = Found {
-        writes: writes.map(|fixture| fixture.name).collect(),
-        readings: meter(&trace, &camera)?,
-        ambient_stops: scene.photo.ambient_stops(&camera),
-        floor_stops: floor_stops(&trace, &camera, &scene.expose),
-        camera,
+        ambient_stops: scene.photo.ambient_stops(&lighting.camera),
+        floor_stops: floor_stops(&lighting.trace, &lighting.camera, &scene.expose),
+        target_stops: args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0),
+        recommended: recommended.filter(|_| args.target_stops.is_none()),
+        camera: lighting.camera,
+        readings,
     };
-    Ok(Report::new(table(&found, args.target_stops), json(&found, args.target_stops)))
+    Ok(Report::new(table(&found), json(&found)))
 }
 
 /// Exposures of the lamps, of the room and of the floor.
 struct Found {
     camera: Camera,
-    /// Names of the lamps that a command switches.
-    writes: Vec<String>,
     readings: Vec<LampReading>,
+    /// What the light meter recommends; `None` where another exposure is wanted.
+    recommended: Option<Metered>,
+    /// Exposure that is wanted in the middle of a trail, stops over saturation.
+    target_stops: f64,
     /// Stops over saturation of the room in the middle of the picture; `None`: dark.
     ambient_stops: Option<f64>,
     /// Stops over saturation of the floor where it is brightest; `None`: dark.
     floor_stops: Option<f64>,
 }
 
-fn table(found: &Found, target_stops: f64) -> String {
-    let Found { camera, ambient_stops, floor_stops, .. } = found;
+fn table(found: &Found) -> String {
+    let Found { camera, target_stops, ambient_stops, floor_stops, .. } = found;
     let readings = &grouped(&found.readings);
     let Camera { focal_length_m, f_number, iso, .. } = camera;
-    let mut text = wrapped("", &in_one_sentence(found, target_stops));
+    let mut text = wrapped("", &in_one_sentence(found));
     text += &format!(
         "\n{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
          stops over saturation, along the trail\n\
@@ -95,10 +101,10 @@ fn table(found: &Found, target_stops: f64) -> String {
         let stops = stops.map_or("dark".to_owned(), |stops| format!("{stops:+.1} {place}"));
         text += &format!("{name:18}         {stops:>9}\n");
     }
-    text += &format!("\nto put the middle of the trail at {target_stops:+.1} stops, one of\n");
+    text += &format!("\nto put the middle of a lamp's trail at {target_stops:+.1} stops, one of\n");
     text += "lamp                aperture       ISO   level now x\n";
     for reading in readings {
-        let advice = reading.advice(camera, target_stops);
+        let advice = reading.advice(camera, *target_stops);
         let name: String = reading.name.chars().take(18).collect();
         let aperture = format!("f/{:.1}", advice.f_number);
         let iso = advice.iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
@@ -110,7 +116,7 @@ fn table(found: &Found, target_stops: f64) -> String {
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
     spots.sort_by(|(_, a), (_, b)| b.stops.total_cmp(&a.stops));
     if !spots.is_empty() {
-        text += "\nhot spots (saturated, two stops over the middle): the lamp is lit and lingers\n";
+        text += "\nhot spots (two stops over the middle, saturated): the lamp lingers there, or\nfaces the camera\n";
         text += "lamp                  from s   for s   at pixel     stops\n";
     }
     for (reading, spot) in spots.iter().take(MOST_SPOTS) {
@@ -128,26 +134,35 @@ fn table(found: &Found, target_stops: f64) -> String {
     text
 }
 
-/// What the lamp that writes needs.
-fn in_one_sentence(found: &Found, target_stops: f64) -> String {
-    let writes = |reading: &&LampReading| {
-        let name = reading.name.rsplit(": ").next().unwrap_or_default();
-        found.writes.iter().any(|lamp| lamp == name)
-    };
+/// What to set for the brightest trail.
+fn in_one_sentence(found: &Found) -> String {
     let brightest = |a: &&LampReading, b: &&LampReading| a.median_stops.total_cmp(&b.median_stops);
-    let writing = found.readings.iter().filter(writes).max_by(brightest);
-    let Some(lamp) = writing.or_else(|| found.readings.iter().max_by(brightest)) else {
+    let Some(lamp) = found.readings.iter().max_by(brightest) else {
         return "No lamp is lit in the picture.".into();
     };
-    let (name, stops) = (&lamp.name, lamp.median_stops);
-    if (stops - target_stops).abs() < 0.5 {
-        return format!("The trail of {name} is right: {stops:+.1} stops over saturation.");
+    let (name, camera) = (&lamp.name, &found.camera);
+    let now = in_stops(lamp.median_stops);
+    if let Some(Metered { f_number, iso, trail_stops, room_stops, gave_way }) = found.recommended {
+        let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
+        let gave_way =
+            if gave_way { "; the trail gives way so that the room stays dark" } else { "" };
+        let trail = in_stops(trail_stops);
+        if (f_number, iso) == (camera.f_number, camera.iso) {
+            return format!(
+                "f/{f_number}, ISO {iso} are right: the brightest trail, of {name}, is {trail}, the \
+                 room {room}{gave_way}."
+            );
+        }
+        return format!(
+            "The brightest trail, of {name}, is {now}: set f/{f_number}, ISO {iso}. It is then \
+             {trail}, the room {room}{gave_way}."
+        );
     }
-    let advice = lamp.advice(&found.camera, target_stops);
+    let wanted = in_stops(found.target_stops);
+    let advice = lamp.advice(camera, found.target_stops);
     let iso = advice.iso.map_or(String::new(), |iso| format!(" or ISO {iso:.0}"));
     format!(
-        "The trail of {name} is at {stops:+.1} stops over saturation: set f/{:.1}{iso} for \
-         {target_stops:+.1}.",
+        "The brightest trail, of {name}, is {now}: set f/{:.1}{iso} for {wanted}.",
         advice.f_number
     )
 }
@@ -177,12 +192,12 @@ fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
 /// Hot spots that a table lists.
 const MOST_SPOTS: usize = 20;
 
-fn json(found: &Found, target_stops: f64) -> serde_json::Value {
-    let Found { camera, readings, ambient_stops, floor_stops, .. } = found;
+fn json(found: &Found) -> serde_json::Value {
+    let Found { camera, readings, target_stops, ambient_stops, floor_stops, .. } = found;
     let lamps: Vec<_> = readings
         .iter()
         .map(|reading| {
-            let advice = reading.advice(camera, target_stops);
+            let advice = reading.advice(camera, *target_stops);
             let spots: Vec<_> = reading
                 .hot_spots
                 .iter()
@@ -208,8 +223,15 @@ fn json(found: &Found, target_stops: f64) -> serde_json::Value {
             })
         })
         .collect();
+    let recommended = found.recommended.map(|it| {
+        serde_json::json!({
+            "f_number": it.f_number, "iso": it.iso, "trail_stops": it.trail_stops,
+            "room_stops": it.room_stops, "gave_way": it.gave_way,
+        })
+    });
     serde_json::json!({
         "saturation_lx_s": camera.saturation_lx_s(), "target_stops": target_stops, "lamps": lamps,
+        "f_number": camera.f_number, "iso": camera.iso, "recommended": recommended,
         "ambient_stops": ambient_stops, "floor_stops": floor_stops,
     })
 }

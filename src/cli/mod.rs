@@ -1,9 +1,10 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
 //! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible or not safe to fly, 2 error. Only this room knows the names of flags.
+//! legible), 1 not legible, not safe to fly or ambiguous, 2 error. Only this room knows the names of flags.
 
 use std::io::Write;
+use std::num::NonZero;
 use std::process::ExitCode;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -13,6 +14,7 @@ use report::{Outcome, Report, wrapped};
 
 mod advice;
 mod check;
+mod clocks;
 mod compare;
 mod compare_photo;
 mod coverage;
@@ -30,6 +32,7 @@ mod import;
 mod learn;
 mod letters;
 mod locate;
+mod locate_region;
 mod meter;
 mod names;
 mod output;
@@ -38,6 +41,7 @@ mod preview;
 mod progress;
 mod rank;
 mod read;
+mod relit;
 mod report;
 mod robustness;
 mod scene;
@@ -58,7 +62,7 @@ mod tune;
     max_term_width = 80,
     arg_required_else_help = true,
     after_help = "Begin with: noctograph preview NOOR\n\nExit codes: 0 success (and legible), 1 \
-                  not legible or not safe to fly, 2 error."
+                  not legible, not safe to fly or ambiguous, 2 error."
 )]
 struct Args {
     #[command(subcommand)]
@@ -78,9 +82,6 @@ macro_rules! verbs {
         #[derive(Debug, Subcommand)]
         enum Verb {
             $($($(#[$meta])* $verb($module::$args),)+)+
-            /// Generate shell completions or man pages
-            #[command(hide = true)]
-            Generate(generate::GenerateArgs),
         }
 
         /// Names of the verbs by their use.
@@ -89,7 +90,6 @@ macro_rules! verbs {
         fn run(verb: &Verb) -> Result<Report> {
             match verb {
                 $($(Verb::$verb(args) => $module::run(args),)+)+
-                Verb::Generate(args) => generate::run(args),
             }
         }
     };
@@ -159,6 +159,10 @@ verbs! {
         /// Draw a font's characters: order and direction of strokes
         Specimen(specimen::SpecimenArgs),
     }
+    "Install" {
+        /// Generate shell completions and man pages
+        Generate(generate::GenerateArgs),
+    }
 }
 
 /// The command with its verbs in groups, which clap does not have.
@@ -179,8 +183,18 @@ fn command() -> Command {
 }
 
 /// Runs the command that was typed.
+///
+/// On a thread with a stack of [`STACK`] bytes; on the main thread only where none can be started.
 #[must_use]
 pub fn main() -> ExitCode {
+    if std::thread::current().name() == Some("main")
+        && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
+    {
+        let kib = bytes >> 10;
+        message("error: ", &format!("no thread can be started, and the stack has {kib} KiB only"));
+        message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
+        return ExitCode::from(2);
+    }
     let command = command();
     let matches = match command.clone().try_get_matches() {
         Ok(matches) => matches,
@@ -203,7 +217,7 @@ pub fn main() -> ExitCode {
     });
     match done {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotLegible | Outcome::NotSafe) => ExitCode::from(1),
+        Ok(Outcome::NotLegible | Outcome::NotSafe | Outcome::Ambiguous) => ExitCode::from(1),
         Err(error) => {
             message("error: ", &error.to_string());
             message("hint: ", error.hint());
@@ -249,21 +263,51 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// Most worker threads: those of the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Runs work on a number of threads; 0: one for each processor core.
+/// Stack of a thread in bytes: the main thread's may be a few pages (`ulimit -s`).
+pub const STACK: usize = 8 << 20;
+
+/// The limit of the main thread's stack in bytes, where the system tells it.
+fn main_stack() -> Option<usize> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max stack size"))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+/// Runs work on a number of threads; 0: one for each processor core, or as many as the system
+/// starts. Where it starts none, the present thread does the work.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    if threads == 0 {
-        return work();
-    }
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Error::Infeasible {
-        what: format!("{threads} threads cannot be started: {error}"),
-        hint: "ask for fewer threads".into(),
-    })?;
-    pool.install(work)
+    let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
+    if threads > 0 {
+        let pool = pool(threads).map_err(|error| Error::Infeasible {
+            what: format!("{threads} threads cannot be started: {error}"),
+            hint: "ask for fewer threads".into(),
+        })?;
+        return pool.install(work);
+    }
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS);
+    let mut fewer = std::iter::successors(Some(cores), |n| Some(n / 2)).take_while(|n| *n > 0);
+    match fewer.find_map(|n| pool(n).ok()) {
+        Some(pool) => {
+            if pool.current_num_threads() < cores {
+                let n = pool.current_num_threads();
+                message("note: ", &format!("the system starts {n} of {cores} threads"));
+            }
+            pool.install(work)
+        }
+        None => {
+            message("note: ", "the system starts no thread: one does all the work");
+            let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+            alone.build_global().map_err(|error| Error::Infeasible {
+                what: format!("no thread can be started: {error}"),
+                hint: "allow more processes (ulimit -u)".into(),
+            })?;
+            work()
+        }
+    }
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.
@@ -313,10 +357,81 @@ mod tests {
         let help = command().render_help().to_string();
         for verb in Args::command().get_subcommands() {
             let name = verb.get_name();
-            assert_ne!(help.contains(&format!("\n  {name:15}")), verb.is_hide_set(), "{name}");
+            assert!(help.contains(&format!("\n  {name:15}")), "{name}");
             for flag in verb.get_arguments() {
                 assert!(flag.get_help().is_some(), "{name} {}", flag.get_id());
             }
         }
+    }
+
+    #[test]
+    fn only_verbs_that_draw_noise_take_a_seed() {
+        let takes_seed = |verb: &&Command| verb.get_arguments().any(|a| a.get_id() == "seed");
+        let verbs = command();
+        let verbs = verbs.get_subcommands().flat_map(|verb| {
+            std::iter::once(verb).chain(verb.get_subcommands()).collect::<Vec<_>>()
+        });
+        let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
+        // `scene` writes it down. `export` refuses what `check`, which flies, stops.
+        let noisy = [
+            "preview",
+            "fly",
+            "expose",
+            "check",
+            "meter",
+            "export",
+            "rank",
+            "tune",
+            "learn",
+            "robustness",
+            "plan",
+            "hold",
+            "scene",
+        ];
+        assert_eq!(names, noisy, "`plan` is that of `sweep`");
+        let plan = command().find_subcommand("plan").cloned().expect("a verb");
+        assert!(!takes_seed(&&plan), "a plan has no noise");
+    }
+
+    /// The verb and the flags of each command of ours in a text.
+    fn commands(text: &str) -> Vec<(String, Vec<String>)> {
+        let text = text.replace("\\\n", " ");
+        let mut found = Vec::new();
+        for (at, _) in text.match_indices("noctograph ") {
+            // A command in a sentence is between backquotes, and may be wrapped.
+            let ends: &[char] = if text[..at].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
+            let rest = &text[at + "noctograph ".len()..];
+            let mut words = rest.split(ends).next().unwrap_or(rest).split_whitespace();
+            let verb = words.next().unwrap_or_default().to_owned();
+            let flags = words.filter(|word| word.starts_with("--") && word.len() > 2);
+            let name = |flag: &str| flag[2..].split('=').next().unwrap_or_default().to_owned();
+            found.push((verb, flags.map(name).collect()));
+        }
+        found
+    }
+
+    #[test]
+    fn every_flag_of_the_documentation_is_in_the_help() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let pages = std::fs::read_dir(root.join("docs")).unwrap().map(|e| e.unwrap().path());
+        let pages = pages.filter(|page| page.extension().is_some_and(|end| end == "md"));
+        let (mut n, mut wrong) = (0, Vec::new());
+        for page in pages.chain([root.join("README.md")]) {
+            for (verb, flags) in commands(&std::fs::read_to_string(&page).unwrap()) {
+                let (page, command) = (page.display(), command());
+                let Some(command) = command.find_subcommand(&verb) else { continue };
+                let below = command.get_subcommands().flat_map(Command::get_arguments);
+                let known: Vec<&str> = command
+                    .get_arguments()
+                    .chain(below)
+                    .filter_map(clap::Arg::get_long)
+                    .chain(["json", "threads", "help", "version"])
+                    .collect();
+                n += flags.len();
+                let unknown = flags.iter().filter(|flag| !known.contains(&flag.as_str()));
+                wrong.extend(unknown.map(|flag| format!("{page}: {verb} --{flag}")));
+            }
+        }
+        assert!(n > 50 && wrong.is_empty(), "{n} flags: {}", wrong.join("\n"));
     }
 }

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::flags::{DesignFlags, FlightFlags, set_word};
 use super::output::{Output, Outputs, is_svg};
-use super::report::{Report, wrapped};
+use super::report::{Report, line};
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
@@ -119,7 +119,7 @@ fn table(word: &str, planned: &[Planned]) -> String {
         if let Some(streak_m) = worst_streak_m(drone) {
             found += &format!(", streaks up to {:.1} mm at stroke ends", 1e3 * streak_m);
         }
-        text += &wrapped(&format!("{name:10}"), &found);
+        text += &line(&name, &found);
     }
     text
 }

@@ -7,7 +7,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::device::tried;
-use super::flags::{PictureFlags, SubjectFlags};
+use super::export::warn_of_trailing;
+use super::flags::{PictureFlags, ProfileFlags, SubjectFlags};
 use super::names::named;
 use super::output::OutputFolder;
 use super::progress::watch;
@@ -17,9 +18,7 @@ use super::spread::SpreadFlags;
 use super::{findings, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
-use crate::export::{Form, flown};
-use crate::plan::Plan;
-use crate::plan::check::Profile;
+use crate::export::{Form, Length};
 use crate::score::Verdict;
 use crate::shoot::{Format, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -30,6 +29,8 @@ pub(super) struct PreviewArgs {
     subject: SubjectFlags,
     #[command(flatten)]
     picture: PictureFlags,
+    #[command(flatten)]
+    profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
     /// Fly the trajectory that is exported in this form, decoded as on board
@@ -43,7 +44,8 @@ pub(super) struct PreviewArgs {
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let mut shoot = args.subject.shoot(|scene| args.picture.apply(scene))?;
     if let Some(form) = args.as_exported {
-        fly_as_exported(&mut shoot, form)?;
+        warn_of_trailing(&shoot);
+        shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
     }
     let conditions = args.spread.conditions()?;
     let folder = OutputFolder::create(&args.output)?;
@@ -77,10 +79,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         text = wrapped("photo     ", obstacle) + &text;
     }
     text.push('\n');
-    let findings = before.inspect(&shot.flights, &Profile::indoor())?;
+    let profile = args.profile.profile(&args.subject);
+    let stops = findings::stops(&before.inspect(&shot.flights, &profile)?);
     json["obstacles"] = shot.obstacles.clone().into();
-    json["stops"] = findings::stops(&findings).into();
-    text.extend(findings::stops(&findings).map(|stops| wrapped("check     ", &stops)));
+    json["stops"] = stops.clone().into();
+    text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
     text.extend(figures.iter().map(FlightFigures::text));
     text += &show::camera_line(&shot);
     if let Some(spread) = spread {
@@ -88,7 +91,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         json["spread"] = spread.json;
     }
     text += &line("exposed", &format!("by {backend} on {adapter}"));
-    let outcome = verdict.map_or(Outcome::Done, Outcome::from);
+    let outcome = match stops {
+        Some(_) => Outcome::NotSafe,
+        None => verdict.map_or(Outcome::Done, Outcome::from),
+    };
     Ok(Report::new(text, json).with_files(&files).with_outcome(outcome))
 }
 
@@ -125,16 +131,4 @@ fn verdict_text(verdict: Option<&Verdict>, remedies: &[Remedy]) -> String {
         Some(verdict) => show::verdict_table(verdict),
         None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     }
-}
-
-/// Puts the flights of exported trajectories in the place of the plans.
-fn fly_as_exported(shoot: &mut Shoot, form: Form) -> Result<()> {
-    if !shoot.scene.controller.kind.follows_design() {
-        warn(&["this controller holds positions and trails a trajectory on board".to_owned()]);
-    }
-    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    for (planned, plan) in shoot.plans.iter_mut().zip(flown(&plans, form, form.tolerance_m())?) {
-        planned.plan = plan;
-    }
-    Ok(())
 }

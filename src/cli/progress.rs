@@ -87,7 +87,8 @@ impl Busy {
                 spinner.finish_and_clear();
             }
         };
-        Self { work: Some(work), spinner: Some(std::thread::spawn(spin)) }
+        // Without a thread there is no spinner.
+        Self { work: Some(work), spinner: std::thread::Builder::new().spawn(spin).ok() }
     }
 }
 

@@ -10,6 +10,9 @@ use crate::score::Verdict;
 /// Columns that tables and messages keep to.
 const WIDTH: usize = 80;
 
+/// Columns of the names of lines.
+const NAME_WIDTH: usize = 10;
+
 /// Result of a verb.
 #[derive(Debug)]
 pub(super) struct Report {
@@ -27,6 +30,7 @@ pub(super) enum Outcome {
     Done,
     NotLegible,
     NotSafe,
+    Ambiguous,
 }
 
 impl Report {
@@ -38,7 +42,7 @@ impl Report {
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         for (index, file) in files.iter().enumerate() {
             let head = if index == 0 { "files" } else { "" };
-            self.text += &format!("{head:10}{}\n", file.display());
+            self.text += &format!("{head:NAME_WIDTH$}{}\n", file.display());
         }
         self.json["files"] = serde_json::json!(files);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
@@ -57,9 +61,13 @@ impl From<&Verdict> for Outcome {
     }
 }
 
-/// A line of a table: its name, and text that is wrapped beside it.
+/// A line of a table: its name, and text that is wrapped beside it. A name that fills its column, such
+/// as that of a file, has the text below it.
 pub(super) fn line(name: &str, text: &str) -> String {
-    wrapped(&format!("{name:10}"), text)
+    if name.chars().count() < NAME_WIDTH {
+        return wrapped(&format!("{name:NAME_WIDTH$}"), text);
+    }
+    wrapped("", name) + &wrapped(&" ".repeat(NAME_WIDTH), text)
 }
 
 /// A path as one types it into a shell: quoted where it has to be.
@@ -120,6 +128,14 @@ mod tests {
         assert_eq!(widths, [79, 79, 19], "{found}");
         assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
         assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
+    }
+
+    #[test]
+    fn a_name_and_its_text_never_touch() {
+        assert_eq!(line("star.svg", "34.8 s"), "star.svg  34.8 s\n");
+        for name in ["rocket.svg", "notre étoile.svg"] {
+            assert_eq!(line(name, "34.8 s"), format!("{name}\n          34.8 s\n"));
+        }
     }
 
     #[test]

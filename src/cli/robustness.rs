@@ -57,7 +57,7 @@ fn name(endurance: &Endurance) -> &'static str {
 }
 
 fn points(endurance: &Endurance) -> Vec<(f64, f64)> {
-    endurance.levels.iter().map(|level| (level.times, level.legibility.value)).collect()
+    endurance.levels.iter().map(|level| (level.times, level.legible.value)).collect()
 }
 
 /// The usual disturbance, in the factor's own unit.
@@ -68,15 +68,19 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
         Some(Factor::CenterOfMass) => format!("σ {:.1} mm", 1e3 * conditions.center_of_mass_m),
         Some(Factor::MotorLag) => format!("to {:.0} ms", 1e3 * conditions.motor_lag_s),
         Some(Factor::Lighthouse) => format!("σ {:.0} mm", 1e3 * conditions.lighthouse_distortion_m),
+        Some(Factor::AirspeedMoment) => {
+            format!("to {:.2} mN s", 1e3 * conditions.airspeed_moment_n_s)
+        }
         Some(Factor::Gusts) => format!("σ {:.2} m/s", conditions.gust_m_s),
         Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
     }
 }
 
 fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text = "fraction of flights in which every letter reads; the weakest factor first;\n\
-                    factors of one place are not surely different (intervals of 95 %)\n\n    \
-                    factor          usual (x1)  breaks at between "
+    let mut text = "fraction of photos that are legible at multiples of the usual disturbance; a \
+                    word\nbreaks where it falls to one half; what breaks it first comes first; \
+                    factors of\nequal place cannot be told apart (intervals of 95 %)\n\n    factor    \
+                          usual (x1)  breaks at between "
         .to_owned();
     let shown = options.times.len().min(5);
     for times in &options.times[..shown] {
@@ -97,7 +101,7 @@ fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
             usual(&options.usual, e.factor)
         );
         for level in &e.levels[..shown] {
-            text += &format!("{:6.2}", level.all_read.value);
+            text += &format!("{:6.2}", level.legible.value);
         }
         text += "\n";
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::DesignFlags;
+use super::flags::{DesignFlags, SeedFlag};
 use super::output::Output;
 use super::report::Report;
 use crate::error::Result;
@@ -20,6 +20,8 @@ pub(super) struct SceneArgs {
     preset: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
+    #[command(flatten)]
+    seed: SeedFlag,
     /// Scene file to write, instead of printing it
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -27,7 +29,8 @@ pub(super) struct SceneArgs {
 
 pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
-    let mut scene = args.design.load(&preset.collect::<Vec<_>>())?;
+    let settings: Vec<_> = preset.chain(args.seed.settings()).collect();
+    let mut scene = args.design.load(&settings)?;
     scene.word = args.word.clone().unwrap_or(scene.word);
     let toml = scene.to_toml();
     let Some(path) = &args.output else {

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
 use super::output::{Output, is_svg};
+use super::relit::relit_where_dark;
 use super::report::{Outcome, Report, line, typed};
 use super::square_on::Corners;
 use super::{message, show};
@@ -18,7 +19,7 @@ use crate::plan::Plan;
 use crate::plan::check::check_written;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, Reader, Reading, View, locate, read};
+use crate::score::{Homography, LogGap, Reader, View, locate, read};
 use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
@@ -76,11 +77,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
     }
+    if !scene.has_strokes() {
+        let hint = "name it after the photo, or name the scene that wrote it";
+        return Err(Error::input("word", "none", "the word that the photo should show", hint));
+    }
     let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
         check_written(&Plan::read_csv(path)?, &strokes).map_err(|error| error.in_file(path))?;
     }
-    let reading = read(&photo)?;
     let framed = || -> Result<View> {
         let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
         Ok((&scene.camera.camera(bounds_m, 0.0)?).into())
@@ -91,15 +95,22 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             View::Plane(Homography::from_corners(strokes.bounds_m(), corners.0, size_px)?)
         }
         None if has_camera => framed()?,
-        None => by_light(&photo, &reading, &strokes)?.map_or_else(framed, Ok)?,
+        None => by_light(&photo, &strokes)?.map_or_else(framed, Ok)?,
     };
-    let flights = args.flight.iter().map(|path| args.flights.read(path));
-    let flights: Vec<Flight> = flights.collect::<Result<_>>()?;
+    let mut flights = Vec::new();
+    for path in &args.flight {
+        let mut flight = args.flights.read(path)?;
+        // As the photo of a log has it.
+        relit_where_dark(&mut flight, &mut scene, path)?;
+        flights.push(flight);
+    }
     check_flights(args, &flights, notes.flight_sha256.as_deref())?;
-    let known = known(&flights, &scene.plan);
+    let mut known = known(&flights, &scene.plan);
+    if let Some(json) = notes.log_gaps_json.filter(|_| flights.is_empty()) {
+        known.gaps = LogGap::parse(&json, &format!("{} (log gaps)", args.photo.display()))?;
+    }
     let reader = Reader::new(&strokes, &scene.score)?;
-    let (mut verdict, marks) = reader.explain(&photo, &view, &known)?;
-    verdict.compare_with(&reading);
+    let (verdict, marks) = reader.explain(&photo, &view, &known)?;
     let overlay = |output: Output| {
         let svg = args.output.as_deref().is_some_and(is_svg);
         output.keep(|out| match svg {
@@ -162,8 +173,8 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
 }
 
 /// Locates a word in a photo without a camera.
-fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
-    let view = locate(photo, reading, strokes)?;
+fn by_light(photo: &Photo, strokes: &Strokes) -> Result<Option<View>> {
+    let view = locate(photo, &read(photo)?, strokes)?;
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",

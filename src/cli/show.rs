@@ -28,7 +28,8 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         text += &line("rival", &format!("{}, share {:.2}", rival.word, rival.p));
     }
     if let Some(faithfulness) = verdict.faithfulness {
-        text += &line("strokes", &format!("agree with their light by {faithfulness:.2}"));
+        let scale = "(1: every stroke is lit, and nothing else)";
+        text += &line("faithful", &format!("{faithfulness:.2} {scale}"));
     }
     if verdict.is_contradicted() {
         let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
@@ -67,9 +68,11 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", rival.word),
-            None => "a letter resembles another one, or none",
+            None => "a letter looks like another one, or like none",
         },
-        Reason::Unsure => "every letter is likeliest, but not likely enough",
+        Reason::Unsure => {
+            "each letter is the likeliest in its place, but the readability is too low to count"
+        }
     };
     text.to_owned()
 }
@@ -111,7 +114,9 @@ impl<'a> FlightFigures<'a> {
         let (height_m, least_m) = (tracking.rmse_after_lag_m.z, tracking.least_cap_height_m());
         let height = line(
             "height",
-            &format!("held to {height_m:.3} m after the lag: good for letters from {least_m:.2} m"),
+            &format!(
+                "RMSE {height_m:.3} m without the lag: enough for letters of {least_m:.2} m and more"
+            ),
         );
         format!(
             "flight    {duration_s:.1} s, RMSE {part}: x {:.3}  y {:.3}  z {:.3} m\n          lag \
@@ -157,7 +162,7 @@ pub(super) fn camera_line(shot: &Shot) -> String {
 }
 
 /// Stops relative to saturation.
-fn in_stops(stops: f64) -> String {
+pub(super) fn in_stops(stops: f64) -> String {
     let side = if stops < 0.0 { "under" } else { "over" };
     format!("{:.1} stops {side} saturation", stops.abs())
 }

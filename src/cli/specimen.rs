@@ -43,6 +43,7 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     let shown: String = visible.iter().take(MAX_CHARACTERS).collect();
     let output = Output::create(&args.output)?;
     let sheet = Specimen::new(&font, &shown);
+    font.check_work()?;
     let path = output.keep(|out| {
         if svg { out.write_all(sheet.svg().as_bytes()) } else { write_png(&sheet, out) }
     })?;

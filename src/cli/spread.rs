@@ -13,12 +13,13 @@ use crate::error::Result;
 use crate::photo::Photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
-use crate::study::{Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
+use crate::study::statistics::median;
+use crate::study::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
 
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {
-    /// Fly N more times under --conditions: the band that holds 90 % of the flights, and the photos
-    /// with their verdicts (spread.svg, spread-xz.svg, spread.png)
+    /// Fly N more times under --conditions: the band that holds 90 % of the flights (of fewer than 19,
+    /// all of them), and the photos with their verdicts (spread.svg, spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
     /// How the flights of --spread differ: room (the scene's drone, another room and evening), drone
@@ -50,7 +51,10 @@ impl SpreadFlags {
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let found = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
-            let text = format!("of fewer than {LEAST_FLIGHTS} flights the band is all they reach");
+            let text = format!(
+                "a band of 90 % needs {LEAST_FLIGHTS} flights: that of {n} reaches from the least to \
+                 the most of them"
+            );
             warn(&[text]);
         }
         let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
@@ -92,7 +96,7 @@ fn text(found: &Spread, title: &str) -> String {
         let legible = verdicts.iter().filter(|verdict| verdict.legible).count();
         words += &format!(
             ": {legible} legible; readability {least:.2} to {most:.2}, median {:.2}",
-            readability[readability.len() / 2]
+            median(&mut readability)
         );
     }
     let lost = found.flights.len() - shots.count();
@@ -101,10 +105,20 @@ fn text(found: &Spread, title: &str) -> String {
     }
     let mut text = wrapped("spread    ", &words);
     for (all, within) in found.all.iter().zip(&found.within) {
-        text += &line("", &format!("90 % lie within {}", millimeters(all)));
+        text += &line("", &format!("{} {}", holds(all), millimeters(all)));
         text += &line("", &format!("one drone in one room: {}", millimeters(within)));
     }
     text
+}
+
+/// What lies in a band.
+fn holds(band: &Band) -> String {
+    let percent = 100.0 * band.holds_frac();
+    if band.holds_frac() < BAND_FRAC {
+        format!("all {} flights, and {percent:.0} % of further ones, lie within", band.n_flights)
+    } else {
+        format!("{percent:.0} % lie within")
+    }
 }
 
 fn millimeters(band: &Band) -> String {
@@ -128,8 +142,8 @@ fn json(found: &Spread, conditions: &str) -> Value {
             places.collect::<Vec<_>>()
         };
         let half_width_m = <[f64; 3]>::from(band.half_width_m());
-        json!({ "half_width_m": half_width_m, "time_s": band.time_s, "low_m": end(0),
-                "median_m": end(1), "high_m": end(2) })
+        json!({ "holds_frac": band.holds_frac(), "half_width_m": half_width_m,
+                "time_s": band.time_s, "low_m": end(0), "median_m": end(1), "high_m": end(2) })
     };
     json!({
         "conditions": conditions,

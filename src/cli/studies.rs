@@ -1,5 +1,6 @@
 //! Flags and tables that the verbs of studies share.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -192,28 +193,34 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
     };
     wrapped("", &format!("{words}; the same seeds for all; intervals of 95 %"))
         + &legibility_table(&ranking.measures)
+        + &wrapped("\n", P_READ)
         + &tracking_table(&ranking.measures)
         + &pairs_table(ranking)
 }
 
 fn legibility_table(measures: &[Measures]) -> String {
     let mut text = String::from(
-        "\n      scene              P(read)  interval        worst 10 %  all letters  lost\n",
+        "\n    scene           P(read)  interval        legible    interval worst 10 % lost\n",
     );
-    for m in measures {
-        let (p, read) = (m.legibility, 100.0 * m.all_read.value);
+    for (m, name) in measures.iter().zip(labels(measures, 16)) {
+        let (p, worst) = (m.legibility, m.worst_decile.value);
+        let [legible, interval] = share(&m.legible);
         text += &format!(
-            "{:>4}  {:16}{:10.3}  {:.3} to {:.3}{:13.3}{read:11.1} %{:6}\n",
-            m.place,
-            shortened(&m.contender, 16),
-            p.value,
-            p.low,
-            p.high,
-            m.worst_decile.value,
-            m.n_lost
+            "{:>2}  {name:16}{:7.3}  {:.3} to {:.3}{legible:>9}{interval:>12}{worst:11.3}{:5}\n",
+            m.place, p.value, p.low, p.high, m.n_lost
         );
     }
     text
+}
+
+/// What P(read) is.
+const P_READ: &str = "P(read): mean readability of the photos; where another word is likelier than \
+                      the right one, a photo counts no more than the right one's share";
+
+/// A share and its interval in percent.
+pub(super) fn share(share: &Estimate) -> [String; 2] {
+    let [value, low, high] = [share.value, share.low, share.high].map(|share| 100.0 * share);
+    [format!("{value:.1} %"), format!("{low:.0} to {high:.0} %")]
 }
 
 fn tracking_table(measures: &[Measures]) -> String {
@@ -221,8 +228,7 @@ fn tracking_table(measures: &[Measures]) -> String {
         "\nscene           contour    lag  rms x     y     z   y max   sat.   time  energy\n                     \
          mm      s     mm    mm    mm      mm      %      s       J\n",
     );
-    for m in measures {
-        let name = shortened(&m.contender, 16);
+    for (m, name) in measures.iter().zip(labels(measures, 16)) {
         let Some(f) = &m.flown else {
             text += &format!("{name:16}lost on every flight\n");
             continue;
@@ -247,10 +253,16 @@ fn tracking_table(measures: &[Measures]) -> String {
 /// Which scenes cannot be told apart, and from how many flights they could.
 fn pairs_table(ranking: &Ranking) -> String {
     let (mut text, pairs) = (String::new(), &ranking.pairs);
+    let names = labels(&ranking.measures, 20);
+    let name = |contender: &str| {
+        let found = ranking.measures.iter().zip(&names).find(|(m, _)| m.contender == contender);
+        found.map_or("", |(_, name)| name.as_str()).to_owned()
+    };
     let n_flights = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     if !pairs.is_empty() && n_flights < ranking.least_flights as usize {
         let few = format!(
-            "too few flights: {} scenes can be told apart from {} flights each, not from {n_flights}",
+            "too few flights: with {n_flights} each, {} scenes cannot be told apart; at least {} are \
+             needed",
             ranking.measures.len(),
             ranking.least_flights
         );
@@ -259,15 +271,15 @@ fn pairs_table(ranking: &Ranking) -> String {
     let alike: Vec<_> = pairs.iter().filter(|pair| !pair.distinguishable).collect();
     text += match (pairs.len(), alike.len()) {
         (0, _) => "",
-        (_, 0) => "\nevery two of them are distinguishable\n",
-        _ => "\nNOT distinguishable (difference of P, interval for all pairs together):\n",
+        (_, 0) => "\nall scenes are distinguishable from each other\n",
+        _ => "\nNOT distinguishable (difference in P(read), interval for all pairs together):\n",
     };
     for pair in alike {
         let d = pair.difference;
         text += &format!(
             "  {} and {}: {:+.4}, {:+.4} to {:+.4}\n",
-            shortened(&pair.better, 20),
-            shortened(&pair.worse, 20),
+            name(&pair.better),
+            name(&pair.worse),
             d.value,
             d.low,
             d.high
@@ -276,6 +288,51 @@ fn pairs_table(ranking: &Ranking) -> String {
     text
 }
 
-fn shortened(name: &str, n: usize) -> String {
-    name.chars().take(n - 1).collect()
+/// Names of scenes in columns of `width`, no two alike.
+fn labels(measures: &[Measures], width: usize) -> Vec<String> {
+    let names: Vec<&str> = measures.iter().map(|m| m.contender.as_str()).collect();
+    shortened(&names, width - 1)
+}
+
+/// Distinct names with at most `n` characters each: of those that are longer the beginning; where two
+/// would then be alike, the end; where these are alike as well, the beginning and a number.
+fn shortened(names: &[&str], n: usize) -> Vec<String> {
+    let cut = |name: &str, keep: &dyn Fn(&[char]) -> String| {
+        let all: Vec<char> = name.chars().collect();
+        if all.len() <= n { name.to_owned() } else { keep(&all) }
+    };
+    let beginning = |name: &str, n: usize| name.chars().take(n - 1).collect::<String>() + "…";
+    let end = |all: &[char]| "…".chars().chain(all[all.len() + 1 - n..].iter().copied()).collect();
+    let heads = names.iter().map(|name| cut(name, &|_| beginning(name, n)));
+    let tails = names.iter().map(|name| cut(name, &end));
+    let ways: [Vec<String>; 2] = [heads.collect(), tails.collect()];
+    let is_distinct = |way: &&Vec<String>| way.iter().collect::<HashSet<_>>().len() == way.len();
+    ways.iter().find(is_distinct).cloned().unwrap_or_else(|| {
+        let numbered = |(index, name): (usize, &&str)| {
+            let number = (index + 1).to_string();
+            cut(name, &|_| beginning(name, n - number.len()) + &number)
+        };
+        names.iter().enumerate().map(numbered).collect()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shortened_names_stay_apart() {
+        let long = |end: &str| format!("a-scene-with-a-long-name{end}");
+        let of = |names: &[String]| {
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let found = shortened(&names, 12);
+            assert!(found.iter().all(|name| name.chars().count() <= 12), "{found:?}");
+            found
+        };
+        assert_eq!(of(&["team".into(), long("")]), ["team", "a-scene-wit…"]);
+        assert_eq!(of(&[long("-1"), long("-2")]), ["…long-name-1", "…long-name-2"]);
+        let both = [long("-x-and-the-end"), long("-y-and-the-end"), "team".into()];
+        assert_eq!(of(&both), ["a-scene-wi…1", "a-scene-wi…2", "team"]);
+        assert_eq!(of(&["zażółć-gęślą-jaźń".into()]), ["zażółć-gęśl…"]);
+    }
 }

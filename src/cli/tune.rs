@@ -11,8 +11,8 @@ use super::message;
 use super::names::named;
 use super::output::Output;
 use super::progress::Progress;
-use super::report::{Report, wrapped};
-use super::studies::{StudyFlags, counter, open_store, ranking_table};
+use super::report::{Report, line};
+use super::studies::{StudyFlags, counter, open_store, ranking_table, share};
 use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::NamedScene;
@@ -129,8 +129,9 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let json = json!({
         "flights": tuned.n_flights,
         "candidates": tuned.candidates.len(),
+        "helped": tuned.helped(),
         "best": tuned.best,
-        "knobs": options.knobs.iter().map(|knob| knob.keys.join("+")).collect::<Vec<_>>(),
+        "before": tuned.before,
         "front": front,
         "tests": tests,
     });
@@ -185,45 +186,71 @@ fn scale_letters(scene: &mut Scene, cap_height_m: f64) -> Result<()> {
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     format!(
         "# Tuned by noctograph {} from `{}`: the best of {} candidates in {} flights, seed {}.\n# \
-         In the finals it was read with probability {:.3}.\n",
+         In the finals it was read with probability {:.3}, the scene as it was with {:.3}.\n",
         env!("CARGO_PKG_VERSION"),
         args.scene,
         tuned.candidates.len(),
         tuned.n_flights,
         args.study.seed,
-        tuned.best.legibility
+        tuned.best.legibility,
+        tuned.before.legibility
     )
 }
 
 fn plot(tuned: &Tuned) -> String {
-    let at = |c: &Candidate| c.duration_s.map(|s| (s, c.legibility));
-    let sound = |c: &&Candidate| !c.given_up && c.broken == 0.0;
-    let all: Vec<_> = tuned.candidates.iter().filter(sound).filter_map(at).collect();
-    let front: Vec<_> = tuned.front.iter().filter_map(|n| at(&tuned.candidates[*n])).collect();
-    pareto(&all, &front, at(&tuned.candidates[0]))
+    // A candidate that lost every drone stands where no time has passed.
+    let at = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
+    let (start, tried) = tuned.candidates.split_first().expect("the scene as it was is one");
+    let (within, others): (Vec<_>, Vec<_>) =
+        tried.iter().partition(|c| !c.given_up && c.broken == 0.0);
+    let [within, others] = [within, others].map(|all| all.into_iter().map(at).collect::<Vec<_>>());
+    let front: Vec<_> = tuned.front.iter().map(|n| at(&tuned.candidates[*n])).collect();
+    pareto(&within, &others, &front, Some(at(start)))
 }
 
 fn report(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let mut text = format!(
         "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
-         flight time and legibility:\n      s   P(read)\n",
+         flight time and P(read):\n      s   P(read)  legible    interval\n",
         tuned.candidates.len(),
         tuned.n_flights
     );
     for number in &tuned.front {
         let c = &tuned.candidates[*number];
-        text += &format!("{:7.1}{:10.3}\n", c.duration_s.unwrap_or_default(), c.legibility);
+        let [legible, interval] = share(&c.legible);
+        let duration_s = c.duration_s.unwrap_or_default();
+        text += &format!("{duration_s:7.1}{:10.3}{legible:>9}{interval:>12}\n", c.legibility);
     }
-    text += "\nbest candidate, each knob from 0 to 1 within its range:\n";
-    for (knob, at) in options.knobs.iter().zip(&tuned.best.point) {
-        text += &wrapped(&format!("  {at:4.2}  "), &knob.keys.join(" "));
+    if !tuned.helped() {
+        let nothing = "nothing found: no candidate did better in the finals than the scene as it \
+                       was, which scene.toml holds; try a larger budget, other knobs, or wider ranges";
+        return text + "\n" + &line("best", nothing);
+    }
+    text += &format!("\n{:44}{:>16}{:>16}\n", "best candidate", "before", "after");
+    for key in options.knobs.iter().flat_map(|knob| &knob.keys) {
+        let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
+        text += &format!("  {key:42}{before:>16}{after:>16}\n");
     }
     text
 }
 
-/// Compares the result with the scene as it was, on new seeds and on new words: tables, and the
-/// same for programs.
+/// A value of a scene's key, to four digits.
+fn shown(value: &toml::Value) -> String {
+    match value.as_float() {
+        Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
+            format!("{number:.3e}")
+        }
+        Some(number) => {
+            let digits = if number.abs() < 1.0 { 5 } else { 3 };
+            format!("{number:.digits$}")
+        }
+        None => value.as_str().map_or_else(|| value.to_string(), str::to_owned),
+    }
+}
+
+/// Compares a result that is not the scene as it was with it, on new seeds and on new words: tables,
+/// and the same for programs.
 fn test(
     args: &TuneArgs,
     options: &TuneOptions,
@@ -232,6 +259,9 @@ fn test(
     store: &Store,
 ) -> Result<(String, Vec<Value>)> {
     let (mut text, mut json) = (String::new(), Vec::new());
+    if !tuned.helped() {
+        return Ok((text, json));
+    }
     let seen = |word: &str| options.words.iter().any(|(known, _)| known == word);
     let others = args.test_words.iter().cloned();
     let others: Vec<_> =

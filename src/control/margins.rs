@@ -48,7 +48,8 @@ where
         std::array::from_fn(|i| {
             let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
             let open = closed + b * k.transpose();
-            of_loop(|frequency| response(&open, &b, &k, frequency))
+            let square = open * open;
+            of_loop(|frequency| response(&open, &square, &b, &k, frequency))
         })
     })
 }
@@ -56,6 +57,7 @@ where
 /// `k (iω − A)⁻¹ b`, in real arithmetic: with `x = u + iv`, `(A² + ω²) v = −ω b` and `u = A v / ω`.
 fn response<const N: usize>(
     a: &SMatrix<f64, N, N>,
+    a_squared: &SMatrix<f64, N, N>,
     b: &SVector<f64, N>,
     k: &SVector<f64, N>,
     frequency_rad_s: f64,
@@ -64,7 +66,7 @@ where
     Const<N>: DimMin<Const<N>, Output = Const<N>>,
 {
     let square = frequency_rad_s * frequency_rad_s;
-    let system = a * a + SMatrix::<f64, N, N>::identity() * square;
+    let system = a_squared + SMatrix::<f64, N, N>::identity() * square;
     let v = system.lu().solve(&(b * -frequency_rad_s))?;
     let u = a * v / frequency_rad_s;
     Some(Complex::new(k.dot(&u), k.dot(&v)))

@@ -1,6 +1,6 @@
 //! Poles of a linear system.
 
-use nalgebra::{Complex, DMatrix, SMatrix, Schur};
+use nalgebra::{Complex, DMatrix, Dim, Matrix, Schur, Storage};
 
 /// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
@@ -15,11 +15,11 @@ const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 /// `None` where the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
 /// largest for well-separated poles; an n-fold pole spreads by the n-th root of the rounding error.
 #[must_use]
-pub fn poles<const N: usize>(a: &SMatrix<f64, N, N>) -> Option<Vec<Complex<f64>>> {
+pub fn poles<D: Dim, S: Storage<f64, D, D>>(a: &Matrix<f64, D, D, S>) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;
     }
-    let a = DMatrix::from_column_slice(N, N, a.as_slice());
+    let a = DMatrix::from_iterator(a.nrows(), a.ncols(), a.iter().copied());
     let schur = TOLERANCES
         .into_iter()
         .find_map(|ulps| Schur::try_new(a.clone(), ulps * f64::EPSILON, MAX_ITERATIONS))?;

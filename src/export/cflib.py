@@ -255,13 +255,14 @@ def paced(time_s, clock):
 
 def on_board(mode):
     """The lights that the LED ring's timing memory plays, on the clock of the trajectory."""
-    return DATA["timing"] if mode == "trajectory" else None
+    return DATA["trajectory"]["timing"] if mode == "trajectory" else None
 
 
 def lights(mode, clock):
     """Changes of the lights: sent one by one, or the start of the timing memory and notes of it."""
     timing = on_board(mode)
-    changes = timing["changes"] if timing else DATA["lights"]
+    sent = DATA["trajectory"]["lights"] if mode == "trajectory" else DATA["lights"]
+    changes = timing["changes"] if timing else sent
     command = "lit" if timing else "light"
     listed = [(paced(time_s, clock), command, tuple(values)) for time_s, *values in changes]
     return listed + ([(listed[0][0], "param", ("ring.effect", RING_TIMING))] if timing else [])
@@ -325,7 +326,8 @@ def fly(drone, mode, controller, clock, begin=lambda: None):
         for time_s, command, values in events(mode, clock):
             drone.wait_until(zero_s + time_s)
             getattr(drone, command)(*values)
-        drone.wait_until(zero_s + paced(DATA["end_s"], clock))
+        end_s = (DATA["trajectory"] if mode == "trajectory" else DATA)["end_s"]
+        drone.wait_until(zero_s + paced(end_s, clock))
     except LinkLost:
         drone.finish()
         raise

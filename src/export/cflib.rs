@@ -7,10 +7,10 @@
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{Command, commands, dark, lamps, preparation, timing};
+use super::lights::{Command, MAX_TIMING_ENTRIES, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
 use super::pieces::Stretch;
-use super::{Job, gains, stem};
+use super::{Job, caution, gains, stem};
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::settings::settings;
@@ -48,20 +48,29 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     let literal = serde_json::to_string(&data.to_string()).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
-    Ok(script.replace("@DATA@", &literal))
+    Ok(with_caution(job, &script.replace("@DATA@", &literal)))
+}
+
+/// The script with a comment below its first line that says what speaks against flying it.
+pub(super) fn with_caution(job: &Job<'_>, script: &str) -> String {
+    let (first, rest) = script.split_once('\n').expect("a script has lines");
+    format!("{first}\n{}{rest}", caution(job))
 }
 
 /// The script that flies several drones by theirs.
-pub(super) fn launcher(scripts: &[String]) -> String {
-    LAUNCHER.replace("@SCRIPTS@", &serde_json::to_string(scripts).expect("names are serializable"))
+pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
+    let names = serde_json::to_string(scripts).expect("names are serializable");
+    with_caution(job, &LAUNCHER.replace("@SCRIPTS@", &names))
 }
 
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
+    let on_board = job.trajectory_lights(drone)?;
+    let timing = timing(plan, &on_board).filter(|t| t.entries.len() <= MAX_TIMING_ENTRIES);
     // Notes of the changes in the log need the channel: the memory plays the ring alone.
-    let timing = timing(plan, &lights).map(|timing| {
+    let timing = timing.map(|timing| {
         let entries = timing.entries.iter().map(|(lasts, [r, g, b])| json!([lasts, r, g, b]));
         let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
         json!({ "entries": entries.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
@@ -70,9 +79,15 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         let one = |c: &Command| json!([c.time_s, c.parameter, c.value, c.channel, c.level]);
         commands.iter().map(one).collect()
     };
-    let end_s = end_s(plan, &stretch, &lights);
+    let sent_until_s = end_s(plan, &stretch, &lights);
     let trajectory = match job.trajectory_clock {
-        1.0 => Compressed::encode(plan, job.tolerance_m),
+        1.0 => Compressed::encode(plan, job.tolerance_m).and_then(|trajectory| {
+            let unsafe_to_fly = || Error::Infeasible {
+                what: "as a trajectory on board the flight is not safe".into(),
+                hint: "see `export --mode trajectory`".into(),
+            };
+            job.flown.get(drone).map(|_| trajectory).ok_or_else(unsafe_to_fly)
+        }),
         clock => {
             let wanted = "1 for a trajectory on board";
             let hint = "plan with 1, and give the clock to the script (--clock)";
@@ -99,20 +114,22 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "start_m": [start_m.x, start_m.y],
         "top_m": heights.fold(0.0, f64::max),
         "before_s": before_s,
-        "end_s": end_s,
-        "channels": lamps(plan).map(|(channel, _)| channel).collect::<Vec<_>>(),
+        "end_s": sent_until_s,
+        "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters(plan),
         "dark": commands(&dark(plan)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
-        "timing": timing,
-        "setpoints": setpoints(plan, end_s)?,
+        "setpoints": setpoints(plan, sent_until_s)?,
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
             "start_s": stretch.start_s(),
             "first_m": [first_m.x, first_m.y, first_m.z],
             "pieces": pieces,
             "refused": refused,
+            "lights": commands(&on_board),
+            "timing": timing,
+            "end_s": end_s(plan, &stretch, &on_board),
         },
     }))
 }
@@ -218,6 +235,8 @@ mod tests {
         let word = "\"); import os\nimport os #'\\";
         let job = Job {
             plans: &[plan],
+            flown: &[],
+            unsafe_because: Some("volume (1 m outside)\nimport os"),
             word,
             light: &LightOptions::default(),
             sim: &SimOptions::default(),
@@ -232,5 +251,11 @@ mod tests {
         let data: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(data["word"], word);
         assert_eq!(data["log"], "importosimportos_flight.json");
+        let caution = script.lines().nth(1).unwrap();
+        assert_eq!(
+            caution,
+            "# EXPORTED UNCHECKED, NOT SAFE TO FLY: volume (1 m outside) import os"
+        );
+        assert!(script.lines().nth(2).unwrap().starts_with("\"\"\"Writes"), "{script}");
     }
 }

@@ -6,7 +6,8 @@
 
 use serde_json::json;
 
-use super::lights::{commands, dark, preparation};
+use super::cflib::with_caution;
+use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::{File, Job, numbered, stem};
@@ -19,14 +20,14 @@ const SCRIPT: &str = include_str!("crazyswarm.py");
 ///
 /// # Errors
 ///
-/// As [`Poly4d::fit`] and [`commands`].
+/// As [`Poly4d::fit`] and [`super::lights::commands`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let mut files = trajectories(job, false)?;
     let mut drones = Vec::new();
-    for (plan, csv) in job.plans.iter().zip(&files) {
+    for (drone, (plan, csv)) in job.plans.iter().zip(&files).enumerate() {
         let stretch = Stretch::new(plan)?;
         let first_m = stretch.setpoint(0).position_m;
-        let lights = commands(plan, job.light)?;
+        let lights = job.trajectory_lights(drone)?;
         let dark = dark(plan)?;
         drones.push(json!({
             "csv": csv.name,
@@ -41,7 +42,8 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     }
     let literal = serde_json::to_string(&json!(drones).to_string()).expect("text is serializable");
     files.push(File::new("crazyflies.yaml", yaml(job)));
-    files.push(File::new(format!("fly_{}.py", stem(job.word)), SCRIPT.replace("@DATA@", &literal)));
+    let script = with_caution(job, &SCRIPT.replace("@DATA@", &literal));
+    files.push(File::new(format!("fly_{}.py", stem(job.word)), script));
     Ok(files)
 }
 

@@ -139,7 +139,8 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
 
 /// The regulator and its observer in C.
 fn header(design: &Design, sim: &SimOptions) -> String {
-    let (rows, columns) = design.k.shape();
+    let k = design.k.as_ref().expect("a regulator has a gain");
+    let (rows, columns) = k.shape();
     let mut text = format!(
         "// Gains by noctograph. SI units: m, rad, m/s, rad/s, N m, N.\n\
          // u = u_hover - K (x - x_des), u = [{}], u_hover = [0, 0, 0, mass * 9.81]\n\
@@ -150,7 +151,7 @@ fn header(design: &Design, sim: &SimOptions) -> String {
         design.states.join(", "),
         sim.vehicle.mass_kg,
     );
-    text += &body(&design.k);
+    text += &body(k);
     let (rows, columns) = design.l.shape();
     let _ = write!(
         text,

@@ -10,7 +10,7 @@
 //! trajectory on board, so that a late packet moves none of them.
 
 use crate::error::{Error, Result};
-use crate::light::{LightOptions, RING_COLORS};
+use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS, packed};
 use crate::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
@@ -48,32 +48,25 @@ fn command(time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Result<Comm
     Ok(Command { time_s, parameter, value, channel: channel.to_owned(), level })
 }
 
-/// Channels that are lamps, not a lamp's color.
-pub(super) fn lamps(plan: &Plan) -> impl Iterator<Item = (&String, &Vec<f64>)> {
-    plan.lights.iter().filter(|(channel, _)| !RING_COLORS.contains(&channel.as_str()))
-}
-
-/// Color of a lamp at a setpoint: that of the plan's channels, or that of the letter.
-fn color(plan: &Plan, channel: &str, row: usize, options: &LightOptions) -> [u8; 4] {
-    let letter = plan.setpoints[row].letter;
-    if channel != "ring" {
-        return options.wrgb_of(letter);
-    }
+/// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring: that
+/// of the plan's channels, or that of the letter.
+fn color(
+    plan: &Plan,
+    channel: &str,
+    row: usize,
+    letter: Option<usize>,
+    options: &LightOptions,
+) -> [u8; 4] {
     let [r, g, b] = options.ring_rgb_of(letter);
-    let sent = |channel: &str, byte: u8| match plan.lights.get(channel) {
+    let (channels, own) = match channel {
+        "ring" => (["", RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]], [0, r, g, b]),
+        _ => (COLOR_LED_COLORS, options.wrgb_of(letter)),
+    };
+    std::array::from_fn(|k| match plan.lights.get(channels[k]) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
-        None => byte,
-    };
-    let [red, green, blue] = RING_COLORS;
-    [0, sent(red, r), sent(green, g), sent(blue, b)]
-}
-
-/// Bytes at a level, the first one in the highest place.
-fn packed(bytes: &[u8], level: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
-    bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
+        None => own[k],
+    })
 }
 
 /// All changes of a plan's lights, which are dark at first, in order of time.
@@ -83,10 +76,11 @@ fn packed(bytes: &[u8], level: f64) -> u32 {
 /// [`Error::Input`] for a channel that no deck listens to.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
-    for (channel, levels) in lamps(plan) {
+    let letters = plan.light_letters();
+    for (channel, levels) in plan.lamps() {
         let mut value = command(0.0, channel, 0.0, [0; 4])?.value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
-            let wrgb = color(plan, channel, row, options);
+            let wrgb = color(plan, channel, row, letters[row], options);
             let next = command(setpoint.time_s, channel, *level, wrgb)?;
             if next.value != value {
                 value = next.value;
@@ -104,7 +98,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 ///
 /// As [`commands`].
 pub fn dark(plan: &Plan) -> Result<Vec<Command>> {
-    lamps(plan).map(|(channel, _)| command(0.0, channel, 0.0, [0; 4])).collect()
+    plan.lamps().map(|(channel, _)| command(0.0, channel, 0.0, [0; 4])).collect()
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
@@ -129,8 +123,18 @@ pub fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
 const TIMING_S: f64 = 0.04;
 /// Longest duration of an entry, in that unit.
 const MAX_TIMING: u64 = u8::MAX as u64;
-/// Entries of the timing memory (`LEDRING_TIME_MEM_SIZE`); one ends the list.
-pub(crate) const MAX_ENTRIES: usize = 10;
+/// Entries of the timing memory beside the one that ends the list (`LEDRING_TIME_MEM_SIZE`).
+pub const MAX_TIMING_ENTRIES: usize = 9;
+
+/// Entries of the timing memory that the lights of a flight take, of those that light a ring alone;
+/// `None` of others.
+///
+/// # Errors
+///
+/// As [`commands`].
+pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usize>> {
+    Ok(timing(plan, &commands(plan, options)?).map(|timing| timing.entries.len()))
+}
 
 /// A ring's lights as its timing memory plays them (`ring.effect` 17) from the first change on.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,11 +145,11 @@ pub(super) struct Timing {
     pub(super) changes: Vec<(f64, f64)>,
 }
 
-/// The timing memory of a plan that lights the ring alone; `None` where it does not fit, or does not
-/// end dark.
+/// The timing memory of any length of a plan that lights the ring alone; `None` for other lamps, and
+/// where it does not end dark.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
-    if !lamps(plan).map(|(channel, _)| channel).eq(["ring"]) || last.value != 0 {
+    if !plan.lamps().map(|(channel, _)| channel).eq(["ring"]) || last.value != 0 {
         return None;
     }
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
@@ -162,7 +166,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
             played += lasts;
         }
     }
-    (entries.len() < MAX_ENTRIES).then_some(Timing { entries, changes })
+    Some(Timing { entries, changes })
 }
 
 /// Red, green and blue of a command's light, 0 to 255.
@@ -247,7 +251,7 @@ mod tests {
         let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;
         assert_eq!(long, [(255, on), (255, on), (115, on), (1, off)], "10.2 s each at most");
         let many: Vec<f64> = (0..11).map(|row| f64::from(row % 2)).collect();
-        assert_eq!(timing("ring", &many, 1.0), None, "ten changes");
+        assert_eq!(timing("ring", &many, 1.0).unwrap().entries.len(), MAX_TIMING_ENTRIES + 1);
         assert_eq!(timing("ring", &many[..10], 1.0), None, "still lit at the end");
         assert_eq!(timing("ring", &many[..9], 1.0).unwrap().entries.len(), 8);
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");

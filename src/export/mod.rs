@@ -30,7 +30,7 @@ mod vviz;
 mod zip;
 
 pub use cflib::Mode;
-pub use on_board::{Form, flown};
+pub use on_board::{Form, Length, flown, take_off_s};
 
 settings! {
     /// Form of exported files.
@@ -63,6 +63,11 @@ settings! {
 pub struct Job<'a> {
     /// One plan for each drone.
     pub plans: &'a [Plan],
+    /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on them;
+    /// empty where none is ([`Format::trajectory`]), or none fits.
+    pub flown: &'a [Plan],
+    /// What speaks against flying them, where it is exported nevertheless; scripts say it.
+    pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,
     /// Lamps.
@@ -77,6 +82,50 @@ pub struct Job<'a> {
     pub mode: Mode,
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
+}
+
+impl Format {
+    /// The trajectory that drones fly of it: its form and the length it may have.
+    /// `None`: setpoints, or no flight.
+    #[must_use]
+    pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
+        match self {
+            Self::Cflib if mode != Mode::Trajectory => None,
+            Self::Cflib | Self::Compressed => Some((Form::Compressed, Length::OnBoard)),
+            Self::Poly4d | Self::Crazyswarm2 => Some((Form::Poly4d, Length::OnBoard)),
+            Self::UavTrajectories => Some((Form::Poly4d, Length::Any)),
+            Self::Skyc | Self::SkybrushCsv | Self::Vviz => Some((Form::Compressed, Length::Any)),
+            Self::Gains | Self::LogConfig => None,
+        }
+    }
+
+    /// Whether its files fly a drone.
+    #[must_use]
+    pub fn flies(self) -> bool {
+        !matches!(self, Self::Gains | Self::LogConfig)
+    }
+}
+
+impl Job<'_> {
+    /// The light commands of a drone that flies a trajectory, in the time of its plan.
+    fn trajectory_lights(&self, drone: usize) -> Result<Vec<lights::Command>> {
+        let Some(flown) = self.flown.get(drone) else {
+            return lights::commands(&self.plans[drone], self.light);
+        };
+        let mut commands = lights::commands(flown, self.light)?;
+        let zero_s = take_off_s(self.plans)?;
+        commands.iter_mut().for_each(|command| command.time_s += zero_s);
+        Ok(commands)
+    }
+}
+
+/// A comment line that says what speaks against flying a script; empty where nothing does.
+fn caution(job: &Job<'_>) -> String {
+    // A line of its own: what is quoted may hold a word that was typed.
+    let line = |text: &str| text.replace(|c: char| c.is_control(), " ");
+    job.unsafe_because.map_or_else(String::new, |why| {
+        format!("# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n", line(why))
+    })
 }
 
 /// A file on its way.
@@ -106,6 +155,8 @@ impl File {
 /// [`crate::error::Error::Input`] for plans without letters and lamps that the format does not
 /// know; [`crate::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
+    let shows = matches!(format, Format::Skyc | Format::SkybrushCsv | Format::Vviz);
+    assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
     let (stem, n) = (stem(job.word), job.plans.len());
     let each = |ending: &str, bytes: &dyn Fn(&Plan) -> Result<Vec<u8>>| {
         let one = |(drone, plan)| {
@@ -121,10 +172,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
         Format::Poly4d => {
             each("poly4d", &|plan| Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes()))
         }
-        Format::Crazyswarm2 => {
-            flown(job.plans, Form::Poly4d, job.tolerance_m)?;
-            crazyswarm::files(job)
-        }
+        Format::Crazyswarm2 => crazyswarm::files(job),
         Format::UavTrajectories => crazyswarm::trajectories(job, true),
         Format::Skyc => Ok(vec![skybrush::show(job)?]),
         Format::SkybrushCsv => Ok(vec![skybrush::tables(job)?]),
@@ -144,6 +192,8 @@ pub struct Memory {
     /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
     /// setpoints of a script.
     pub formats: Vec<&'static str>,
+    /// Whether it fits in all of them.
+    pub fits_all: bool,
 }
 
 /// The trajectory memory that a plan takes.
@@ -161,13 +211,11 @@ pub fn memory(plan: &Plan) -> Result<Memory> {
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];
     let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
-    Ok(Memory { bytes, pieces, formats: formats.collect() })
+    let fits_all = fits.iter().all(|(_, fits)| *fits);
+    Ok(Memory { bytes, pieces, formats: formats.collect(), fits_all })
 }
 
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
-    if job.mode == Mode::Trajectory {
-        flown(job.plans, Form::Compressed, job.tolerance_m)?;
-    }
     let (stem, n) = (stem(job.word), job.plans.len());
     let before_s = on_board::earliest_s(job.plans)?;
     let script = |drone| {
@@ -177,7 +225,7 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     let mut files = (0..n).map(script).collect::<Result<Vec<_>>>()?;
     if n > 1 {
         let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
-        files.push(File::new(format!("fly_{stem}.py"), cflib::launcher(&names)));
+        files.push(File::new(format!("fly_{stem}.py"), cflib::launcher(job, &names)));
     }
     Ok(files)
 }

@@ -47,28 +47,45 @@ impl Form {
     }
 }
 
-/// Plans as they are flown with trajectories on board that all start together.
+/// Length of trajectories.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// Up to what the memory on board holds.
+    OnBoard,
+    /// Any, for drones with more memory.
+    Any,
+}
+
+/// Plans as they are flown with trajectories that all start together. Time zero is the command to
+/// take off, [`take_off_s`].
 ///
 /// # Errors
 ///
 /// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] where a drone that hovers
-/// at its beginning is in another one's way.
-pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<Vec<Plan>> {
+/// at its beginning is in another one's way, of trajectories on board.
+pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Result<Vec<Plan>> {
     let before_s = earliest_s(plans)?;
     let flown = plans.iter().map(|plan| match form {
         Form::Compressed => {
-            let trajectory = Compressed::encode(plan, tolerance_m)?;
+            let trajectory = match length {
+                Length::OnBoard => Compressed::encode(plan, tolerance_m)?,
+                Length::Any => Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?,
+            };
             flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
         }
         Form::Poly4d => {
-            let trajectory = Poly4d::fit(plan, tolerance_m)?;
+            let trajectory = match length {
+                Length::OnBoard => Poly4d::fit(plan, tolerance_m)?,
+                Length::Any => Poly4d::fit_any_length(plan, tolerance_m)?,
+            };
             flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
         }
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
     let pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
-    if let Some(near) = pairs.into_iter().find_map(|(a, b)| conflict(a, b)) {
+    let near = pairs.into_iter().find_map(|(a, b)| conflict(a, b));
+    if let Some(near) = near.filter(|_| length == Length::OnBoard) {
         return Err(Error::Infeasible {
             what: format!(
                 "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
@@ -79,6 +96,21 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<Vec<Plan>> 
         });
     }
     Ok(flown)
+}
+
+/// The command to take off before trajectories that all start together, in the time of their plans,
+/// s.
+///
+/// # Errors
+///
+/// [`Error::Input`] for plans without letters, [`Error::Infeasible`] for those that reach the floor.
+pub fn take_off_s(plans: &[Plan]) -> Result<f64> {
+    Ok(zero_s(earliest_s(plans)?))
+}
+
+/// The same, given when the first of them starts.
+fn zero_s(before_s: f64) -> f64 {
+    before_s - 2.0 * (TAKE_OFF_S + HOVER_S)
 }
 
 /// When the first of several trajectories starts, in the time of their plans, s.
@@ -106,7 +138,7 @@ impl Timeline {
     ) -> Self {
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
-        let zero_s = before_s - 2.0 * (TAKE_OFF_S + HOVER_S);
+        let zero_s = zero_s(before_s);
         let start_s = stretch.start_s() - zero_s;
         let hover_s = start_s + stretch.duration_s() + HOVER_S;
         let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
@@ -135,8 +167,8 @@ impl Timeline {
     }
 }
 
-/// The same for one drone, with the trajectory as a function of the time since its start.
-pub(super) fn flown_alone(
+/// A plan as it is flown with a trajectory, with the trajectory as a function of the time since its start.
+fn flown_alone(
     plan: &Plan,
     before_s: f64,
     position_m: impl Fn(f64) -> Vector3<f64>,

@@ -8,8 +8,8 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{commands, rgb};
-use super::on_board::{Timeline, earliest_s, flown_alone};
+use super::lights::{Command, commands, rgb};
+use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
 use super::zip::{base64, zip};
 use super::{File, Job, stem};
@@ -91,18 +91,18 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
             "home": place(home_m),
             "landAt": place(timeline.after[1].1),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
-            "lights": { "version": 1, "data": base64(&program(job, plan, timeline.zero_s)?) },
+            "lights": { "version": 1, "data": base64(&program(&commands(&job.flown[index], job.light)?)) },
         },
     }))
 }
 
 /// The light program of a drone from the command to take off on.
-fn program(job: &Job<'_>, plan: &Plan, zero_s: f64) -> Result<Vec<u8>> {
+fn program(commands: &[Command]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
-    for command in commands(plan, job.light)? {
+    for command in commands {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
-        let step = ((command.time_s - zero_s) * LIGHT_HZ).round() as u64;
-        colors.push((step, rgb(&command)));
+        let step = (command.time_s * LIGHT_HZ).round() as u64;
+        colors.push((step, rgb(command)));
     }
     let mut bytes = Vec::new();
     for (index, &(from, color)) in colors.iter().enumerate() {
@@ -118,7 +118,7 @@ fn program(job: &Job<'_>, plan: &Plan, zero_s: f64) -> Result<Vec<u8>> {
         varuint(&mut bytes, until - from);
     }
     bytes.push(END);
-    Ok(bytes)
+    bytes
 }
 
 /// Seven bits a byte, the lowest first; the highest bit says that another byte follows.
@@ -153,30 +153,22 @@ fn camera(camera: &Camera) -> Value {
 ///
 /// As [`show`].
 pub(super) fn tables(job: &Job<'_>) -> Result<File> {
-    let before_s = earliest_s(job.plans)?;
-    let tables = job.plans.iter().enumerate().map(|(index, plan)| {
-        let table = table(job, plan, before_s)?;
+    let tables = job.flown.iter().enumerate().map(|(index, flown)| {
+        let table = table(job, flown)?;
         Ok((format!("Drone {}.csv", index + 1), table.into_bytes()))
     });
     let tables: Vec<_> = tables.collect::<Result<_>>()?;
     Ok(File { name: format!("{}.zip", stem(job.word)), bytes: zip(&tables) })
 }
 
-fn table(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<String> {
-    let flown = sampled(job, plan, before_s)?;
-    let lights = commands(&flown, job.light)?;
+fn table(job: &Job<'_>, flown: &Plan) -> Result<String> {
+    let lights = commands(flown, job.light)?;
     let mut text = "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n".to_owned();
-    for (time_s, at) in rows(&flown, ROW_HZ) {
+    for (time_s, at) in rows(flown, ROW_HZ) {
         let [r, g, b] = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
         text += &format!("{:.0},{:.4},{:.4},{:.4},{r},{g},{b}\n", 1e3 * time_s, at.x, at.y, at.z);
     }
     Ok(text)
-}
-
-/// A plan as it is flown with a compressed trajectory of any length.
-pub(super) fn sampled(job: &Job<'_>, plan: &Plan, before_s: f64) -> Result<Plan> {
-    let trajectory = Compressed::of_any_length(&Stretch::new(plan)?, job.tolerance_m)?;
-    flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
 }
 
 /// Times and places of a plan at a rate, to its end.
@@ -192,6 +184,7 @@ pub(super) fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::LightOptions;
 
     #[test]
     fn durations_of_lights_are_written_seven_bits_at_a_time() {
@@ -217,25 +210,13 @@ mod tests {
             lights: [("color-led".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into(),
             ..Plan::default()
         };
-        let job = Job {
-            plans: &[],
-            word: "",
-            light: &crate::light::LightOptions::default(),
-            sim: &crate::sim::SimOptions::default(),
-            camera: &crate::camera::CameraOptions::default()
-                .camera([-1.0, 0.0, 1.0, 1.0], 1.0)
-                .unwrap(),
-            tolerance_m: 0.002,
-            mode: super::super::Mode::Position,
-            trajectory_clock: 1.0,
-        };
-        let bytes = program(&job, &plan, 0.0).unwrap();
+        let bytes = program(&commands(&plan, &LightOptions::default()).unwrap());
         // skybrush.js, packages/show-format/src/lights.ts (17b0cb7), run by Node.js 20: it reads
         // all 15 bytes, and shows these colors.
         let played = [6, 150, 1, 7, 150, 1, 4, 128, 128, 128, 150, 1, 6, 1, 0];
         assert_eq!(bytes, played);
         let colors = [(1.5, 0), (2.99, 0), (3.01, 255), (5.99, 255), (6.01, 128), (9.01, 0)];
-        let lights = commands(&plan, job.light).unwrap();
+        let lights = commands(&plan, &LightOptions::default()).unwrap();
         for (time_s, color) in colors {
             let found = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
             assert_eq!(found, [color; 3], "at {time_s} s");

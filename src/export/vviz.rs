@@ -9,8 +9,7 @@
 use serde_json::{Value, json};
 
 use super::lights::{commands, rgb};
-use super::on_board::earliest_s;
-use super::skybrush::{rows, sampled};
+use super::skybrush::rows;
 use super::{File, Job, stem};
 use crate::error::Result;
 use crate::plan::Plan;
@@ -23,21 +22,19 @@ const COLOR_HZ: f64 = 20.0;
 ///
 /// # Errors
 ///
-/// As [`sampled`] and [`commands`].
+/// As [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
-    let before_s = earliest_s(job.plans)?;
-    let drones = job.plans.iter().enumerate().map(|(index, plan)| {
-        let flown = sampled(job, plan, before_s)?;
+    let drones = job.plans.iter().zip(job.flown).enumerate().map(|(index, (plan, flown))| {
         let home = plan.setpoints[0].position_m;
         Ok(json!({
             "id": index,
             "agentDescription": {
                 "airframe": "Crazyflie",
                 "homeX": home.x, "homeY": 0.0, "homeZ": home.y,
-                "agentTraversal": steps(&flown),
+                "agentTraversal": steps(flown),
             },
             "payloadDescription": [{
-                "id": 0, "type": "Light", "payloadActions": colors(job, &flown)?,
+                "id": 0, "type": "Light", "payloadActions": colors(job, flown)?,
             }],
         }))
     });

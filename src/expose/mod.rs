@@ -230,7 +230,8 @@ impl Latent {
 #[derive(Debug)]
 pub struct Developer {
     choice: BackendChoice,
-    /// The device that is being opened; `None` where the processor was chosen.
+    /// The device that is being opened; `None` where the processor was chosen, and where no thread
+    /// could be started.
     device: Option<JoinHandle<Result<Gpu>>>,
 }
 
@@ -238,8 +239,8 @@ impl Developer {
     /// Starts the backend.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
-        let wanted = choice != BackendChoice::Cpu;
-        Self { choice, device: wanted.then(|| std::thread::spawn(Gpu::ready)) }
+        let start = || std::thread::Builder::new().spawn(Gpu::ready).ok();
+        Self { choice, device: (choice != BackendChoice::Cpu).then(start).flatten() }
     }
 
     /// Adds up light once the backend is ready. With [`BackendChoice::Auto`] the processor takes
@@ -249,8 +250,12 @@ impl Developer {
     ///
     /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
     pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
-        let Some(device) = self.device.take() else { return Ok(latent.on_cpu()) };
-        let gpu = device.join().unwrap_or_else(|_| Err(gpu::driver_panicked()));
+        let gpu = match self.device.take() {
+            None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
+            // No thread could be started.
+            None => Gpu::ready(),
+            Some(device) => device.join().unwrap_or_else(|_| Err(gpu::driver_panicked())),
+        };
         match gpu.and_then(|gpu| latent.on_gpu(gpu)) {
             Err(_) if self.choice == BackendChoice::Auto => Ok(latent.on_cpu()),
             exposure => exposure,

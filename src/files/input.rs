@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{Read, Take};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
@@ -69,6 +69,21 @@ impl Limit {
     fn wanted(self) -> String {
         format!("{} of at most that", self.what)
     }
+}
+
+/// The regular files of a folder, links to them included, in the order of their names. What a
+/// program finds in a folder was not named by its user: a pipe there would keep it waiting for ever.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the folder cannot be read.
+pub(crate) fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let entries = entries.map_err(|source| Error::read(folder, source))?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.retain(|path| path.is_file());
+    paths.sort();
+    Ok(paths)
 }
 
 /// A size as people write it.

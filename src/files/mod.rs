@@ -1,16 +1,19 @@
 //! Files: read up to a limit and no further; written whole or not at all.
 //!
 //! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device or
-//! an endless stream costs no more than a file of that size. Every writer stages its file beside
-//! its place, see [`Output`] and [`OutputFolder`].
+//! an endless stream costs no more than a file of that size; what a file may become beyond its bytes
+//! is taken off a [`Budget`]. Every writer stages its file beside its place, see [`Output`] and
+//! [`OutputFolder`].
 
+mod budget;
 mod folder;
 mod input;
 mod lines;
 mod output;
 mod staging;
 
+pub(crate) use budget::{Budget, push};
 pub(crate) use folder::OutputFolder;
-pub(crate) use input::Limit;
+pub(crate) use input::{Limit, files_in};
 pub(crate) use lines::Lines;
 pub(crate) use output::{Output, STANDARD_OUTPUT};

@@ -42,10 +42,15 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a folder, and for what may not be written.
+    /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
+    /// place of a file, and for what may not be written.
     pub(crate) fn create(path: &Path) -> Result<Self> {
-        let sink = Sink::open(path).map_err(|source| Error::write(path, source))?;
-        Ok(Self { path: path.to_owned(), sink })
+        match Sink::open(path) {
+            Ok(sink) => Ok(Self { path: path.to_owned(), sink }),
+            Err(source) => {
+                Err(missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source)))
+            }
+        }
     }
 
     /// Writes the content and gives the file its name.
@@ -115,6 +120,18 @@ impl Sink {
         let file = file_in(folder.unwrap_or(Path::new(".")))?;
         Ok(Self::Staged { file, place, permissions })
     }
+}
+
+/// The error of a file whose folder does not exist.
+fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
+    let place = followed(path).ok()?;
+    let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
+    (source.kind() == std::io::ErrorKind::NotFound && !folder.exists()).then(|| {
+        let folder = folder.display();
+        let wanted = "a folder that exists";
+        let hint = format!("make the folder {folder} first, or choose another one");
+        Error::input(path.display().to_string(), format!("no folder {folder}"), wanted, hint)
+    })
 }
 
 /// The path that a link leads to, existing or not.
@@ -222,6 +239,18 @@ mod tests {
         assert!(device.is_char_device() && null.is_symlink());
         let error = write(Path::new("/dev/full"), b"too much").unwrap_err();
         assert!(error.to_string().contains("/dev/full"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_is_named() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("new/deep");
+        let error = write(&folder.join("x.csv"), b"").unwrap_err();
+        let missing = format!("no folder {}", folder.display());
+        assert!(error.to_string().contains(&missing), "{error}");
+        assert!(error.hint().contains(folder.to_str().unwrap()), "{}", error.hint());
+        assert!(!parent.path().join("new").exists(), "no folder is made");
+        assert!(write(&parent.path().join("x.csv"), b"").is_ok());
     }
 
     #[test]

@@ -8,16 +8,14 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Limit, Lines};
-
-/// Most rows that a table may have: a 1 kHz log of more than an hour.
-const MAX_ROWS: usize = 4_000_000;
+use crate::files::{Budget, Limit, Lines, push};
 
 /// Most columns that a table may have.
 const MAX_COLUMNS: usize = 1024;
 
-/// Most numbers that a table may have: 512 MiB of memory, and as much again while it grows.
-const MAX_NUMBERS: usize = 64 << 20;
+/// Steps of reading a number, and bytes of memory: it is in the table, and in what is made of it.
+const STEPS: usize = 60;
+const BYTES: usize = 2 * size_of::<f64>();
 
 /// Longest flight: an hour, twelve times a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
@@ -31,9 +29,8 @@ pub(crate) const MAX_QUANTITY: f64 = 1e6;
 /// Latest or earliest time, before and after which a microsecond is lost in rounding.
 const MAX_TIME_S: f64 = 1e9;
 
-/// Largest file: [`MAX_NUMBERS`] of eight digits.
-const LIMIT: Limit =
-    Limit { bytes: 640 << 20, what: "a table", hint: "thin the log out, or cut it into parts" };
+/// Largest file: an hour of 36 columns at 100 Hz in numbers of twenty digits.
+const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a table", hint: SMALLER_HINT };
 
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
@@ -78,10 +75,7 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(text: impl Read, file: &str) -> Result<Self> {
-        Self::parse_up_to(MAX_NUMBERS, text, file)
-    }
-
-    fn parse_up_to(max_numbers: usize, text: impl Read, file: &str) -> Result<Self> {
+        let budget = Budget::of(file, SMALLER_HINT);
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(Lines::new(text));
         let broken = |source: &csv::Error| {
@@ -91,32 +85,26 @@ impl Table {
         };
         let header: Vec<String> =
             reader.headers().map_err(|e| broken(&e))?.iter().map(str::to_owned).collect();
-        let too_large = |what: String, most: String| {
-            Error::input(file, what, most, "thin the log out, or cut it into parts")
-        };
         if header.len() > MAX_COLUMNS {
-            let most = format!("at most {MAX_COLUMNS}");
-            return Err(too_large(format!("{} columns", header.len()), most));
+            let found = format!("{} columns", header.len());
+            let wanted = format!("at most {MAX_COLUMNS}");
+            return Err(Error::input(file, found, wanted, SMALLER_HINT));
         }
-        let max_rows = MAX_ROWS.min(max_numbers / header.len().max(1));
         let mut columns = vec![Vec::new(); header.len()];
         let mut record = csv::StringRecord::new();
         while reader.read_record(&mut record).map_err(|e| broken(&e))? {
-            if columns.first().is_some_and(|column| column.len() == max_rows) {
-                let what = format!("more than {max_rows} rows of {} columns", header.len());
-                let mib = (max_numbers * size_of::<f64>()) >> 20;
-                let most = format!("at most {MAX_ROWS} rows and {max_numbers} numbers, {mib} MiB");
-                return Err(too_large(what, most));
-            }
+            budget.bytes(BYTES * header.len())?;
+            budget.steps(STEPS * header.len())?;
             for ((column, name), cell) in columns.iter_mut().zip(&header).zip(&record) {
                 let value = cell.parse().ok().filter(|value: &f64| value.abs() <= MAX_NUMBER);
-                column.push(value.ok_or_else(|| {
+                let value = value.ok_or_else(|| {
                     let line = record.position().map_or(1, csv::Position::line);
                     let place = format!("{file}:{line}: column {name}");
                     let found = format!("{:?}", shortened(cell));
                     let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
                     Error::input(place, found, wanted, REWRITE_HINT)
-                })?);
+                })?;
+                push(column, value);
             }
         }
         Ok(Self { file: file.to_owned(), header, columns })
@@ -211,6 +199,8 @@ fn shortened(cell: &str) -> String {
 /// Advice on a flight of more than an hour.
 pub(crate) const MILLISECONDS_HINT: &str =
     "are these milliseconds? Convert them to seconds, or cut the file to one flight";
+
+const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
 
 const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
@@ -338,11 +328,12 @@ mod tests {
 
     #[test]
     fn a_table_of_too_many_numbers_is_refused_with_the_memory_of_the_limit() {
-        let text = format!("time_s,x_m\n{}", "1.5,2.25\n".repeat(70_000));
-        let parse = |text: &str| Table::parse_up_to(128 << 10, text.as_bytes(), "flight.csv");
-        let error = parse(&text).unwrap_err().to_string();
-        assert!(error.contains("more than 65536 rows of 2 columns"), "{error}");
-        assert!(error.contains("131072 numbers, 1 MiB"), "{error}");
-        assert!(parse(&text[..9000]).is_ok(), "fewer");
+        let header = vec!["a"; 1000].join(",") + "\n";
+        let row = vec!["0"; 1000].join(",") + "\n";
+        let parse = |n| Table::parse((header.clone() + &row.repeat(n)).as_bytes(), "flight.csv");
+        assert_eq!(parse(15_000).unwrap().n_rows(), 15_000, "an hour of 41 columns at 100 Hz");
+        let error = parse(16_000).unwrap_err().to_string();
+        assert!(error.contains("flight.csv: found more data"), "{error}");
+        assert!(error.contains("at most 240 MiB of memory"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Charstrings of a CFF or CFF2 face: whether a glyph takes little work.
+//! Charstrings of a CFF or CFF2 face: how much work a glyph takes.
 //!
 //! A charstring calls subroutines, which call others, ten deep: a kilobyte of them can stand for
 //! billions of points, or for as much work without one. So a glyph is run here first, not drawn, up
@@ -13,14 +13,16 @@ const MAX_WORK: u32 = 100_000;
 /// Subroutines within subroutines that the parser follows.
 const MAX_DEPTH: u8 = 10;
 
-/// Whether the parser draws a glyph of a file's first face in little work. Letters composed by the
-/// obsolete `endchar` of four numbers count as more.
-pub(super) fn are_few(file: &[u8], glyph: u16) -> bool {
+/// Numbers and operators by which the parser draws a glyph of a file's first face; `None` where these
+/// are too many. Letters composed by the obsolete `endchar` of four numbers count as too many.
+pub(super) fn work(file: &[u8], glyph: u16) -> Option<u32> {
     let run = |tag, open: fn(&[u8], u16) -> Option<Opened<'_>>| {
-        let Some(table) = table(file, tag) else { return true };
-        open(table, glyph).is_some_and(|(mut program, code)| program.run(code, 0).is_some())
+        let Some(table) = table(file, tag) else { return Some(0) };
+        let (mut program, code) = open(table, glyph)?;
+        program.run(code, 0)?;
+        Some(program.work)
     };
-    run(b"CFF ", cff) && run(b"CFF2", cff2)
+    Some(run(b"CFF ", cff)? + run(b"CFF2", cff2)?)
 }
 
 /// An array of pieces of data.

@@ -97,6 +97,19 @@ impl Font {
         self.shape(character).map_or(0.0, |shape| shape.lost)
     }
 
+    /// Checks that the characters so far were drawn in no more work than a face may take; those
+    /// beyond are missing.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the limit.
+    pub fn check_work(&self) -> Result<()> {
+        match &*self.face {
+            Face::Strokes(_) => Ok(()),
+            Face::Outlines(face) => face.check_work(),
+        }
+    }
+
     pub(super) fn fit(&self) -> Fit {
         match &*self.face {
             Face::Strokes(font) => font.fit,

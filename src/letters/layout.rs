@@ -36,7 +36,9 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
         ));
     }
     check_script(word)?;
-    let word = drawable(word, &font)?;
+    let drawn = drawable(word, &font);
+    font.check_work()?;
+    let word = drawn?;
     let strokes = lay_out(&word, &font, options);
     let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
     let scale = fitting(&strokes, canvas_m);
@@ -100,8 +102,8 @@ fn check_script(word: &str) -> Result<()> {
     for (index, character) in word.chars().enumerate() {
         if let Some((_, kind)) = SHAPED.iter().find(|(range, _)| range.contains(&character)) {
             return Err(Error::input(
-                format!("word, position {}", index + 1),
-                format!("{character:?}, of a script {kind}"),
+                "word",
+                format!("{character:?} at position {}, of a script {kind}", index + 1),
                 "a script of separate letters from left to right",
                 "draw the word in another program, and fly the drawing (SVG)",
             ));

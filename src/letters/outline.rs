@@ -1,16 +1,22 @@
 //! Outline: closed contours, filled by the nonzero rule as typefaces are.
 
+use crate::files::Budget;
 use crate::geometry::{bounds, distance};
 
 /// A closed contour without its first point repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
 
+/// Steps of testing an edge.
+const STEPS: usize = 2;
+
 /// Most samples of an outline; a longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them, each of
+/// which is a step of the budget.
 #[derive(Debug)]
-pub(super) struct Ink {
+pub(super) struct Ink<'a> {
+    budget: &'a Budget,
     bottom: f64,
     bin_height: f64,
     edges: Vec<[[f64; 2]; 2]>,
@@ -18,24 +24,36 @@ pub(super) struct Ink {
     bins: Vec<Vec<u32>>,
 }
 
-impl Ink {
-    pub(super) fn new(contours: &[Contour]) -> Self {
+impl<'a> Ink<'a> {
+    pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = edges(contours).collect();
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
-        let mut ink = Self { bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
+        let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
         for (place, [from, to]) in (0..).zip(&ink.edges) {
             let (first, last) = (ink.bin(from[1].min(to[1])), ink.bin(from[1].max(to[1])));
+            if !budget.spend_steps(STEPS * (last - first + 1)) {
+                break;
+            }
             ink.bins[first..=last].iter_mut().for_each(|bin| bin.push(place));
         }
         ink
     }
 
-    /// Whether the contours wind about a point.
+    /// The budget that its queries are taken off.
+    pub(super) fn budget(&self) -> &Budget {
+        self.budget
+    }
+
+    /// Whether the contours wind about a point; `false` once the budget is spent.
     pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
         let mut winding = 0;
-        for place in &self.bins[self.bin(y)] {
+        let bin = &self.bins[self.bin(y)];
+        if !self.budget.spend_steps(STEPS * (bin.len() + 10)) {
+            return false;
+        }
+        for place in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*place as usize];
             if (*ay <= y) != (*by <= y) {
                 let crossing = ax + (y - ay) / (by - ay) * (bx - ax);
@@ -63,7 +81,7 @@ fn edges(contours: &[Contour]) -> impl Iterator<Item = [[f64; 2]; 2]> {
 /// The rim of the ink: runs of samples along the contours where there is ink on one side only;
 /// contours within the ink are left out. Samples are at most `spacing` apart. Closed runs repeat
 /// their first point.
-pub(super) fn rim(contours: &[Contour], ink: &Ink, spacing: f64) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn rim(contours: &[Contour], ink: &Ink<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
     let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
     let spacing = spacing.max(length / MAX_SAMPLES);
     let mut runs = Vec::new();
@@ -131,21 +149,26 @@ mod tests {
         vec![[left, 0.0], [left + side, 0.0], [left + side, side], [left, side]]
     }
 
+    fn budget() -> Budget {
+        Budget::of("face.ttf", "none")
+    }
+
     #[test]
     fn an_overlap_is_ink_and_a_hole_is_not() {
         let mut hole = square(1.0, 1.0);
         hole.iter_mut().for_each(|point| point[1] += 1.0);
         hole.reverse();
-        let ink = Ink::new(&[square(0.0, 3.0), hole]);
+        let budget = budget();
+        let ink = Ink::new(&[square(0.0, 3.0), hole], &budget);
         assert!(ink.holds([0.5, 0.5]) && !ink.holds([1.5, 1.5]) && !ink.holds([3.5, 1.0]));
-        let ink = Ink::new(&[square(0.0, 3.0), square(2.0, 3.0)]);
+        let ink = Ink::new(&[square(0.0, 3.0), square(2.0, 3.0)], &budget);
         assert!(ink.holds([2.5, 1.0]), "wound about twice");
     }
 
     #[test]
     fn the_rim_leaves_out_contours_within_the_ink() {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
-        let rim = rim(&contours, &Ink::new(&contours), 0.1);
+        let rim = rim(&contours, &Ink::new(&contours, &budget()), 0.1);
         let length: f64 = rim.iter().map(|run| polyline_length_m(run)).sum();
         // Two squares of 12, less a side of 3 of each; the shared bottom and top are counted twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");

@@ -11,7 +11,7 @@ use crate::geometry::{arc_lengths, distance, simplify};
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
 /// Most points of a line.
-const MAX_POINTS: f64 = 4000.0;
+pub(super) const MAX_POINTS: usize = 4000;
 
 /// A line smoothed: its ends stay, and no point moves by more than `error`. Points of the result
 /// are `spacing` apart; a line whose ends meet stays closed.
@@ -35,7 +35,7 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
-    let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS);
+    let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS as f64);
     let mut points = Vec::new();
     let (mut leg, mut k) = (0, 0.0);
     while k < n_pieces && line.len() > 1 {

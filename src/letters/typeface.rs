@@ -7,25 +7,35 @@
 //! Not read: ligatures, scripts that need shaping, kerning outside the table `kern`, variations.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use ab_glyph::{Font as _, FontVec};
 use kurbo::{Affine, BezPath};
 
 use super::Trace;
 use super::center_line::{FLATNESS, center_lines};
-use super::charstrings::are_few;
+use super::charstrings;
 use super::composites::points;
 use super::curves::{glyph_outline, polylines};
 use super::outline::{Contour, Ink, rim};
 use super::shape::{Run, Shape};
 use super::smooth::simplified;
+use super::tables::{table, u16_at, without_variations};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::geometry::distance;
 
 /// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
 /// grows with their square.
 const MAX_POINTS: usize = 8_000;
+
+/// Most parts of the tables that map characters and pairs: each is searched for every character.
+const MAX_SUBTABLES: u16 = 64;
+
+/// Steps of reading an outline, of each point or operator of it, and of looking for the nearest of
+/// two strokes.
+const OUTLINE: [usize; 2] = [20_000, 100];
+const NEAREST: usize = 5;
 
 /// Largest coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;
@@ -43,7 +53,13 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of its strokes in cap heights; 0 where outlines are traced.
     half_width: f64,
-    traced: Mutex<BTreeMap<char, Option<Arc<Shape>>>>,
+    traced: Mutex<Traced>,
+}
+
+/// The characters traced so far, and the work that is left to the others.
+struct Traced {
+    shapes: BTreeMap<char, Option<Arc<Shape>>>,
+    budget: Budget,
 }
 
 impl Typeface {
@@ -54,21 +70,33 @@ impl Typeface {
             let hint = "name another font file";
             Error::input(file, found, wanted, hint)
         };
+        let budget = Budget::of(file, "name another font file, or a font of the program");
+        for tag in [b"cmap", b"kern"] {
+            let n = table(&bytes, tag).and_then(|table| u16_at(table, 2)).unwrap_or(0);
+            if n > MAX_SUBTABLES {
+                return Err(refuse(format!("{n} parts of its table {}", tag.escape_ascii())));
+            }
+        }
+        let bytes = without_variations(bytes);
         let points = points(&bytes);
         let face = FontVec::try_from_vec_and_index(bytes, 0)
             .map_err(|invalid| refuse(invalid.to_string()))?;
-        let traced = Mutex::default();
+        let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let mut typeface = Self { face, points, trace, cap: 1.0, half_width: 0.0, traced };
         let known = ['H', 'I', 'E', 'x', 'o'].into_iter();
-        let known = known.filter_map(|c| typeface.outline(c)).next();
+        let known = known.filter_map(|c| typeface.outline(c, &typeface.traced().budget)).next();
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
         }
         if trace == Trace::CenterLine {
-            let stems = ['H', 'I', 'l', 'x', 'o'].into_iter().filter_map(|c| typeface.contours(c));
-            let widths = stems.map(|contours| center_lines(&contours).half_width);
+            let traced = typeface.traced();
+            let stems = ['H', 'I', 'l', 'x', 'o'].into_iter();
+            let stems = stems.filter_map(|c| typeface.contours(c, &traced.budget));
+            let widths = stems.map(|contours| center_lines(&contours, &traced.budget).half_width);
             let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
+            traced.budget.check()?;
+            drop(traced);
             typeface.half_width = width.ok_or_else(|| refuse("no strokes".into()))?;
         }
         Ok(typeface)
@@ -82,8 +110,18 @@ impl Typeface {
 
     /// A character's strokes; `None` where the face lacks it.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let mut traced = self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        traced.entry(character).or_insert_with(|| self.draw(character).map(Arc::new)).clone()
+        let Traced { shapes, budget } = &mut *self.traced();
+        let shape = || self.draw(character, budget).filter(|_| budget.check().is_ok());
+        shapes.entry(character).or_insert_with(|| shape().map(Arc::new)).clone()
+    }
+
+    /// Checks that all characters so far were traced within the face's budget.
+    pub(super) fn check_work(&self) -> Result<()> {
+        self.traced().budget.check()
+    }
+
+    fn traced(&self) -> MutexGuard<'_, Traced> {
+        self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     /// Kerning of two characters in the table `kern`, in cap heights between center lines.
@@ -92,7 +130,7 @@ impl Typeface {
         self.advance(self.face.kern_unscaled(ids[0], ids[1]))
     }
 
-    fn draw(&self, character: char) -> Option<Shape> {
+    fn draw(&self, character: char, budget: &Budget) -> Option<Shape> {
         let id = self.face.glyph_id(character);
         if id.0 == 0 {
             return None;
@@ -104,19 +142,20 @@ impl Typeface {
         if character.is_whitespace() {
             return Some(Shape { advance, ..Shape::default() });
         }
-        let contours = self.contours(character)?;
+        let contours = self.contours(character, budget)?;
         let mut lost = 0.0;
         let lines = match self.trace {
             Trace::CenterLine => {
-                let found = center_lines(&contours);
+                let found = center_lines(&contours, budget);
                 lost = found.lost;
                 found.lines
             }
             Trace::Outline => {
-                let rim = rim(&contours, &Ink::new(&contours), 0.01);
+                let rim = rim(&contours, &Ink::new(&contours, budget), 0.01);
                 rim.iter().map(|run| simplified(run, FLATNESS)).collect()
             }
         };
+        budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
         let place = |[x, y]: [f64; 2]| [x * scale, (y - self.half_width) * scale];
         let runs = in_reading_order(lines)
@@ -127,15 +166,15 @@ impl Typeface {
     }
 
     /// A character's curves in font units.
-    fn outline(&self, character: char) -> Option<BezPath> {
+    fn outline(&self, character: char, budget: &Budget) -> Option<BezPath> {
         let id = self.face.glyph_id(character);
         let points = self.points.as_ref().and_then(|points| points.get(usize::from(id.0)));
-        if id.0 == 0
-            || points.is_some_and(|n| *n as usize > MAX_POINTS)
-            || !are_few(self.face.as_slice(), id.0)
-        {
+        let points = points.map_or(0, |n| *n as usize);
+        if id.0 == 0 || points > MAX_POINTS {
             return None;
         }
+        let work = points + charstrings::work(self.face.as_slice(), id.0)? as usize;
+        budget.spend_steps(OUTLINE[0] + OUTLINE[1] * work).then_some(())?;
         let path = glyph_outline(&self.face, id)?;
         (path.elements().len() <= MAX_POINTS && path.is_finite()).then_some(path)
     }
@@ -146,8 +185,8 @@ impl Typeface {
     }
 
     /// A character's outline in cap heights; `None` where it has none.
-    fn contours(&self, character: char) -> Option<Vec<Contour>> {
-        let mut path = self.outline(character)?;
+    fn contours(&self, character: char, budget: &Budget) -> Option<Vec<Contour>> {
+        let mut path = self.outline(character, budget)?;
         path.apply_affine(Affine::scale(1.0 / self.cap));
         if size(&path) > MAX_COORDINATE {
             return None;
@@ -247,7 +286,8 @@ mod tests {
     fn center_lines_stay_in_the_ink() {
         let face = roboto(Trace::CenterLine);
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
-            let ink = Ink::new(&face.contours(character).unwrap());
+            let budget = Budget::of("Roboto-Thin.ttf", "none");
+            let ink = Ink::new(&face.contours(character, &budget).unwrap(), &budget);
             let shape = face.shape(character).unwrap();
             let (mut inside, mut all) = (0, 0);
             for run in

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::flight::{Flight, FlightSample};
+use crate::flight::{Flight, FlightSample, airborne};
 use crate::geometry::Attitude;
 use crate::statistics::weighted_quantile;
 
@@ -22,6 +22,9 @@ const VELOCITY_S: f64 = 0.1;
 
 /// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
+
+/// Farthest place of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between motors.
+const LAMP_M: f64 = 0.05;
 
 /// A gap of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +53,17 @@ pub(crate) fn gaps(flight: &Flight) -> Vec<Gap> {
         Gap { span_s: *span_s, uncertainty_m: acceleration * lasts_s * lasts_s / 8.0 }
     };
     flight.gaps.iter().map(gap).collect()
+}
+
+/// The gaps that no lamp shines across, each with the longest way that a lamp can have taken.
+pub(crate) fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
+    let open: Vec<Gap> = gaps(flight).into_iter().filter(|gap| !gap.is_bridged()).collect();
+    if open.is_empty() {
+        return Vec::new();
+    }
+    let speed_m_s = speed_m_s(flight);
+    let way_m = |gap: &Gap| 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]);
+    open.into_iter().map(|gap| (gap, way_m(&gap))).collect()
 }
 
 /// The samples of a flight in stretches: over bridges, and from one open gap to the next.
@@ -133,6 +147,27 @@ fn acceleration_m_s2(flight: &Flight) -> f64 {
     weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
 }
 
+/// Speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
+fn speed_m_s(flight: &Flight) -> f64 {
+    let air = airborne(flight).unwrap_or(0..flight.samples.len());
+    let samples = &flight.samples[air];
+    let mut gaps = flight.gaps.iter().peekable();
+    let mut found = Vec::new();
+    let mut from: Option<&FlightSample> = None;
+    for sample in samples {
+        if gaps.next_if(|gap| gap[1] <= sample.time_s).is_some() {
+            from = None;
+        }
+        let since = *from.get_or_insert(sample);
+        let lasts_s = sample.time_s - since.time_s;
+        if lasts_s >= VELOCITY_S {
+            found.push(((sample.position_m - since.position_m).norm() / lasts_s, lasts_s));
+            from = Some(sample);
+        }
+    }
+    weighted_quantile(&mut found, 0.95).unwrap_or(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,6 +204,9 @@ mod tests {
         assert!(errors.len() >= 45, "{} samples", errors.len());
         let worst_m = errors.into_iter().fold(0.0, f64::max);
         assert!(worst_m < 0.2 * short.uncertainty_m, "{worst_m} m off the circle");
+        let [(gap, way_m)] = dark(&flight)[..] else { panic!("the long gap stays dark") };
+        assert_eq!(gap, long);
+        assert!((way_m - (2.0 * LAMP_M + 0.5 * 1.5)).abs() < 1e-3, "at 0.5 m/s: {way_m} m");
         assert!(stretches[0].windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
     }
 }

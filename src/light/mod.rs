@@ -28,6 +28,7 @@ use radio::Change;
 
 pub use fixture::{Die, Drive, Fixture};
 pub use options::{ColorLedLevels, Deck, LightOptions, Pwm, RingColor, RingEffect, RingFade};
+pub use programs::{COLOR_LED_COLORS, packed};
 pub use ring::RING_COLORS;
 
 mod chance;
@@ -202,8 +203,8 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     }
     let names: Vec<&str> = flight.lights.keys().map(String::as_str).collect();
     Err(Error::input(
-        "flight",
-        format!("light columns [{}]", names.join(", ")),
+        "lights of the flight",
+        format!("columns [{}]", names.join(", ")),
         format!("a column light.{first} with levels from 0 to 1"),
         "add the column (0 where the lights are off), or change light.fixtures in the scene",
     ))

@@ -3,8 +3,8 @@
 use std::cell::OnceCell;
 
 use super::chance::Chance;
-use super::radio::{Change, Timer, arrivals};
-use super::ring::{Frame, frames};
+use super::radio::{Change, Timer, arrivals, arrivals_of};
+use super::ring::{Frame, byte, frames};
 use super::{ColorLedLevels, Drive, Fixture, LightOptions, Pwm};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -30,6 +30,9 @@ const COLOR_LED_TICK_S: f64 = 0.01;
 
 /// Channel of the plan that switches the color LED deck; without it the deck is on.
 pub(super) const COLOR_LED_CHANNEL: &str = "color-led";
+/// Channels of a plan for the color of the deck; without them it is that of the letter.
+pub const COLOR_LED_COLORS: [&str; 4] =
+    ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
 /// Luminous flux in lm of the dies of the color LED deck, white, red, green, blue
 /// (`color_led_deck.h`).
@@ -135,53 +138,42 @@ impl<'a> Programs<'a> {
     }
 
     fn color_led(&self) -> Vec<Vec<Change>> {
-        let switched = self.flight.lights.get(COLOR_LED_CHANNEL).map(|levels| {
-            let chance = Chance::new(self.seed, self.drone, COLOR_LED_CHANNEL);
-            let at_first = levels.first().copied().unwrap_or(0.0);
-            let arrivals =
-                arrivals(self.flight, COLOR_LED_CHANNEL, at_first, self.options, &chance);
-            let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
-            let mut changes = self.steady(at_first);
-            changes.extend(timer.hold(&arrivals));
-            changes
-        });
-        let mut switched = switched.unwrap_or_else(|| self.steady(1.0));
-        let letters = self.letters();
-        if !self.options.letters_wrgb.is_empty() {
-            // A lamp that stays lit from letter to letter changes its color.
-            let lit_at = |time_s: f64| {
-                let before = switched.partition_point(|change| change.time_s <= time_s);
-                before.checked_sub(1).map(|index| switched[index].level).filter(|l| *l > 0.0)
-            };
-            let turns = letters.iter();
-            let turns = turns.filter_map(|(time_s, _)| Some((*time_s, lit_at(*time_s)?)));
-            let turns: Vec<Change> =
-                turns.map(|(time_s, level)| Change { time_s, level }).collect();
-            switched.extend(turns);
-            switched.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        }
+        let sent = self.color_led_sent();
+        let at_first = sent.first().copied().unwrap_or(0.0);
+        let chance = Chance::new(self.seed, self.drone, COLOR_LED_CHANNEL);
+        let samples = &self.flight.samples;
+        let arrivals = arrivals_of(samples, &sent, at_first, self.options, &chance);
+        let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
+        let mut changes = self.steady(at_first);
+        changes.extend(timer.hold(&arrivals));
         let levels = |change: &Change| {
-            let before = letters.partition_point(|(time_s, _)| *time_s <= change.time_s);
-            let letter = before.checked_sub(1).map(|index| letters[index].1);
-            color_led_levels(self.options.wrgb_of(letter), self.options.color_led_levels)
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "packed")]
+            let wrgb = (change.level as u32).to_be_bytes();
+            color_led_levels(wrgb, self.options.color_led_levels)
         };
-        let die = |die: usize| {
-            let level = |c: &Change| if c.level > 0.0 { levels(c)[die] } else { 0.0 };
-            switched.iter().map(|c| Change { level: level(c), ..*c }).collect()
-        };
+        let die =
+            |die: usize| changes.iter().map(|c| Change { level: levels(c)[die], ..*c }).collect();
         (0..4).map(die).collect()
     }
 
-    /// Letters of the flight, each from its first sample on.
-    fn letters(&self) -> Vec<(f64, usize)> {
-        let mut letters: Vec<(f64, usize)> = Vec::new();
-        for sample in &self.flight.samples {
-            let Some(letter) = sample.letter else { continue };
-            if letters.last().is_none_or(|(_, last)| *last != letter) {
-                letters.push((sample.time_s, letter));
-            }
-        }
-        letters
+    /// What is sent to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
+    fn color_led_sent(&self) -> Vec<f64> {
+        let channel = |name: &str| self.flight.lights.get(name);
+        let level = channel(COLOR_LED_CHANNEL);
+        let colors = COLOR_LED_COLORS.map(channel);
+        let mut letter = None;
+        let samples = self.flight.samples.iter().enumerate();
+        let sent = samples.map(|(row, sample)| {
+            letter = sample.letter.or(letter);
+            let wrgb = match colors {
+                [Some(white), Some(red), Some(green), Some(blue)] => {
+                    [white, red, green, blue].map(|levels| byte(levels[row]))
+                }
+                _ => self.options.wrgb_of(letter),
+            };
+            f64::from(packed(&wrgb, level.map_or(1.0, |levels| levels[row])))
+        });
+        sent.collect()
     }
 
     /// Levels between 0 and 1 as pulses of full level.
@@ -220,6 +212,14 @@ impl<'a> Programs<'a> {
         }
         Ok(out)
     }
+}
+
+/// Bytes of a color at a level, the first one in the highest place, as decks are sent them.
+#[must_use]
+pub fn packed(bytes: &[u8], level: f64) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
+    bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }
 
 /// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.

@@ -2,7 +2,7 @@
 
 use super::LightOptions;
 use super::chance::Chance;
-use crate::flight::Flight;
+use crate::flight::{Flight, FlightSample};
 
 /// A level from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,9 +23,20 @@ pub(super) fn arrivals(
     chance: &Chance,
 ) -> Vec<Change> {
     let Some(levels) = flight.lights.get(channel) else { return Vec::new() };
+    arrivals_of(&flight.samples, levels, at_first, options, chance)
+}
+
+/// The same of the values that are sent with samples.
+pub(super) fn arrivals_of(
+    samples: &[FlightSample],
+    levels: &[f64],
+    at_first: f64,
+    options: &LightOptions,
+    chance: &Chance,
+) -> Vec<Change> {
     let mut arrivals: Vec<Change> = Vec::new();
     let (mut commanded, mut n) = (at_first, 0);
-    for (sample, &level) in flight.samples.iter().zip(levels) {
+    for (sample, &level) in samples.iter().zip(levels) {
         if level == commanded {
             continue;
         }

@@ -209,7 +209,7 @@ fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2])
 }
 
 /// A level of 0 to 1 as the nearest of 255 steps.
-fn byte(level: f64) -> u8 {
+pub(super) fn byte(level: f64) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let byte = (255.0 * level).round().clamp(0.0, 255.0) as u8;
     byte

@@ -11,61 +11,53 @@
 //! Other numbers, texts and lists are skipped. Python writes `NaN` and
 //! `Infinity`, which are not JSON; they are read as missing values.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use serde_json::{Map, Value};
-
-use super::plain_csv;
+use super::json_tree::{self, List, Node, joined};
 use super::recording::{Block, Clock, Column, Recording};
+use super::{MAX_VARIABLES, plain_csv};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::statistics::median;
 
 /// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
 const WRAP_S: f64 = 16_777.216;
 
-/// Largest JSON text, in bytes: the reference flight takes 2 MB a minute.
-const MAX_BYTES: usize = 128 << 20;
-
-/// Most memory of the values while they are read: 16 Mi numbers in lists, an hour of the reference
-/// log being 12 Mi; or 235,000 rows of ten numbers.
-const MAX_MEMORY: usize = 512 << 20;
-
-/// Most variables; the firmware logs 128 at a time.
-const MAX_VARIABLES: usize = 1024;
+/// Steps of reading a byte of text.
+const STEPS: usize = 3;
 
 /// Reads a JSON log.
-pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-    if bytes.len() > MAX_BYTES {
-        let (found, most) = (bytes.len() >> 20, MAX_BYTES >> 20);
-        let wanted = format!("at most {most} MiB");
-        return Err(Error::input(file, format!("{found} MiB of JSON"), wanted, HINT));
-    }
-    let memory = bytes.iter().map(|byte| memory(*byte)).sum::<usize>();
-    if memory > MAX_MEMORY {
-        let found = format!("values that take {} MiB of memory", memory.div_ceil(1 << 20));
-        let wanted = format!("at most {} MiB", MAX_MEMORY >> 20);
-        return Err(Error::input(file, found, wanted, "cut the log to one flight"));
-    }
+pub(super) fn read(bytes: &[u8], file: &str, budget: &Budget) -> Result<Recording> {
+    budget.steps(STEPS * bytes.len())?;
+    budget.bytes(bytes.len())?;
     let mut text = bytes.to_vec();
     replace_nan(&mut text);
     let mut warnings = Vec::new();
-    let value: Value = match serde_json::from_slice(&text) {
+    let left = budget.bytes_left();
+    let broken = |source: serde_json::Error| match budget.check() {
+        Ok(()) => broken(file, &source),
+        Err(error) => error,
+    };
+    let value = match json_tree::read(&text, budget) {
         Ok(value) => value,
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
             warnings.push(format!("the file ends too early, at {place}; the part before is read"));
             close(&mut text);
-            serde_json::from_slice(&text).map_err(|source| broken(file, &source))?
+            budget.free(left - budget.bytes_left());
+            json_tree::read(&text, budget).map_err(broken)?
         }
-        Err(source) => return Err(broken(file, &source)),
+        Err(source) => return Err(broken(source)),
     };
-    let mut reader = Reader { file, blocks: Vec::new(), warnings };
-    let in_seconds = match &value {
-        Value::Object(top) => {
+    drop(text);
+    let mut reader = Reader { file, budget, blocks: Vec::new(), warnings };
+    let in_seconds = match value {
+        Node::Object(top) => {
+            let in_seconds = top.contains_key("drone") || top.contains_key("mocap");
             reader.folder(top, "")?;
-            top.contains_key("drone") || top.contains_key("mocap")
+            in_seconds
         }
-        Value::Array(rows) if reader.rows("", rows)? => false,
+        Node::List(list) if reader.rows("", &list)? => false,
         _ => {
             let wanted = "an object of variables, each with time and data, or a list of rows, each \
                           an object with a time";
@@ -82,18 +74,6 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Recording> {
     }
     let file = file.to_owned();
     Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
-}
-
-/// Memory of what a byte begins or separates, measured on files of nothing else (64-bit Linux): the
-/// file is refused before a value takes any.
-fn memory(byte: u8) -> usize {
-    match byte {
-        b',' => 32,
-        b'"' => 48,
-        b'[' => 160,
-        b'{' => 1000,
-        _ => 0,
-    }
 }
 
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
@@ -163,82 +143,74 @@ fn close(text: &mut Vec<u8>) {
     text.extend(closing.iter().rev());
 }
 
-/// The numbers of an object and of those in it, by their names with dots; the names in an object
-/// `data` stand alone.
-fn flatten(members: &Map<String, Value>, prefix: &str, cells: &mut BTreeMap<String, f64>) {
-    for (key, value) in members {
-        let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-        match value {
-            Value::Object(inner) if key == "data" => flatten(inner, prefix, cells),
-            Value::Object(inner) => flatten(inner, &name, cells),
-            Value::Number(number) => {
-                cells.insert(name, number.as_f64().unwrap_or(f64::NAN));
-            }
-            Value::Bool(on) => {
-                cells.insert(name, f64::from(u8::from(*on)));
-            }
-            _ => {}
-        }
-    }
-}
-
 struct Reader<'a> {
     file: &'a str,
+    budget: &'a Budget,
     blocks: Vec<Block>,
     warnings: Vec<String>,
 }
 
 impl Reader<'_> {
-    fn folder(&mut self, members: &Map<String, Value>, prefix: &str) -> Result<()> {
+    fn folder(&mut self, members: BTreeMap<String, Node>, prefix: &str) -> Result<()> {
         for (key, value) in members {
-            if self.blocks.iter().map(|block| block.columns.len()).sum::<usize>() > MAX_VARIABLES
-                || self.blocks.len() > MAX_VARIABLES
-            {
-                let wanted = format!("at most {MAX_VARIABLES}");
-                return Err(Error::input(self.file, "too many variables", wanted, HINT));
+            let name = joined(prefix, &key, self.budget)?;
+            let mut inner = match value {
+                Node::List(list) => {
+                    self.rows(&name, &list)?;
+                    continue;
+                }
+                Node::Object(inner) => inner,
+                Node::Missing | Node::Text(_) | Node::Number(_) => continue,
+            };
+            let timed_list = matches!(inner.get("time"), Some(Node::List(_)));
+            if inner.contains_key("data") && inner.contains_key("time") {
+                self.variable(&name, inner.remove("time"), inner.remove("data"))?;
+            } else if timed_list {
+                self.block(&name, inner)?;
+            } else if key == "drone" && prefix.is_empty() {
+                self.folder(inner, "")?;
+            } else {
+                self.folder(inner, &name)?;
             }
-            let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-            if let Value::Array(rows) = value {
-                self.rows(&name, rows)?;
-            }
-            let Value::Object(inner) = value else { continue };
-            match (inner.get("time"), inner.get("data")) {
-                (Some(time), Some(data)) => self.variable(&name, time, data)?,
-                (Some(time), None) if time.is_array() => self.block(&name, time, inner)?,
-                _ if key == "drone" && prefix.is_empty() => self.folder(inner, "")?,
-                _ => self.folder(inner, &name)?,
-            }
+        }
+        Ok(())
+    }
+
+    /// Adds a block of columns.
+    fn add(&mut self, block: Block) -> Result<()> {
+        self.blocks.push(block);
+        let n = self.blocks.iter().map(|block| block.columns.len().max(1)).sum::<usize>();
+        if n > MAX_VARIABLES {
+            let wanted = format!("at most {MAX_VARIABLES}");
+            return Err(Error::input(self.file, "too many variables", wanted, HINT));
         }
         Ok(())
     }
 
     /// Adds a variable to the block before it where their stamps are equal, else to a new block.
-    fn variable(&mut self, name: &str, time: &Value, data: &Value) -> Result<()> {
+    fn variable(&mut self, name: &str, time: Option<Node>, data: Option<Node>) -> Result<()> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
         self.cut_to_shorter(name, &mut time_s, &mut values);
         let column = Column { name: name.to_owned(), values };
-        match self.blocks.last_mut() {
-            Some(block) if block.time_s == time_s && block.clock == Clock::Drone => {
-                block.columns.push(column);
-            }
-            _ => self.blocks.push(Block {
-                name: name.to_owned(),
-                time_s,
-                columns: vec![column],
-                ..Block::default()
-            }),
+        let same = |block: &Block| block.clock == Clock::Drone && block.time_s == time_s;
+        if self.blocks.last().is_some_and(same) {
+            let mut block = self.blocks.pop().expect("it is the same");
+            block.columns.push(column);
+            return self.add(block);
         }
-        Ok(())
+        let name = name.to_owned();
+        self.add(Block { name, time_s, columns: vec![column], ..Block::default() })
     }
 
-    fn block(&mut self, name: &str, time: &Value, members: &Map<String, Value>) -> Result<()> {
-        let mut time_s = self.numbers(&format!("{name}.time"), time)?;
+    fn block(&mut self, name: &str, mut members: BTreeMap<String, Node>) -> Result<()> {
+        let mut time_s = self.numbers(&format!("{name}.time"), members.remove("time"))?;
         let mut columns = Vec::new();
-        for (key, value) in members.iter().filter(|(key, value)| *key != "time" && value.is_array())
-        {
-            let name = format!("{name}.{key}");
-            columns.push(Column { values: self.numbers(&name, value)?, name });
+        for (key, value) in members {
+            if matches!(value, Node::List(_)) {
+                let name = joined(name, &key, self.budget)?;
+                columns.push(Column { values: self.numbers(&name, Some(value))?, name });
+            }
         }
         for column in &mut columns {
             self.cut_to_shorter(&column.name, &mut time_s, &mut column.values);
@@ -246,46 +218,37 @@ impl Reader<'_> {
         for column in &mut columns {
             column.values.truncate(time_s.len());
         }
-        let mocap = name == "mocap" || name.starts_with("mocap.");
-        let clock = if mocap { Clock::Mocap } else { Clock::Drone };
-        self.blocks.push(Block { name: name.to_owned(), clock, time_s, columns });
-        Ok(())
+        self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })
     }
 
     /// Adds the columns of a list of objects, each with a time; returns whether it is one. Rows
     /// without a time are left out, and cells that a row lacks are missing values.
-    fn rows(&mut self, name: &str, rows: &[Value]) -> Result<bool> {
-        let is_time = |key: &str| plain_csv::meaning(key).0 == "t";
-        let cells = |row: &Value| {
-            let mut cells = BTreeMap::new();
-            row.as_object().into_iter().for_each(|row| flatten(row, "", &mut cells));
-            cells
-        };
-        let rows: Vec<BTreeMap<String, f64>> = rows.iter().map(cells).collect();
-        let names: BTreeSet<&String> = rows.iter().flat_map(BTreeMap::keys).collect();
-        let Some(time) = names.iter().find(|name| is_time(name)).copied() else {
-            return Ok(false);
-        };
-        if names.len() > MAX_VARIABLES {
-            let wanted = format!("at most {MAX_VARIABLES}");
-            return Err(Error::input(self.file, "too many variables", wanted, HINT));
-        }
+    fn rows(&mut self, name: &str, list: &List) -> Result<bool> {
+        let is_time = |key: &&String| plain_csv::meaning(key).0 == "t";
+        // What a name means costs more than to compare it.
+        self.budget.steps(10_000 * list.cells.len())?;
+        let Some(time) = list.cells.keys().find(is_time) else { return Ok(false) };
         let unit_s = plain_csv::meaning(time).1.unwrap_or(1.0);
-        let rows: Vec<_> = rows.iter().filter(|row| row.contains_key(time)).collect();
-        let column = |key: &&String| {
-            let (ours, unit) = match name {
+        let rows = &list.cells[time];
+        self.budget.bytes(size_of::<f64>() * rows.len() * list.cells.len())?;
+        let mut columns = Vec::new();
+        for (key, cells) in list.cells.iter().filter(|(key, _)| *key != time) {
+            let (name, unit) = match name {
                 "" => plain_csv::meaning(key),
-                folder => (format!("{folder}.{key}"), None),
+                folder => (joined(folder, key, self.budget)?, None),
             };
-            let cell = |row: &&BTreeMap<String, f64>| row.get(*key).copied().unwrap_or(f64::NAN);
-            let values = rows.iter().map(|row| cell(row) * unit.unwrap_or(1.0)).collect();
-            Column { name: ours, values }
-        };
-        let columns = names.iter().filter(|key| **key != time).map(column).collect();
-        let mocap = name == "mocap" || name.starts_with("mocap.");
-        let clock = if mocap { Clock::Mocap } else { Clock::Drone };
-        let time_s = rows.iter().map(|row| row[time] * unit_s).collect();
-        self.blocks.push(Block { name: name.to_owned(), clock, time_s, columns });
+            let mut values = vec![f64::NAN; rows.len()];
+            let mut at = 0;
+            for (row, value) in cells {
+                at += rows[at..].iter().take_while(|(timed, _)| timed < row).count();
+                if rows.get(at).is_some_and(|(timed, _)| timed == row) {
+                    values[at] = value * unit.unwrap_or(1.0);
+                }
+            }
+            columns.push(Column { name, values });
+        }
+        let time_s = rows.iter().map(|(_, stamp)| stamp * unit_s).collect();
+        self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })?;
         Ok(true)
     }
 
@@ -300,28 +263,35 @@ impl Reader<'_> {
         values.truncate(n_time);
     }
 
-    fn numbers(&self, name: &str, value: &Value) -> Result<Vec<f64>> {
-        let refuse = |place: String, value: &Value| {
-            let found: String = value.to_string().chars().take(40).collect();
-            Error::input(place, found, "a list of numbers", HINT)
+    fn numbers(&self, name: &str, value: Option<Node>) -> Result<Vec<f64>> {
+        let refuse = |place: String, found: String| {
+            Err(Error::input(place, found, "a list of numbers", HINT))
         };
-        let Value::Array(items) = value else {
-            return Err(refuse(format!("{}: {name}", self.file), value));
-        };
-        let number = |(i, item): (usize, &Value)| match item {
-            Value::Number(number) => Ok(number.as_f64().unwrap_or(f64::NAN)),
-            Value::Bool(on) => Ok(f64::from(u8::from(*on))),
-            Value::Null => Ok(f64::NAN),
-            Value::String(text) if text.is_empty() => Ok(f64::NAN),
-            _ => Err(refuse(format!("{}: {name}[{i}]", self.file), item)),
-        };
-        items.iter().enumerate().map(number).collect()
+        match value {
+            Some(Node::List(List { odd: Some((index, found)), .. })) => {
+                refuse(format!("{}: {name}[{index}]", self.file), found)
+            }
+            Some(Node::List(list)) => Ok(list.numbers),
+            other => {
+                let found = other.map_or_else(String::new, |node| node.text());
+                refuse(format!("{}: {name}", self.file), found)
+            }
+        }
     }
+}
+
+/// The clock of a block by its name.
+fn clock_of(name: &str) -> Clock {
+    if name == "mocap" || name.starts_with("mocap.") { Clock::Mocap } else { Clock::Drone }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn read(bytes: &[u8], file: &str) -> Result<Recording> {
+        super::read(bytes, file, &Budget::of(file, HINT))
+    }
 
     #[test]
     fn the_three_dialects_give_seconds_and_names() {
@@ -374,10 +344,27 @@ mod tests {
 
     #[test]
     fn values_that_would_take_too_much_memory_are_refused_before_they_do() {
-        for (value, n) in [("{\"t\":1},", 500_000), ("[0],", 3_000_000), ("0,", 17_000_000)] {
+        for (value, n) in [("{\"t\":1},", 8_000_000), ("[0],", 17_000_000), ("0,", 25_000_000)] {
             let text = format!("[{}0]", value.repeat(n));
             let error = read(text.as_bytes(), "log.json").unwrap_err().to_string();
-            assert!(error.contains("MiB of memory, wanted at most 512 MiB"), "{value}: {error}");
+            assert!(error.contains("than an input may"), "{value}: {error}");
+        }
+    }
+
+    /// A number at the end of objects within each other, each under a long name.
+    fn nested(depth: usize, name: &str, number: &str) -> String {
+        format!("{{\"{name}\":").repeat(depth) + number + &"}".repeat(depth)
+    }
+
+    #[test]
+    fn long_names_within_each_other_are_refused_before_they_are_joined() {
+        let leaves: String = (0..5000).map(|n| format!("\"{n}\":1,")).collect();
+        let leaves = format!("{{{leaves}\"x\":1}}");
+        let rows = format!("[{{\"t\":0,\"a\":{}}}]", nested(100, &"k".repeat(20_000), &leaves));
+        let folders = nested(100, &"k".repeat(20_000), &leaves);
+        for text in [rows, folders] {
+            let error = read(text.as_bytes(), "log.json").map(|log| log.blocks.len()).unwrap_err();
+            assert!(error.to_string().contains("log.json: found"), "{error}");
         }
     }
 

@@ -6,6 +6,7 @@
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
 use crate::error::Result;
+use crate::files::Budget;
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -19,20 +20,16 @@ pub(super) fn is_header(header: &[String]) -> bool {
         && header[1..].iter().any(|name| name.contains('.'))
 }
 
-/// Reads the files of one recording, each with its name and bytes.
-pub(super) fn read(files: &[(String, Vec<u8>)], file: &str) -> Result<Recording> {
-    let mut recording =
-        Recording { file: file.to_owned(), wrap_s: Some(WRAP_S), ..Recording::default() };
-    for (name, text) in files {
-        let Sheet { header, columns, warnings } = Sheet::read(text, name, &[])?;
-        recording.warnings.extend(warnings.into_iter().map(|text| format!("{name}: {text}")));
-        let mut columns = columns.into_iter();
-        let time_s = columns.next().unwrap_or_default().into_iter().map(|ms| ms / 1000.0).collect();
-        let named = header.into_iter().skip(1).zip(columns);
-        let columns = named.map(|(name, values)| Column { name, values }).collect();
-        let name = std::path::Path::new(name).file_stem().unwrap_or_default();
-        let name = name.to_string_lossy().into_owned();
-        recording.blocks.push(Block { name, time_s, columns, ..Block::default() });
-    }
-    Ok(recording)
+/// Reads a file, which is a block of a recording; `recording` is the name of that in messages.
+pub(super) fn read(text: &[u8], file: &str, recording: &str, budget: &Budget) -> Result<Recording> {
+    let Sheet { header, columns, warnings } = Sheet::read(text, file, &[], budget)?;
+    let mut columns = columns.into_iter();
+    let time_s = columns.next().unwrap_or_default().into_iter().map(|ms| ms / 1000.0).collect();
+    let named = header.into_iter().skip(1).zip(columns);
+    let columns = named.map(|(name, values)| Column { name, values }).collect();
+    let name = std::path::Path::new(file).file_stem().unwrap_or_default();
+    let name = name.to_string_lossy().into_owned();
+    let blocks = vec![Block { name, time_s, columns, ..Block::default() }];
+    let file = recording.to_owned();
+    Ok(Recording { file, blocks, warnings, wrap_s: Some(WRAP_S), ..Recording::default() })
 }

@@ -6,6 +6,7 @@ use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, VelocityFrame, quantities};
 use super::{ImportOptions, PositionSource};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
 use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use crate::flight::{Flight, FlightSample, Quantity};
@@ -13,14 +14,18 @@ use crate::flight::{Flight, FlightSample, Quantity};
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
 
-/// Most numbers in all further columns together: half a gigabyte.
-const MAX_EXTRA_CELLS: usize = 64 << 20;
+/// Steps of finding a channel's value at a stamp.
+const STEPS: usize = 50;
 
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// Makes a flight of a recording with settled clocks.
-pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Flight> {
+/// Makes a flight of a recording with settled clocks; also returns the stamp that became time zero.
+pub(super) fn flight(
+    recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
     let found = quantities(&recording, options.position);
     let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> = all.filter(|q| !found.channels.contains_key(q)).collect();
@@ -37,7 +42,13 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
         ));
     }
     let mut warnings = Vec::new();
-    let axis = axis(&recording, &found, options, &mut warnings)?;
+    let axis = axis(&recording, &found, options, budget, &mut warnings)?;
+    let n_channels = found.channels.values().map(Vec::len).sum::<usize>();
+    let n_extra = recording.names().filter(|name| !found.used.contains(*name)).count();
+    let n_samples = axis.stamps_s.len();
+    budget
+        .bytes(n_samples.saturating_mul(size_of::<FlightSample>() + size_of::<f64>() * n_extra))?;
+    budget.steps((STEPS * n_samples).saturating_mul(n_channels + n_extra))?;
     if !unlogged.is_empty() {
         let names: Vec<&str> = unlogged.iter().map(|quantity| quantity.name()).collect();
         warnings.push(format!("not in the log: {}; set to zero", names.join(", ")));
@@ -46,11 +57,12 @@ pub(super) fn flight(recording: Recording, options: &ImportOptions) -> Result<Fl
         axis.stamps_s.iter().map(|&stamp_s| sample(&found, options, stamp_s, &axis)).collect();
     warnings.extend(warn_of_held_values(&found, options, &axis));
     warnings.extend(warn_of_size(&samples));
-    let mut extra = extra(&recording, &found.used, &axis)?;
+    let mut extra = extra(&recording, &found.used, &axis);
     check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
     let warnings = [recording.warnings, warnings].concat();
-    Ok(Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings })
+    let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
+    Ok((flight, axis.zero_s))
 }
 
 fn nothing_known(recording: &Recording) -> Error {
@@ -92,11 +104,14 @@ fn axis(
     recording: &Recording,
     found: &Quantities,
     options: &ImportOptions,
+    budget: &Budget,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
-    let pose = [Quantity::Position, Quantity::Attitude];
-    let pose: Vec<&Channel> =
-        pose.iter().filter_map(|quantity| found.channels.get(quantity)).flatten().collect();
+    let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
+        let channels = found.channels.get(&quantity).into_iter().flatten();
+        channels.map(move |channel| (quantity, channel))
+    });
+    let pose: Vec<(Quantity, &Channel)> = pose.collect();
     if pose.is_empty() {
         let longest = recording.blocks.iter().max_by_key(|block| block.time_s.len());
         let stamps_s = longest.map_or(Vec::new(), |block| block.time_s.clone());
@@ -110,8 +125,8 @@ fn axis(
     let first_s = drone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
     let last_s = drone().map(|block| block.time_s[block.time_s.len() - 1]);
     let last_s = last_s.fold(f64::NEG_INFINITY, f64::max);
-    let start_s = pose.iter().map(|channel| channel.start_s()).fold(first_s, f64::max);
-    let end_s = pose.iter().map(|channel| channel.end_s()).fold(last_s, f64::min);
+    let start_s = pose.iter().map(|(_, channel)| channel.start_s()).fold(first_s, f64::max);
+    let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
     check_span(recording, end_s - start_s)?;
     let steps = ((end_s - start_s) * options.sample_rate_hz + 1e-6).floor();
     if steps.is_nan() || !(0.0..MAX_SAMPLES).contains(&steps) {
@@ -127,12 +142,14 @@ fn axis(
             "cut the log to one flight, or lower the sample rate",
         ));
     }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
+    let steps = steps as u32;
+    budget.steps(STEPS * steps as usize * pose.len())?;
     let known =
-        |stamp_s: f64| pose.iter().all(|channel| interpolated(channel, stamp_s, options).is_some());
+        |stamp_s: f64| pose.iter().all(|pose| interpolated(*pose, stamp_s, options).is_some());
     // The last step may lie beyond the end by rounding.
     let stamp_s = |step: u32| (start_s + f64::from(step) / options.sample_rate_hz).min(end_s);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
-    let steps: Vec<u32> = (0..=steps as u32).filter(|step| known(stamp_s(*step))).collect();
+    let steps: Vec<u32> = (0..=steps).filter(|step| known(stamp_s(*step))).collect();
     let stamps_s = steps.iter().map(|step| stamp_s(*step)).collect();
     let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
     let gaps = steps.windows(2).filter(|pair| pair[1] - pair[0] > 1);
@@ -183,9 +200,14 @@ fn check_numbers(
     Ok(())
 }
 
+/// Gaps of the attitude that are interpolated, by those of the position: 1 s by default. A body that
+/// leans by 0.1 rad moves a lamp 5 cm from its middle by 5 mm; without a position nothing is known.
+const ATTITUDE_GAPS: f64 = 4.0;
+
 /// Largest gap that is interpolated: the setting, or two and a half periods of a slower log.
-fn gap_limit_s(channel: &Channel, options: &ImportOptions) -> f64 {
-    options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
+fn gap_limit_s(quantity: Quantity, channel: &Channel, options: &ImportOptions) -> f64 {
+    let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
+    share * options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S))
 }
 
 fn warn_of_gaps(axis: &Axis) -> Option<String> {
@@ -221,9 +243,8 @@ fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis
         for (cell, channel) in sample[quantity.places()].iter_mut().zip(channels) {
             *cell = match quantity {
                 Quantity::Design | Quantity::Motors => channel.held(stamp_s),
-                _ => {
-                    interpolated(channel, stamp_s, options).unwrap_or_else(|| channel.held(stamp_s))
-                }
+                _ => interpolated((quantity, channel), stamp_s, options)
+                    .unwrap_or_else(|| channel.held(stamp_s)),
             };
         }
     }
@@ -239,8 +260,12 @@ fn sample(found: &Quantities, options: &ImportOptions, stamp_s: f64, axis: &Axis
 }
 
 /// A measured value between samples; `None` where they are too far apart.
-fn interpolated(channel: &Channel, stamp_s: f64, options: &ImportOptions) -> Option<f64> {
-    channel.linear(stamp_s, gap_limit_s(channel, options))
+fn interpolated(
+    (quantity, channel): (Quantity, &Channel),
+    stamp_s: f64,
+    options: &ImportOptions,
+) -> Option<f64> {
+    channel.linear(stamp_s, gap_limit_s(quantity, channel, options))
 }
 
 /// Names measured quantities other than the pose that are held over gaps of their own.
@@ -253,7 +278,8 @@ fn warn_of_held_values<'a>(
     measured.into_iter().filter_map(move |quantity| {
         let channels = found.channels.get(&quantity)?;
         let held = |stamp_s: &&f64| {
-            channels.iter().any(|channel| interpolated(channel, **stamp_s, options).is_none())
+            let held = |channel| interpolated((quantity, channel), **stamp_s, options).is_none();
+            channels.iter().any(held)
         };
         let (n, n_all) = (axis.stamps_s.iter().filter(held).count(), axis.stamps_s.len());
         let name = quantity.name();
@@ -273,16 +299,8 @@ fn extra(
     recording: &Recording,
     used: &BTreeSet<String>,
     axis: &Axis,
-) -> Result<BTreeMap<String, Vec<f64>>> {
-    let names: Vec<&str> = recording.names().filter(|name| !used.contains(*name)).collect();
-    if names.len().saturating_mul(axis.stamps_s.len()) > MAX_EXTRA_CELLS {
-        return Err(Error::input(
-            &recording.file,
-            format!("{} further columns over {} samples", names.len(), axis.stamps_s.len()),
-            format!("at most {MAX_EXTRA_CELLS} numbers"),
-            "cut the log to one flight, or lower the sample rate",
-        ));
-    }
+) -> BTreeMap<String, Vec<f64>> {
+    let names = recording.names().filter(|name| !used.contains(*name));
     let mut extra = BTreeMap::new();
     for name in names {
         let Some(channel) = recording.channel(name) else { continue };
@@ -293,7 +311,7 @@ fn extra(
         let values = axis.stamps_s.iter().map(|&stamp_s| on_grid(channel.held(stamp_s)));
         extra.insert(title, values.collect());
     }
-    Ok(extra)
+    extra
 }
 
 /// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.

@@ -30,13 +30,14 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::Limit;
+use crate::files::{Budget, Limit, files_in};
 use crate::flight::{Flight, Quantity};
 use crate::settings::{Described, settings};
 
 mod ae483_json;
 mod cfclient_csv;
 mod clock;
+mod json_tree;
 mod mapper;
 mod mocap;
 mod plain_csv;
@@ -49,8 +50,14 @@ mod usd;
 
 use recording::Recording;
 
-/// Largest log that is read: an hour of 100 columns at 100 Hz.
-const LIMIT: Limit = Limit { bytes: 256 << 20, what: "a log", hint: "cut the log to one flight" };
+/// Largest log that is read: ten minutes of 200 columns at 100 Hz.
+const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
+
+/// Advice for a log that is too large.
+const HINT: &str = "cut the log to one flight, or log fewer variables";
+
+/// Most variables of a log; the firmware logs 128 at a time.
+const MAX_VARIABLES: usize = 1024;
 
 /// First columns of our own flight files.
 const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
@@ -61,10 +68,10 @@ settings! {
         /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths the
         /// oscillations of strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
-        /// Longest gap over which position and attitude are interpolated (or two and a half periods
-        /// of a slower log). The error is `a T² / 8`: 3 mm, a lamp's width, at 0.25 s and the
-        /// 0.4 m/s² of the reference flight. A lower limit leaves many gaps in a radio log (a third
-        /// of that flight at 0.1 s).
+        /// Longest gap over which the position is interpolated (or two and a half periods of a slower
+        /// log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a lamp's
+        /// width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves many gaps
+        /// in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude where that source has one.
         position: PositionSource = PositionSource::Best;
@@ -115,12 +122,34 @@ settings! {
 /// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
 /// for unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
+    Ok(import_on_clock(path, options)?.flight)
+}
+
+/// A flight, and the clock that its log was stamped with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OnClock {
+    /// The flight; its times begin at zero, or are those of a flight file.
+    pub flight: Flight,
+    /// Stamp of its time zero, s, on a clock that other logs may share: a date, a time of day, or
+    /// the numbers of a plain CSV file. `None` where the log has a clock of its own: the firmware's
+    /// counter since the drone was switched on, or an imported log, whose zero is lost.
+    pub zero_stamp_s: Option<f64>,
+}
+
+/// Imports a log as [`import`] does, and keeps the zero of its clock.
+///
+/// # Errors
+///
+/// As [`import`].
+pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> {
     options.check("import", None)?;
     let name = path.display().to_string();
     if path.is_dir() {
-        return flight(cfclient_csv::read(&folder(path)?, &name)?, options);
+        let budget = Budget::of(&name, HINT);
+        let (flight, _) = flight(folder(path, &name, &budget)?, options, &budget)?;
+        return Ok(OnClock { flight, zero_stamp_s: None });
     }
-    import_bytes(&read(path)?, &name, options)
+    on_clock(&read(path)?, &name, options)
 }
 
 /// Reads a log's file.
@@ -131,14 +160,26 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 /// Imports a log from its bytes; `file` is its name in messages.
 pub(crate) fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
     options.check("import", None)?;
-    if sheet::header(bytes).is_some_and(|header| header.starts_with(&OWN.map(str::to_owned))) {
+    Ok(on_clock(bytes, file, options)?.flight)
+}
+
+fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
+    let header = sheet::header(bytes).unwrap_or_default();
+    let mut found = if header.starts_with(&OWN.map(str::to_owned)) {
         let mut flight = Flight::parse_csv(bytes, file)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }
-        return Ok(flight);
+        OnClock { flight, zero_stamp_s: Some(0.0) }
+    } else {
+        parse(bytes, file, options)?
+    };
+    // A flight file with ranges is an imported log.
+    let is_ours = header.first().is_some_and(|name| name == OWN[0]);
+    if is_ours && header.iter().any(|name| name.starts_with("ranging.")) {
+        found.zero_stamp_s = None;
     }
-    parse(bytes, file, options)
+    Ok(found)
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -154,23 +195,32 @@ fn use_estimate(flight: &mut Flight) {
 }
 
 /// Imports a log from its bytes; `file` is its name in messages.
-fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
+fn parse(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let recording = match Format::detect(bytes, file)? {
-        Format::Usd => usd::read(bytes, file, options.damaged),
-        Format::Json => ae483_json::read(bytes, file),
-        Format::Cfclient => cfclient_csv::read(&[(file.to_owned(), bytes.to_vec())], file),
-        Format::Plain => plain_csv::read(bytes, file),
+    let budget = Budget::of(file, HINT);
+    budget.bytes(bytes.len())?;
+    let format = Format::detect(bytes, file)?;
+    let recording = match format {
+        Format::Usd => usd::read(bytes, file, options.damaged, &budget),
+        Format::Json => ae483_json::read(bytes, file, &budget),
+        Format::Cfclient => cfclient_csv::read(bytes, file, file, &budget),
+        Format::Plain => plain_csv::read(bytes, file, &budget),
     };
-    flight(recording?, options)
+    let (flight, zero_s) = flight(recording?, options, &budget)?;
+    Ok(OnClock { flight, zero_stamp_s: (format == Format::Plain).then_some(zero_s) })
 }
 
-fn flight(mut recording: Recording, options: &ImportOptions) -> Result<Flight> {
+fn flight(
+    mut recording: Recording,
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<(Flight, f64)> {
+    recording.check(budget)?;
     recording.name_apart();
     clock::settle(&mut recording, options.clock_ratio);
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
-    mapper::flight(recording, options)
+    mapper::flight(recording, options, budget)
 }
 
 /// A format of logs.
@@ -217,24 +267,31 @@ fn unknown(file: &str, found: impl std::fmt::Display) -> Error {
     )
 }
 
-/// All CSV files in a folder that are cfclient's, in order of their names.
-fn folder(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let entries = std::fs::read_dir(path).map_err(|source| Error::read(path, source))?;
-    let entries = entries.collect::<std::io::Result<Vec<_>>>();
-    let entries = entries.map_err(|source| Error::read(path, source))?;
-    let mut paths: Vec<_> = entries.into_iter().map(|entry| entry.path()).collect();
+/// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
+fn folder(path: &Path, name: &str, budget: &Budget) -> Result<Recording> {
+    let mut paths = files_in(path)?;
     paths.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")));
-    paths.sort();
-    let mut files = Vec::new();
+    let mut all: Option<Recording> = None;
     for path in paths {
         let bytes = read(&path)?;
+        budget.steps(bytes.len())?;
+        budget.bytes(bytes.len())?;
         if sheet::header(&bytes).is_some_and(|header| cfclient_csv::is_header(&header)) {
-            files.push((path.display().to_string(), bytes));
+            let file = path.display().to_string();
+            let mut block = cfclient_csv::read(&bytes, &file, name, budget)?;
+            for warning in &mut block.warnings {
+                *warning = format!("{file}: {warning}");
+            }
+            match &mut all {
+                Some(all) => all.extend(block),
+                None => all = Some(block),
+            }
+            // Each file by itself may be small: what counts is their number.
+            all.as_ref().map_or(Ok(()), |all| all.check_variables())?;
         }
+        budget.free(bytes.len() as u64);
     }
-    if files.is_empty() {
-        let found = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(unknown(&path.display().to_string(), found));
-    }
-    Ok(files)
+    all.ok_or_else(|| {
+        unknown(name, "a folder without a CSV file of cfclient (Timestamp,group.name …)")
+    })
 }

@@ -11,6 +11,7 @@
 use super::recording::{Block, Column, Recording};
 use super::sheet::Sheet;
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::statistics::median;
 
 /// Names of the columns where a file has no header.
@@ -59,8 +60,8 @@ const RANGE: &str = "ranging.distance";
 const ROW_S: f64 = 1.0;
 
 /// Reads a plain CSV file.
-pub(super) fn read(text: &[u8], file: &str) -> Result<Recording> {
-    let Sheet { header, columns, mut warnings } = Sheet::read(text, file, &UNNAMED)?;
+pub(super) fn read(text: &[u8], file: &str, budget: &Budget) -> Result<Recording> {
+    let Sheet { header, columns, mut warnings } = Sheet::read(text, file, &UNNAMED, budget)?;
     let (mut time_s, mut named) = (None, Vec::new());
     for (title, mut values) in header.iter().zip(columns) {
         let (name, factor) = meaning(title);
@@ -167,6 +168,10 @@ fn spread_rows(time_s: &mut [f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn read(bytes: &[u8], file: &str) -> Result<Recording> {
+        super::read(bytes, file, &Budget::of(file, "none"))
+    }
 
     fn value(text: &str, name: &str) -> f64 {
         read(text.as_bytes(), "f.csv").unwrap().channel(name).unwrap().values[0]

@@ -2,7 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use super::{HINT, MAX_VARIABLES};
+use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::statistics::median;
+
+/// Most variables that become quantities of a flight, each as a channel of its own.
+const MAX_CHANNELS: usize = 32;
+
+/// Steps of the work on a number until it is part of a channel.
+const STEPS: usize = 10;
 
 /// The contents of a log file: blocks of columns, each block with its own time axis, values in the
 /// units of the log.
@@ -80,6 +89,32 @@ impl Recording {
     /// is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
+    }
+
+    /// Adds the blocks of another file of the same recording.
+    pub(super) fn extend(&mut self, other: Self) {
+        self.blocks.extend(other.blocks);
+        self.warnings.extend(other.warnings);
+    }
+
+    /// Checks that there are no more variables than a log may have.
+    pub(super) fn check_variables(&self) -> Result<()> {
+        let n = self.names().count().max(self.blocks.len());
+        if n > MAX_VARIABLES {
+            let wanted = format!("at most {MAX_VARIABLES}");
+            return Err(Error::input(&self.file, format!("{n} variables"), wanted, HINT));
+        }
+        Ok(())
+    }
+
+    /// Checks that the work on it is within a budget: its channels are copies.
+    pub(super) fn check(&self, budget: &Budget) -> Result<()> {
+        self.check_variables()?;
+        for Block { time_s, columns, .. } in &self.blocks {
+            budget.bytes(2 * size_of::<f64>() * time_s.len() * columns.len().min(MAX_CHANNELS))?;
+            budget.steps(STEPS * time_s.len() * (columns.len() + 1))?;
+        }
+        Ok(())
     }
 
     /// The names of all columns, in the order of the file.

@@ -4,13 +4,10 @@
 //! that is cut off.
 
 use crate::error::{Error, Result};
-use crate::files::Lines;
+use crate::files::{Budget, Lines};
 
-/// Most rows of a sheet: a 1 kHz log of more than an hour.
-const MAX_ROWS: usize = 4_000_000;
-
-/// Most numbers of a sheet: 512 MiB of memory.
-const MAX_NUMBERS: usize = 64 << 20;
+/// Steps of reading a byte, and a cell besides.
+const STEPS: [usize; 2] = [4, 50];
 
 /// Most columns of a sheet.
 const MAX_COLUMNS: usize = 1024;
@@ -50,7 +47,7 @@ pub(super) fn header(text: &[u8]) -> Option<Vec<String>> {
 
 impl Sheet {
     /// Reads a sheet; `names` names the columns where the file has no header.
-    pub(super) fn read(text: &[u8], file: &str, names: &[&str]) -> Result<Self> {
+    pub(super) fn read(text: &[u8], file: &str, names: &[&str], budget: &Budget) -> Result<Self> {
         let found = header(text);
         let mut header_due = found.is_some();
         let header = found.unwrap_or_else(|| {
@@ -64,10 +61,14 @@ impl Sheet {
             let found = format!("{} columns", header.len());
             return Err(Error::input(file, found, format!("at most {MAX_COLUMNS}"), HINT));
         }
-        let n_columns = header.len();
-        let max_rows = MAX_ROWS.min(MAX_NUMBERS / n_columns.max(1));
-        let mut sheet =
-            Self { columns: vec![Vec::new(); header.len()], header, warnings: Vec::new() };
+        let next = text.iter().skip(1).chain(&[0]);
+        let ends =
+            |(byte, next): &(&u8, &u8)| **byte == b'\n' || **byte == b'\r' && **next != b'\n';
+        let n_lines = text.iter().zip(next).filter(ends).count() + 1;
+        budget.bytes(size_of::<f64>() * n_lines.saturating_mul(header.len()))?;
+        budget.steps(STEPS[0] * text.len() + STEPS[1] * n_lines * header.len())?;
+        let columns = header.iter().map(|_| Vec::with_capacity(n_lines)).collect();
+        let mut sheet = Self { columns, header, warnings: Vec::new() };
         let (mut reader, mut record) = (reader(text), csv::StringRecord::new());
         let last_line = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at as u64 + 1);
         loop {
@@ -92,11 +93,6 @@ impl Sheet {
                 _ if unended => {
                     let text = format!("line {line} has no end: it may be cut off and is left out");
                     sheet.warnings.push(text);
-                }
-                Ok(_) if sheet.columns.first().is_some_and(|column| column.len() == max_rows) => {
-                    let found = format!("more than {max_rows} rows of {n_columns} columns");
-                    let wanted = format!("at most {MAX_ROWS} rows and {MAX_NUMBERS} numbers");
-                    return Err(Error::input(file, found, wanted, HINT));
                 }
                 Ok(row) => {
                     sheet.columns.iter_mut().zip(row).for_each(|(column, cell)| column.push(cell));
@@ -185,6 +181,10 @@ fn days_from_date(date: &str) -> Option<i64> {
 mod tests {
     use super::*;
 
+    fn read(bytes: &[u8], file: &str, names: &[&str]) -> Result<Sheet> {
+        Sheet::read(bytes, file, names, &Budget::of(file, HINT))
+    }
+
     #[test]
     fn dates_count_seconds() {
         assert_eq!(seconds_from_date("1970-01-02 00:00:01.5"), Some(86_401.5));
@@ -199,21 +199,28 @@ mod tests {
 
     #[test]
     fn header_separator_and_comments_are_found() {
-        let sheet = Sheet::read(b"# t;X;Y\n0;1;nan\n# more\n1;;3\n", "f.csv", &[]).unwrap();
+        let sheet = read(b"# t;X;Y\n0;1;nan\n# more\n1;;3\n", "f.csv", &[]).unwrap();
         assert_eq!(sheet.header, ["t", "X", "Y"]);
         assert_eq!(sheet.columns[0], [0.0, 1.0]);
         assert!(sheet.columns[2][0].is_nan() && sheet.columns[1][1].is_nan(), "{sheet:?}");
-        let sheet = Sheet::read(b"0,1,2\n1,2,3,\n", "f.csv", &["t", "x"]).unwrap();
+        let sheet = read(b"0,1,2\n1,2,3,\n", "f.csv", &["t", "x"]).unwrap();
         assert_eq!(sheet.header, ["t", "x", "column3"]);
     }
 
     #[test]
     fn a_broken_cell_has_its_line_and_a_cut_line_is_left_out() {
-        let error = Sheet::read(b"t,x\n0,1\n1,a\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
+        let error = read(b"t,x\n0,1\n1,a\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
         assert!(error.contains("f.csv:3: column x") && error.contains("\"a\""), "{error}");
-        let error = Sheet::read(b"t,x\n0,1\n1\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
+        let error = read(b"t,x\n0,1\n1\n2,2\n", "f.csv", &[]).unwrap_err().to_string();
         assert!(error.contains("f.csv:3"), "{error}");
-        let sheet = Sheet::read(b"t,x\n0,1\n1,2\n2", "f.csv", &[]).unwrap();
+        let sheet = read(b"t,x\n0,1\n1,2\n2", "f.csv", &[]).unwrap();
         assert_eq!((sheet.columns[0].len(), sheet.warnings.len()), (2, 1));
+    }
+
+    #[test]
+    fn a_sheet_beyond_its_budget_is_refused_before_it_is_read() {
+        let wide = vec!["a"; 1000].join(",") + "\n" + &"\n".repeat(40_000);
+        let error = read(wide.as_bytes(), "f.csv", &[]).unwrap_err().to_string();
+        assert!(error.contains("f.csv: found more data"), "{error}");
     }
 }

@@ -11,15 +11,13 @@
 
 use std::collections::BTreeMap;
 
-use super::Damaged;
 use super::recording::{Block, Column, Pace, Recording};
+use super::{Damaged, MAX_VARIABLES};
 use crate::error::{Error, Result};
+use crate::files::{Budget, push};
 
 /// The first byte of the file.
 pub(super) const MAGIC: u8 = 0xBC;
-
-/// Most variables of a log in all; the firmware allows far fewer.
-const MAX_VARIABLES: usize = 1024;
 
 /// The stamps of version 1 have 32 bits of milliseconds.
 const WRAP_V1_S: f64 = 4_294_967.296;
@@ -28,7 +26,12 @@ const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
 /// Reads a µSD log.
-pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recording> {
+pub(super) fn read(
+    bytes: &[u8],
+    file: &str,
+    damaged: Damaged,
+    budget: &Budget,
+) -> Result<Recording> {
     let mut cursor = Cursor { bytes, at: 1, file };
     let version = cursor.u16("the version")?;
     if !(1..=2).contains(&version) {
@@ -41,7 +44,7 @@ pub(super) fn read(bytes: &[u8], file: &str, damaged: Damaged) -> Result<Recordi
         before.len() >= cursor.at && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
     let end = if whole { body.len() - 4 } else { body.len() };
-    let stop = records(&body[..end], version, &mut events);
+    let stop = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut warnings = Vec::new();
     if let Some(damage) = stop.damage(whole) {
@@ -81,11 +84,10 @@ enum Reason {
     /// Exactly four bytes remain, which begin no record: probably a CRC.
     Crc,
     Unknown(u16),
-    TooMany,
 }
 
-/// Most numbers of a log: 512 MiB of memory.
-const MAX_NUMBERS: usize = 64 << 20;
+/// Steps of reading a number.
+const STEPS: usize = 5;
 
 impl Stop {
     /// The damage of a log whose records end here; `None` of a whole one.
@@ -97,22 +99,23 @@ impl Stop {
             Reason::Crc => {
                 "the CRC does not match: bytes were changed after they were written".into()
             }
-            Reason::TooMany => format!("more than {MAX_NUMBERS} numbers: cut it into parts"),
             Reason::Unknown(id) => format!("event {id}, which is not in the header"),
         })
     }
 }
 
 /// Reads records as long as there are any.
-fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop {
+fn records(
+    body: &[u8],
+    version: u16,
+    events: &mut BTreeMap<u16, Event>,
+    budget: &Budget,
+) -> Result<Stop> {
     let n_head = if version == 1 { 6 } else { 10 };
-    let (mut at, mut n_numbers) = (0, 0);
+    let mut at = 0;
     loop {
         let rest = &body[at..];
-        let stop = |reason| Stop { at, reason };
-        if n_numbers > MAX_NUMBERS {
-            return stop(Reason::TooMany);
-        }
+        let stop = |reason| Ok(Stop { at, reason });
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
             return stop(if rest.is_empty() { Reason::End } else { Reason::Short });
         };
@@ -123,15 +126,17 @@ fn records(body: &[u8], version: u16, events: &mut BTreeMap<u16, Event>) -> Stop
         if rest.len() < n_head + event.n_bytes {
             return stop(Reason::Short);
         }
-        event.block.time_s.push(stamp_s(&rest[2..n_head]));
+        let n_numbers = 1 + event.decoders.len();
+        budget.bytes(size_of::<f64>() * n_numbers)?;
+        budget.steps(STEPS * n_numbers)?;
+        push(&mut event.block.time_s, stamp_s(&rest[2..n_head]));
         let mut values = &rest[n_head..];
         for ((n_bytes, number), column) in event.decoders.iter().zip(&mut event.block.columns) {
             let (value, after) = values.split_at(*n_bytes);
-            column.values.push(number(value));
+            push(&mut column.values, number(value));
             values = after;
         }
         at += n_head + event.n_bytes;
-        n_numbers += 1 + event.decoders.len();
     }
 }
 

@@ -29,7 +29,8 @@ pub enum Precision {
 impl Readout {
     /// Writes the readout as an uncompressed EXR file with the attributes chromaticities,
     /// whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one), software, and
-    /// comments, a line `keyword: text` for each note. No time stamp.
+    /// comments, a line `keyword: text` for each note, in UTF-8 as the official library and its
+    /// Python module read text. No time stamp.
     ///
     /// # Errors
     ///
@@ -72,9 +73,8 @@ impl Readout {
 
     fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        // Text of the file is Latin-1.
         let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
-        let notes = notes.collect::<String>().replace(|c: char| u32::from(c) > 255, "?");
+        let notes: String = notes.collect();
         LayerAttributes {
             exposure: Some(narrow(exposure_s)),
             aperture: Some(narrow(camera.f_number)),
@@ -82,7 +82,8 @@ impl Readout {
             focus: camera.focus_m.map(narrow),
             white_luminance: Some(narrow(self.white_lx_s / camera.lx_s_of_luminance())),
             software_name: Text::new_or_none(metadata::SOFTWARE),
-            comments: Text::new_or_none(notes),
+            // `Text::new_or_none` writes Latin-1.
+            comments: Some(Text::from_slice_unchecked(notes.as_bytes())),
             ..LayerAttributes::default()
         }
     }
@@ -101,7 +102,7 @@ mod tests {
         let camera = options.camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
         for (precision, error) in [(Precision::Float, 0.0), (Precision::Half, 1.0 / 2048.0)] {
             let mut file = std::io::Cursor::new(Vec::new());
-            let notes = [("noctograph.seed", "7 ψ".to_owned())];
+            let notes = [("noctograph.scene", "word = \"Zoë 漢 ψ\"\n".to_owned())];
             readout.write_exr(&mut file, &camera, precision, &notes).unwrap();
             let mut again = std::io::Cursor::new(Vec::new());
             readout.write_exr(&mut again, &camera, precision, &notes).unwrap();
@@ -134,8 +135,8 @@ mod tests {
             // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
             assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
             assert_eq!(attributes.capture_date, None, "no time stamp");
-            let comments = attributes.comments.as_ref().unwrap().to_string();
-            assert!(comments.contains("noctograph.seed: 7 ?"), "{comments}");
+            let comments = std::str::from_utf8(attributes.comments.as_ref().unwrap().as_slice());
+            assert_eq!(comments, Ok("noctograph.scene: word = \"Zoë 漢 ψ\"\n\n"));
             assert_eq!(image.attributes.chromaticities, Some(CHROMATICITIES));
         }
     }

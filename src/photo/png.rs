@@ -14,6 +14,9 @@ use crate::files::Limit;
 /// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
+/// Keyword of the gaps of flights' logs, as JSON.
+pub(crate) const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
+
 /// Keywords of the digests of flights and strokes.
 pub(crate) const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
 pub(crate) const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
@@ -81,7 +84,11 @@ impl Photo {
         let text = |keyword| text(&info.utf8_text, keyword, path);
         Ok((
             Self { scene_toml: text(SCENE_KEYWORD)?, ..photo },
-            Notes { flight_sha256: text(FLIGHT_KEYWORD)?, strokes_sha256: text(STROKES_KEYWORD)? },
+            Notes {
+                flight_sha256: text(FLIGHT_KEYWORD)?,
+                strokes_sha256: text(STROKES_KEYWORD)?,
+                log_gaps_json: text(LOG_GAPS_KEYWORD)?,
+            },
         ))
     }
 
@@ -106,6 +113,8 @@ pub struct Notes {
     pub flight_sha256: Option<String>,
     /// SHA-256 of its strokes, where they are from a font or drawing of the user's.
     pub strokes_sha256: Option<String>,
+    /// Gaps of flights' logs that it leaves dark.
+    pub log_gaps_json: Option<String>,
 }
 
 /// The text of a keyword, unpacked up to a limit.

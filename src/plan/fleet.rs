@@ -20,9 +20,9 @@ const DELAY_STEP_S: f64 = 0.5;
 /// Time between two checks of the distance.
 const CHECK_STEP_S: f64 = 0.05;
 
-/// Two drones too close to each other, at the moment when they are closest.
+/// Two drones at the moment when they are closest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conflict {
+pub struct Approach {
     /// When.
     pub time_s: f64,
     /// Horizontal distance.
@@ -127,22 +127,29 @@ fn apart_from(
 }
 
 /// The closest moment of two plans that are too close to each other, if they ever are: within
-/// [`MIN_HORIZONTAL_M`] horizontally and [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] in
-/// height where one stands on the floor with its motors off.
+/// [`MIN_HORIZONTAL_M`] horizontally, and not above each other ([`closest`]).
 #[must_use]
-pub fn conflict(a: &Plan, b: &Plan) -> Option<Conflict> {
+pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
+    closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
+}
+
+/// The moment of least horizontal distance of two plans while they are not above each other: within
+/// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
+/// motors off. `None`: they are always above each other.
+#[must_use]
+pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().max(b.duration_s());
     let design_m = |plan: &Plan, time_s: f64| plan.design_m(time_s.min(plan.duration_s()));
-    let mut closest: Option<Conflict> = None;
+    let mut closest: Option<Approach> = None;
     let mut time_s = 0.0;
     while time_s <= end_s {
         let apart_m = design_m(a, time_s) - design_m(b, time_s);
         let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z.abs());
         let parked = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor);
         let reach_m = if parked(a) || parked(b) { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
-        let close = horizontal_m < MIN_HORIZONTAL_M - 1e-9 && vertical_m < reach_m;
-        if close && closest.is_none_or(|closest| horizontal_m < closest.horizontal_m) {
-            closest = Some(Conflict { time_s, horizontal_m, vertical_m });
+        let closer = closest.is_none_or(|closest| horizontal_m < closest.horizontal_m);
+        if vertical_m < reach_m && closer {
+            closest = Some(Approach { time_s, horizontal_m, vertical_m });
         }
         time_s += CHECK_STEP_S;
     }

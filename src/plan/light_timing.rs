@@ -7,9 +7,12 @@
 //! in the flight. The light changes at the nearest tick to that time, and the command is sent so
 //! that it arrives in the middle between two ticks.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use super::lamp::LampTiming;
+use super::light_letters::drawn;
 use super::stroke_ends::{Aligned, Edge, StrokeEnd};
 use super::{Plan, Setpoint};
 use crate::error::Result;
@@ -123,7 +126,16 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             push(later, sent_m.map(on_grid), level);
         }
     }
-    out.lights = plan.lights.keys().map(|channel| (channel.clone(), levels.clone())).collect();
+    // Colors go with the stroke, lamps with the command.
+    let drawn = drawn((&out, &levels), (plan, &plan.commanded()));
+    let lamps: Vec<&String> = plan.lamps().map(|(lamp, _)| lamp).collect();
+    let sent = plan.lights.iter().map(|(channel, before)| {
+        let color = |rows: &Option<Range<usize>>| rows.as_ref().map_or(0.0, |r| before[r.end - 1]);
+        let is_lamp = lamps.contains(&channel);
+        let levels = if is_lamp { levels.clone() } else { drawn.iter().map(color).collect() };
+        (channel.clone(), levels)
+    });
+    out.lights = sent.collect();
     out
 }
 
@@ -196,6 +208,26 @@ mod tests {
         assert!(timed.setpoints.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
         let (kept, wanted) = (timed.full_light_s(), plan.full_light_s());
         assert!((kept - wanted).abs() < 0.005, "the design's light: {kept} s of {wanted} s");
+    }
+
+    #[test]
+    fn colors_move_with_their_strokes() {
+        let mut plan = noor();
+        let lit = plan.lights["headlights"].clone();
+        let letters = plan.light_letters();
+        let color = |letter: &Option<usize>| letter.map_or(0.0, |letter| 0.1 * (letter + 1) as f64);
+        plan.lights = [
+            ("ring".to_owned(), lit),
+            ("ring.red".to_owned(), letters.iter().map(color).collect()),
+        ]
+        .into();
+        let (timed, _) = time_lights(&plan, &late(&plan, 0.5), &LAMP, Between::Held).unwrap();
+        let letters = timed.light_letters();
+        let colors: Vec<f64> = letters.iter().map(color).collect();
+        assert_eq!(timed.lights["ring.red"], colors);
+        assert!(colors.iter().any(|color| *color > 0.0));
+        let dark = timed.lights["ring"].iter().zip(&colors).all(|(l, c)| (*l > 0.0) == (*c > 0.0));
+        assert!(dark, "no color without light, and no light without color");
     }
 
     #[test]

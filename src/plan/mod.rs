@@ -25,6 +25,7 @@ mod even;
 pub mod feedforward;
 mod fleet;
 mod lamp;
+mod light_letters;
 mod light_timing;
 mod motion;
 mod options;
@@ -38,7 +39,7 @@ mod stroke_ends;
 mod team;
 mod transit;
 
-pub use fleet::{Conflict, MIN_HORIZONTAL_M, MIN_VERTICAL_M, conflict, fleet};
+pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet};
 pub use lamp::LampTiming;
 pub use light_timing::{Between, time_lights};
 pub use options::{
@@ -115,15 +116,29 @@ impl Plan {
         }
     }
 
-    /// Light level of the design from each setpoint on: the highest level of all channels where
-    /// commands are not sent ahead of it.
+    /// Channels that switch lamps. `ring.red` is no lamp but the color of one where there is a
+    /// channel `ring`.
+    pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
+        let is_color = |channel: &str| {
+            let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
+            lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
+        };
+        self.lights.iter().filter(move |(channel, _)| !is_color(channel))
+    }
+
+    /// Level that is commanded from each setpoint on: the highest of all lamps.
+    #[must_use]
+    pub fn commanded(&self) -> Vec<f64> {
+        let lamps: Vec<&Vec<f64>> = self.lamps().map(|(_, levels)| levels).collect();
+        let highest = |row: usize| lamps.iter().map(|levels| levels[row]).fold(0.0, f64::max);
+        (0..self.setpoints.len()).map(highest).collect()
+    }
+
+    /// Light level of the design from each setpoint on: that of the commands where these are not
+    /// sent ahead of it.
     #[must_use]
     pub fn lit(&self) -> Vec<f64> {
-        if !self.lit.is_empty() {
-            return self.lit.clone();
-        }
-        let highest = |row: usize| self.lights.values().map(|l| l[row]).fold(0.0, f64::max);
-        (0..self.setpoints.len()).map(highest).collect()
+        if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
 
     /// Time at full light that the design asks for: levels below 1 count in proportion.

@@ -134,10 +134,7 @@ impl<'a> Aligned<'a> {
     }
 
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
-        let commanded: Vec<f64> = (0..plan.setpoints.len())
-            .map(|row| plan.lights.values().map(|levels| levels[row]).fold(0.0, f64::max))
-            .collect();
-        let wanted = plan.lit();
+        let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
         let end = |((row, on), (sent, _)): ((usize, bool), (usize, bool))| {
             let ramp_s = if on { lamp.rise_s } else { lamp.decay_s };

@@ -3,7 +3,7 @@
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
 use super::flights::View;
 use crate::flight::{Flight, FlightSample};
-use crate::study::{Band, Spread};
+use crate::study::{BAND_FRAC, Band, Spread};
 
 const DESIGN: Pen = Pen { color: GRAY, width_px: 5.0 };
 const FLIGHT: Pen = Pen { color: BLUE, width_px: 0.6 };
@@ -32,7 +32,7 @@ pub fn spread_front(spread: &Spread) -> String {
     let legend = vec![("design".to_owned(), DESIGN), (format!("{n} flights"), FLIGHT)];
     let view = View::of(curves, legend, Vec::new());
     let ranges = view.ranges();
-    view.svg("Flights that differ as their conditions do", "z (m)", ranges)
+    view.svg("Front view of the flights, their conditions varied", "z (m)", ranges)
 }
 
 /// The pieces of a flight on which a light is commanded.
@@ -84,6 +84,10 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
         ("each its own room and drone".to_owned(), ALL),
         ("one drone in one room".to_owned(), WITHIN),
     ];
-    let title = "Where 90 % of the flights are, less the design".to_owned();
+    let title = if all.holds_frac() < BAND_FRAC {
+        format!("Band of all {} flights, relative to the design", all.n_flights)
+    } else {
+        format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
+    };
     Figure { title, legend, x_name: "time (s)", panels: panels.collect() }.svg()
 }

@@ -6,12 +6,14 @@ use plotters::style::RGBColor;
 
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
 
+const ORANGE: RGBColor = RGBColor(230, 159, 0);
+
 /// Okabe and Ito (2008), from the strongest on.
 const COLORS: [RGBColor; 7] = [
     BLUE,
     VERMILION,
     RGBColor(0, 158, 115),
-    RGBColor(230, 159, 0),
+    ORANGE,
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
     BLACK,
@@ -20,13 +22,18 @@ const COLORS: [RGBColor; 7] = [
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
 
-/// Candidates as flight time (s) and legibility (0 to 1), their Pareto front as a line, and the
-/// start. SVG.
+/// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were given
+/// up or broke a limit, the Pareto front as a line, and the start. SVG.
 #[must_use]
-pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)>) -> String {
-    let times = all.iter().chain(front).chain(&start).map(|point| point.0);
-    let x = around(times, 1.0);
-    let probabilities = all.iter().chain(front).chain(&start).map(|point| point.1);
+pub fn pareto(
+    within: &[(f64, f64)],
+    others: &[(f64, f64)],
+    front: &[(f64, f64)],
+    start: Option<(f64, f64)>,
+) -> String {
+    let all = || within.iter().chain(others).chain(front).chain(&start);
+    let x = around(all().map(|point| point.0), 1.0);
+    let probabilities = all().map(|point| point.1);
     let y = around(probabilities, 0.02);
     let [wide, high] = [(x.end - x.start) / 150.0, (y.end - y.start) / 75.0];
     let cross = |&(s, p): &(f64, f64), size: f64| {
@@ -34,24 +41,30 @@ pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)
         [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
     };
     let gray = Pen { color: GRAY, width_px: 1.5 };
+    let orange = Pen { color: ORANGE, width_px: 1.0 };
     let blue = Pen { color: BLUE, width_px: 2.0 };
     let vermilion = Pen { color: VERMILION, width_px: 3.0 };
     let crosses = |points: &[(f64, f64)], size| -> Vec<_> {
         points.iter().flat_map(|point| cross(point, size)).collect()
     };
     let mut curves = vec![
-        Curve { pen: gray, pieces: crosses(all, 0.6) },
+        Curve { pen: orange, pieces: crosses(others, 0.4) },
+        Curve { pen: gray, pieces: crosses(within, 0.6) },
         Curve { pen: blue, pieces: vec![front.to_vec()] },
         Curve { pen: blue, pieces: crosses(front, 0.8) },
     ];
     let start: Vec<_> = start.into_iter().collect();
     curves.push(Curve { pen: vermilion, pieces: crosses(&start, 1.0) });
     Figure {
-        title: "Flight time against legibility".to_owned(),
+        title: format!(
+            "P(read) against flight time, {} candidates",
+            within.len() + others.len() + start.len()
+        ),
         legend: vec![
-            ("candidates".to_owned(), gray),
+            ("within the limits".to_owned(), gray),
+            ("given up or beyond a limit".to_owned(), orange),
             ("Pareto front".to_owned(), blue),
-            ("the scene given".to_owned(), vermilion),
+            ("the scene as it was".to_owned(), vermilion),
         ],
         x_name: "flight time (s)",
         panels: vec![Panel {
@@ -66,7 +79,8 @@ pub fn pareto(all: &[(f64, f64)], front: &[(f64, f64)], start: Option<(f64, f64)
     .svg()
 }
 
-/// Curves by name: probability of being read over multiples of the nominal disturbance. Two rows of names fit. SVG.
+/// Curves by name: share of legible photos over multiples of the usual disturbance. Two rows of names
+/// fit. SVG.
 #[must_use]
 pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     let pens = COLORS.into_iter().cycle().map(|color| Pen { color, width_px: 2.0 });
@@ -75,12 +89,12 @@ pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     Figure {
         title: title.to_owned(),
         legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
-        x_name: "multiple of the nominal disturbance",
+        x_name: "multiple of the usual disturbance",
         panels: vec![Panel {
             x,
             y: 0.0..1.0,
             height_px: HEIGHT_PX,
-            y_name: "P(read)",
+            y_name: "fraction legible",
             curves: named
                 .iter()
                 .map(|((_, points), pen)| Curve { pen: *pen, pieces: vec![points.clone()] })
@@ -110,15 +124,24 @@ mod tests {
     #[test]
     fn plots_hold_every_curve_and_accept_empty_input() {
         let svg =
-            pareto(&[(60.0, 0.8), (40.0, 0.7)], &[(40.0, 0.7), (60.0, 0.8)], Some((60.0, 0.8)));
+            pareto(&[(40.0, 0.7)], &[(45.0, 0.2)], &[(40.0, 0.7), (60.0, 0.8)], Some((60.0, 0.8)));
         assert!(svg.starts_with("<svg") && svg.contains("Pareto front"), "{svg}");
-        assert!(pareto(&[], &[], None).starts_with("<svg"));
+        assert!(svg.contains("3 candidates"), "{svg}");
+        let empty = pareto(&[], &[], &[], None);
+        assert!(empty.starts_with("<svg"));
+        // Two strokes a candidate.
+        let lines = |svg: &str| svg.matches("#E69F00").count();
+        let one = pareto(&[], &[(45.0, 0.2)], &[], None);
+        let two = pareto(&[], &[(45.0, 0.2), (47.0, 0.1)], &[], None);
+        assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
         let curve = |name: &str| (name.to_owned(), vec![(0.0, 0.9), (1.0, 0.5)]);
         let svg = endurance("team", &[curve("mass"), curve("gusts")]);
         assert!(
             svg.contains("mass")
                 && svg.contains("gusts")
-                && svg.contains("multiple of the nominal disturbance")
+                && svg.contains("multiple of the usual disturbance")
+                && svg.contains("fraction legible")
+                && !svg.contains("P(read)")
         );
     }
 }

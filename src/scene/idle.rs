@@ -147,6 +147,8 @@ const RULES: &[Rule] = &[
         |s| s.sensors.positioning != Positioning::Position,
         "sensors.positioning is not position",
     ),
+    ("sensors.lighthouse.frame_turn_rad", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
+    ("sensors.lighthouse.frame_scale_error", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
     ("sensors.lighthouse.distortion_m", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
     ("sensors.lighthouse.distortion_length_m", |s| !is_lighthouse(s), NO_LIGHTHOUSE),
     (

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Preset, Scene};
 use crate::error::{Error, Result};
+use crate::files::files_in;
 use crate::plan::Plan;
 use crate::settings::similar;
 
@@ -127,10 +128,8 @@ fn word_of(name: &str) -> String {
 
 /// Learned plans of a folder by their word, one for each drone.
 fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
-    let unreadable = |source| Error::read(folder, source);
     let mut paths = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
+    for path in files_in(folder)? {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let rest = name.strip_prefix("plan").and_then(|rest| rest.strip_suffix(".csv"));
         let Some((number, word)) = rest.and_then(|rest| rest.split_once('-')) else { continue };

@@ -1,7 +1,7 @@
 //! Characters and the net's classes: which classes count as a character.
 //!
 //! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the cases
-//! of a letter, O and 0, I and l and 1, a letter with and without its accent, and Cyrillic and Greek
+//! of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and Cyrillic and Greek
 //! letters of the shape of a Latin one.
 
 use super::net::N_CLASSES;
@@ -24,7 +24,7 @@ pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
 /// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.
 const SHAPES: [&str; 24] = [
     "AÀÁÂÃÄÅĀĂĄǍАΑ",
-    "BßВΒ",
+    "BВΒ",
     "CÇĆĈĊČСϹ",
     "DĎĐÐ",
     "EÈÉÊËĒĔĖĘĚЕЁΕ",
@@ -52,6 +52,9 @@ const SHAPES: [&str; 24] = [
 /// Latin letters with marks: Latin-1 Supplement to Latin Extended-B (Unicode).
 const LATIN_WITH_MARKS: core::ops::RangeInclusive<char> = '\u{c0}'..='\u{24f}';
 
+/// Sharp s, small and capital.
+const SHARP_S: [char; 2] = ['ß', 'ẞ'];
+
 /// The Latin letter or digit of a character's shape, in its case; `None` where there is none.
 pub(super) fn latin(character: char) -> Option<char> {
     if character.is_ascii_alphanumeric() {
@@ -61,8 +64,10 @@ pub(super) fn latin(character: char) -> Option<char> {
     if character == 'ν' {
         return Some('v');
     }
-    let mut upper = character.to_uppercase();
-    let capital = if character == 'ß' { 'ß' } else { upper.next()? };
+    if SHARP_S.contains(&character) {
+        return Some('B');
+    }
+    let capital = character.to_uppercase().next()?;
     let shape = SHAPES.iter().find(|shape| shape.contains(capital))?.chars().next()?;
     Some(if character.is_lowercase() { shape.to_ascii_lowercase() } else { shape })
 }
@@ -76,12 +81,13 @@ pub(super) fn class_of(character: char) -> Option<usize> {
 /// mark may also be no letter to the net: it was trained without marks.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if LATIN_WITH_MARKS.contains(&character) { NO_LETTER } else { 0 };
-    let character = latin(character)?;
-    let classes = match character {
+    let classes = match latin(character)? {
+        // Who does not know the sharp s takes it for one of these.
+        _ if SHARP_S.contains(&character) => set_of("Bb38"),
         'O' | 'o' | '0' => set_of("Oo0"),
-        'I' | '1' => set_of("Iil1"),
-        'l' => set_of("lLI1"),
-        _ => bit(character.to_ascii_uppercase()) | bit(character.to_ascii_lowercase()),
+        'I' | 'i' | '1' => set_of("Iil1"),
+        'l' => set_of("Iil1L"),
+        letter => bit(letter.to_ascii_uppercase()) | bit(letter.to_ascii_lowercase()),
     };
     Some(classes | mark)
 }
@@ -119,9 +125,24 @@ pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classe
     names
 }
 
-/// Whether each character of a text may be that of another one.
-pub(super) fn same_shapes(a: &[Classes], b: &[Classes]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a & b != 0)
+/// Whether a reading spells a word, equal shapes being equal: cases, marks, punctuation and spaces
+/// aside. A small l has the shape of an I, and is the small letter of L.
+pub(super) fn spells(reading: &str, word: &str) -> bool {
+    let shape = |character: char| {
+        let mark = if LATIN_WITH_MARKS.contains(&character) { NO_LETTER } else { 0 };
+        mark | match latin(character) {
+            Some(_) if SHARP_S.contains(&character) => set_of("B38"),
+            Some('O' | 'o' | '0') => set_of("O"),
+            Some('I' | 'i' | '1') => set_of("I"),
+            Some('l') => set_of("IL"),
+            Some(letter) => bit(letter.to_ascii_uppercase()),
+            None => NO_LETTER,
+        }
+    };
+    let read = reading.chars().filter(|c| !c.is_whitespace()).map(shape);
+    let wanted = word.chars().filter(|c| classes_of(*c).is_some()).map(shape);
+    let both = |(read, wanted): (Classes, Classes)| read & wanted != 0;
+    read.clone().count() == wanted.clone().count() && read.zip(wanted).all(both)
 }
 
 /// Classes of a character of a reading; `?` is what is no letter.
@@ -143,7 +164,7 @@ mod tests {
 
     #[test]
     fn equal_shapes_are_one_class_and_foreign_letters_have_none() {
-        for same in ["Oo0ОοØ", "I1", "SsЅŠ", "AaАàΑ", "eëЕ", "Hн", "Bß", "Xχх"] {
+        for same in ["Oo0ОοØ", "Ii1", "SsЅŠ", "AaАàΑ", "eëЕ", "Hн", "Xχх"] {
             let mut classes = same.chars().map(|character| classes_of(character).unwrap());
             let first = classes.next().unwrap();
             assert!(first != 0 && classes.all(|other| other & !NO_LETTER == first), "{same}");
@@ -152,6 +173,24 @@ mod tests {
             assert_eq!(classes_of(foreign), None, "{foreign}");
         }
         assert_eq!((latin('é'), latin('ν'), latin('Ø')), (Some('e'), Some('v'), Some('O')));
+    }
+
+    #[test]
+    fn a_text_spells_a_word_whatever_its_case_accents_and_punctuation() {
+        for same in ["Zoe10", "ZOElO", "zoeio", "Z0EI0", "Zo? 10"] {
+            assert!(spells(same, "Zoë-10!"), "{same}");
+        }
+        for other in ["Zoe", "Zoe1", "Zue10", "AZoe10", ""] {
+            assert!(!spells(other, "Zoë-10!"), "{other}");
+        }
+        for (read, word) in [("hello", "HELLO"), ("HEIIO", "Hello"), ("MLA", "Mla"), ("MIN", "min")]
+        {
+            assert!(spells(read, word), "{read}");
+        }
+        for (read, word) in [("HEIIO", "HELLO"), ("MLA", "Mia"), ("TABIE", "TABLE")] {
+            assert!(!spells(read, word), "{read}");
+        }
+        assert!(spells("Stra3e", "Straße") && !spells("Stra3e", "Strase"));
     }
 
     #[test]

@@ -133,7 +133,7 @@ mod tests {
         let bent = trace.bend(&[vec![[[10.0, 9.5], [60.0, 9.5]]]]);
         assert!(bent.found[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
         assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);
-        let (gaps, recall) = trace.gaps(&bent);
+        let (gaps, recall) = trace.gaps(&bent, |_| false);
         let [from, to] = gaps[0].along_px;
         assert!((from - 30.0).abs() <= 1.0 && to == 50.0, "{from} to {to}");
         assert!((recall - 0.66).abs() < 0.03, "{recall}");

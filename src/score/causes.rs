@@ -1,6 +1,8 @@
 //! Causes of errors, and advice: the kinds of faults and the sentences about them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
 
 /// A fault in the photo, and the letter's gain without it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,6 +19,8 @@ pub struct Cause {
     pub missing: Option<MissingRun>,
     /// Delay of the lamp, where light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
+    /// First and last moment of the gap in the log that a part of a stroke is missing for.
+    pub log_gap_s: Option<[f64; 2]>,
     /// The letter that it looks like, of a fault of design.
     pub reads_as: Option<char>,
     /// Gain in the letter's share without the fault, −1 to 1: the photo was read again with the
@@ -41,6 +45,9 @@ pub struct MissingRun {
 pub enum CauseKind {
     /// A part of a stroke has no light.
     MissingRun,
+    /// A part of a stroke has no light, and the log of the flight has a gap there: where the lamps
+    /// were is not known.
+    LogGap,
     /// Light leads from one stroke to the next, where it should be off.
     LitTransit,
     /// Light comes from the floor or goes there.
@@ -77,8 +84,42 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
+/// A gap in the log of a real flight, in which its lamps are dark in the photo: it does not say where
+/// they were.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogGap {
+    /// Last moment before it and first one after it, on the clock of the flight.
+    pub span_s: [f64; 2],
+    /// Where the drone was then, in the plane of the word, to the right and up.
+    pub ends_m: [[f64; 2]; 2],
+    /// Longest way that the lamps can have taken from the one to the other.
+    pub way_m: f64,
+}
+
+impl LogGap {
+    /// Gaps from JSON, as a photo of a log holds them; `place` is their place in messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for any other text.
+    pub fn parse(json: &str, place: &str) -> Result<Vec<Self>> {
+        serde_json::from_str(json).map_err(|error| {
+            let hint = "expose the flight again";
+            Error::input(place, error, "the gaps of a flight's log", hint)
+        })
+    }
+
+    /// Whether the lamps can have been at a point of the plane during the gap: within the ellipse
+    /// about its ends that the longest way spans.
+    pub(super) fn may_hold(&self, [x_m, y_m]: [f64; 2]) -> bool {
+        let away_m = self.ends_m.iter().map(|end| libm::hypot(x_m - end[0], y_m - end[1]));
+        away_m.sum::<f64>() <= self.way_m
+    }
+}
+
 /// Facts of the flight, where they are known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed along the strokes.
     pub speed_m_s: Option<f64>,
@@ -86,6 +127,8 @@ pub struct Known {
     pub contour_m: Option<f64>,
     /// Lag of the drone behind its setpoints.
     pub lag_s: Option<f64>,
+    /// Gaps of its log that the photo leaves dark, in order of time.
+    pub gaps: Vec<LogGap>,
 }
 
 /// Shorter lags of a drone behind its setpoints are not named.
@@ -109,6 +152,11 @@ pub(super) fn sentence(
             lag_s.map_or(String::new(), |lag_s| format!(
                 "; the drone lags by {lag_s:.2} s, so switch that much later"
             ))
+        ),
+        CauseKind::LogGap => format!(
+            "{length_mm:.0} mm of {named} are missing because the log of the flight has a gap there \
+             ({}), not because of the lamps: log fewer variables, or on the \u{b5}SD card.",
+            spans(causes)
         ),
         // Behind a loop that lags, light on the way says nothing about the lamp.
         CauseKind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
@@ -152,6 +200,15 @@ pub(super) fn sentence(
             ))
         ),
     }
+}
+
+/// The times of the gaps that causes have, each once.
+fn spans(causes: &[&Cause]) -> String {
+    let mut spans: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
+    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    spans.dedup();
+    let spans = spans.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
+    spans.collect::<Vec<_>>().join(", ")
 }
 
 /// The letters that causes are about, with their places from 1, each once.

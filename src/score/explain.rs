@@ -5,12 +5,15 @@
 
 use super::alphabet::in_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
-use super::faults::{Found, cause};
+use super::choice::Choice;
+use super::columns::Columns;
+use super::faults::{Found, cause, lost_in};
 use super::gaps::{Gap, Stray};
+use super::judge::Judgment;
 use super::mending::{Mending, mend};
 use super::overlay::Marks;
 use super::page::LetterPage;
-use super::plane::Placed;
+use super::plane::{Grid, Placed};
 use super::raster::Raster;
 use super::reader::{Reader, Seen, draw};
 use super::sketch::Sketch;
@@ -40,6 +43,9 @@ const SURE: f64 = 0.97;
 /// Gains of readability below this are no reason for advice.
 const LEAST_GAIN: f64 = 0.005;
 
+/// Letters whose faults are taken out of a photo: those with the least shares.
+const MOST_MENDED: usize = 32;
+
 /// Most sentences of advice.
 const MAX_ADVICE: usize = 3;
 
@@ -60,18 +66,31 @@ impl Reader {
         let verdict = &mut sight.verdict;
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        let mut found = self.compare(&sketches, known, verdict, |page, sketch, gaps, strays| {
-            mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
-        });
+        let mut found = self.compare(
+            &sketches,
+            (&seen.placed, known),
+            verdict,
+            |page, sketch, gaps, strays| {
+                mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
+            },
+        );
+        let columns = Columns::joined(seen.columns.iter().cloned());
+        let in_place = self.expected.judge(&columns);
+        let middles = self.expected.middles(&columns);
+        let worst = worst(&in_place.choices);
         for (cause, mending) in &mut found {
-            let (Some(index), Some(mending)) = (cause.letter, mending) else { continue };
+            let (Some(index), Some(fault)) = (cause.letter, mending.as_ref()) else { continue };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
-            let Some((p, place)) = verdict.letters[index].p.zip(place) else { continue };
-            cause.gain = Some(if p >= SURE {
+            let Some(place) = place else { continue };
+            if !worst.contains(&place) {
+                *mending = None;
+                continue;
+            }
+            cause.gain = Some(if in_place.choices[place].p >= SURE {
                 0.0
             } else {
-                let strips = self.mended(&seen.strips, &sketches, &[(index, mending)]);
-                self.expected.choices(&strips)[place].p - p
+                let p = |columns| self.expected.choice_near(columns, &middles, place).p;
+                p(&self.mended(seen, &sketches, &[(index, fault)])) - p(&columns)
             });
         }
         self.flaws_of_design(verdict, &mut found);
@@ -81,7 +100,7 @@ impl Reader {
         if seen.contrast < DIM {
             found.push((cause(CauseKind::Dim, None), None));
         }
-        verdict.advice = self.advise(seen, verdict, &sketches, &found, known);
+        verdict.advice = self.advise((seen, &in_place), verdict, &sketches, &found, known);
         let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
         found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
         verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
@@ -93,7 +112,7 @@ impl Reader {
     fn compare(
         &self,
         sketches: &[Sketch],
-        known: &Known,
+        known: (&Placed, &Known),
         verdict: &mut Verdict,
         mut mark: impl FnMut(&LetterPage, &Sketch, &[Gap], &[Stray]),
     ) -> Vec<Found> {
@@ -102,7 +121,8 @@ impl Reader {
         let [mut length, mut lit, mut own] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
-            let (gaps, recall) = sketch.trace.gaps(&sketch.bent);
+            let is_lost = |points: &_| lost_in(points, page, known.0, known.1).is_some();
+            let (gaps, recall) = sketch.trace.gaps(&sketch.bent, is_lost);
             let (mut strays, precision) = sketch.trace.strays(&sketch.own, &sketch.beside);
             strays.retain(|stray| stray.points.iter().any(|point| page.holds(*point)));
             let pitch_mm = 1000.0 * page.grid.pitch_m;
@@ -131,7 +151,7 @@ impl Reader {
     /// first; where the word is not legible, then those that cannot be taken out of a photo.
     fn advise(
         &self,
-        seen: &Seen,
+        (seen, in_place): (&Seen, &Judgment),
         verdict: &Verdict,
         sketches: &[Sketch],
         found: &[Found],
@@ -156,8 +176,8 @@ impl Reader {
             } else if mendings.iter().all(|(index, _)| is_sure(*index)) {
                 return None;
             } else {
-                let strips = self.mended(&seen.strips, sketches, &mendings);
-                let gain = self.expected.judge(&strips).readability - verdict.readability;
+                let columns = self.mended(seen, sketches, &mendings);
+                let gain = self.expected.judge(&columns).readability - in_place.readability;
                 (gain >= LEAST_GAIN).then_some(Some(gain))?
             };
             Some(Advice { kind, text: sentence(kind, &causes, &letters, known), gain })
@@ -169,39 +189,35 @@ impl Reader {
         advice
     }
 
-    /// The strips with faults taken out of letters.
-    fn mended(
-        &self,
-        strips: &[Strip],
-        sketches: &[Sketch],
-        mendings: &[(usize, &Mending)],
-    ) -> Vec<Strip> {
-        let mut strips = strips.to_vec();
+    /// What the word shows with faults taken out of letters.
+    fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
+        let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());
+        let mut changed = vec![Vec::new(); strips.len()];
         let blurred = |raster: &Raster| raster.blur(BLUR_H * f32::from(PX_PER_H));
-        for (index, sketch) in sketches.iter().enumerate() {
+        for letters in mendings.chunk_by(|a, b| a.0 == b.0) {
+            let (index, line) = (letters[0].0, self.line_of[letters[0].0]);
+            let (sketch, page) = (&sketches[index], &self.pages[index].grid);
             let mut mended = sketch.ink.clone();
-            let mut own = mendings.iter().filter(|(letter, _)| *letter == index).peekable();
-            if own.peek().is_none() {
-                continue;
-            }
-            own.for_each(|(_, mending)| mend(&mut mended, mending, sketch));
-            let (line, page) = (self.line_of[index], &self.pages[index].grid);
+            letters.iter().for_each(|(_, mending)| mend(&mut mended, mending, sketch));
             let [before, after] = [&sketch.ink, &mended].map(blurred);
-            strips[line].change(&self.lines[line], page, &before, &after);
+            changed[line].push(strips[line].change(&self.lines[line], page, &before, &after));
         }
-        strips
+        for (line, parts) in changed.into_iter().enumerate() {
+            parts.into_iter().for_each(|part| columns[line].replace(&strips[line], part));
+        }
+        Columns::joined(columns)
     }
 
     /// Letters that look like other ones even where they are drawn without fault, or that do so a little
     /// and are read as these in the photo.
     fn flaws_of_design(&self, verdict: &Verdict, found: &mut Vec<Found>) {
-        let drawn = |grid| {
+        let drawn = |grid: &Grid| {
             let light = draw(grid, &self.home, self.strokes.glyphs.iter(), CAP_PX as f32).values;
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
-            Strip { width: grid.width, bright: light.clone(), pure: light }
+            Strip::drawn(grid.width, light)
         };
-        let strips: Vec<Strip> = self.lines.iter().map(drawn).collect();
-        let choices = self.expected.choices(&strips);
+        let drawn = self.lines.iter().map(|grid| Columns::of_word(&drawn(grid)));
+        let choices = self.expected.choices(&Columns::joined(drawn));
         for (index, choice) in self.expected.indices.iter().zip(choices) {
             let letter = &verdict.letters[*index];
             let rival = choice.others.first();
@@ -214,6 +230,14 @@ impl Reader {
             }
         }
     }
+}
+
+/// The places with the least shares.
+fn worst(choices: &[Choice]) -> Vec<usize> {
+    let mut places: Vec<usize> = (0..choices.len()).collect();
+    places.sort_by(|a, b| choices[*a].p.total_cmp(&choices[*b].p));
+    places.truncate(MOST_MENDED);
+    places
 }
 
 /// Puts the strokes and faults of a letter on the photo.

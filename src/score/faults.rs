@@ -1,10 +1,11 @@
 //! Faults of a letter: missing strokes, stray light and its kind, shift, glow.
 
 use super::bend::Bent;
-use super::causes::{Cause, CauseKind, Known, MissingRun};
+use super::causes::{Cause, CauseKind, Known, LogGap, MissingRun};
 use super::gaps::{Gap, Stray};
 use super::mending::Mending;
 use super::page::LetterPage;
+use super::plane::Placed;
 use super::reader::Reader;
 use super::segment::distance;
 use super::sketch::Sketch;
@@ -35,6 +36,10 @@ const GLOWING_PX: f64 = 0.16 * H_PX;
 /// Mean distance of a letter's light from its strokes from which it is a fault: 0.05 H.
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
+/// A part of a stroke is lost in a gap of the log where this share of it can have been flown then:
+/// the lamps' own faults may lengthen it.
+const LOST_IN_LOG: f64 = 0.5;
+
 /// A fault, and how it is taken out of a picture, where it can be.
 pub(super) type Found = (Cause, Option<Mending>);
 
@@ -45,11 +50,14 @@ impl Reader {
         index: usize,
         sketch: &Sketch,
         (gaps, strays): (Vec<Gap>, Vec<Stray>),
-        known: &Known,
+        (placed, known): (&Placed, &Known),
     ) -> Vec<Found> {
         let page = &self.pages[index];
-        let mut found: Vec<Found> =
-            gaps.into_iter().map(|gap| missing_run(index, page, gap)).collect();
+        let missing = gaps.into_iter().map(|gap| {
+            let log = lost_in(&gap.points, page, placed, known);
+            missing_run(index, page, gap, log)
+        });
+        let mut found: Vec<Found> = missing.collect();
         found.extend(strays.into_iter().map(|stray| self.stray(index, stray, sketch, known)));
         found.extend(displaced(index, page, sketch));
         found.extend(off_path(index, page, sketch));
@@ -105,14 +113,30 @@ impl Reader {
     }
 }
 
-/// A part of a stroke without light.
-fn missing_run(index: usize, page: &LetterPage, gap: Gap) -> Found {
+/// The gap of a log in which the points of a page were lost.
+pub(super) fn lost_in<'a>(
+    points: &[[f64; 2]],
+    page: &LetterPage,
+    placed: &Placed,
+    known: &'a Known,
+) -> Option<&'a LogGap> {
+    let at_m = |point: &[f64; 2]| placed.apply(page.plane_from_page(*point));
+    known.gaps.iter().find(|log| {
+        let held = points.iter().filter(|point| log.may_hold(at_m(point))).count();
+        held as f64 >= LOST_IN_LOG * points.len() as f64
+    })
+}
+
+/// A part of a stroke without light, and the gap of the log that it was lost in.
+fn missing_run(index: usize, page: &LetterPage, gap: Gap, log: Option<&LogGap>) -> Found {
     let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
+    let kind = if log.is_some() { CauseKind::LogGap } else { CauseKind::MissingRun };
     let cause = Cause {
+        log_gap_s: log.map(|log| log.span_s),
         length_mm: Some(to_mm - from_mm),
         at_m: middle_m(page, &gap.points),
         missing: Some(MissingRun { stroke: gap.stroke, from_mm, to_mm }),
-        ..cause(CauseKind::MissingRun, Some(index))
+        ..cause(kind, Some(index))
     };
     (cause, Some(Mending::Draw(gap.points)))
 }
@@ -156,6 +180,7 @@ pub(super) fn cause(kind: CauseKind, letter: Option<usize>) -> Cause {
         at_m: None,
         missing: None,
         lamp_delay_s: None,
+        log_gap_s: None,
         reads_as: None,
         gain: None,
     }

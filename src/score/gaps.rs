@@ -40,8 +40,13 @@ pub(super) struct Stray {
 }
 
 impl Trace {
-    /// Gaps in runs of the pen, and the share of the runs that has light.
-    pub(super) fn gaps(&self, bent: &Bent) -> (Vec<Gap>, f64) {
+    /// Gaps in runs of the pen, and the share of the runs that has light. `is_lost` says of points
+    /// whether their light is lost in a log.
+    pub(super) fn gaps(
+        &self,
+        bent: &Bent,
+        is_lost: impl Fn(&[[f64; 2]]) -> bool,
+    ) -> (Vec<Gap>, f64) {
         let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
         for (stroke, points) in bent.found.iter().enumerate() {
             let near = |reach_px: f64| -> Vec<bool> {
@@ -61,7 +66,8 @@ impl Trace {
                         && to.saturating_sub(*corner) <= CUT_PX
                 };
                 let is_cut = from > 0 && to < points.len() && bent.corners[stroke].iter().any(cut);
-                if same[0] || is_cut || (same.len() as f64) < LEAST_GAP_PX {
+                let is_small = is_cut || (same.len() as f64) < LEAST_GAP_PX;
+                if same[0] || (is_small && !is_lost(&points[from..to])) {
                     continue;
                 }
                 // Light ends a bit before the first point that it is no longer near.

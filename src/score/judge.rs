@@ -1,14 +1,13 @@
-//! The judgment of a word's strips: what is seen in the place of each letter, the likeliest other
+//! The judgment of the columns that show a word: what is seen in the place of each letter, the likeliest other
 //! word, and the readability.
 
-use super::alphabet::{Classes, classes_of, in_case_of, names, same_shapes, seen_as};
+use super::alphabet::{Classes, classes_of, in_case_of, names, seen_as, spells};
 use super::calibration::readability;
 use super::choice::Choice;
 use super::columns::Columns;
-use super::net;
 use super::pairs;
+use super::raster::whole;
 use super::search::search;
-use super::strip::Strip;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
 use crate::letters::Strokes;
 
@@ -18,10 +17,13 @@ const LEAST_SHARE: f64 = 0.001;
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
+/// Letters to either side that decide what is seen in the place of one.
+const NEAR: usize = 4;
+
 /// Free readings that are tried as rivals.
 const N_FREE: usize = 2;
 
-/// A word that strips are expected to show, without its punctuation.
+/// A word that columns are expected to show, without its punctuation.
 pub(super) struct Expected {
     /// Index of each judged character in the word.
     pub(super) indices: Vec<usize>,
@@ -33,12 +35,18 @@ pub(super) struct Expected {
     ln_p_of_pairs: f64,
 }
 
-/// What strips show of a word.
+/// What columns show of a word.
 pub(super) struct Judgment {
     /// By judged character.
     pub(super) choices: Vec<Choice>,
     pub(super) rival: Option<RivalWord>,
     pub(super) readability: f64,
+}
+
+/// Another word, and ln of its odds against the expected one.
+struct Odds {
+    word: String,
+    ln_odds: f64,
 }
 
 impl Expected {
@@ -55,55 +63,67 @@ impl Expected {
     }
 
     /// What is seen in the place of each judged character.
-    pub(super) fn choices(&self, strips: &[Strip]) -> Vec<Choice> {
-        columns(strips).choices(&self.classes, &self.digits)
+    pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
+        columns.choices(&self.classes, &self.digits)
     }
 
-    pub(super) fn judge(&self, strips: &[Strip]) -> Judgment {
-        let columns = columns(strips);
-        let choices = columns.choices(&self.classes, &self.digits);
-        let rival = self.rival(&columns, &choices);
-        let against = rival.as_ref().map_or(f64::INFINITY, |(_, ln_odds)| -ln_odds);
+    /// What is seen in the place of one judged character, by the letters around it alone: in a long
+    /// word the others are far away. `middles` are those of [`Columns::middles`].
+    pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
+        let letters = place.saturating_sub(NEAR)..(place + NEAR + 1).min(self.classes.len());
+        let end = |letter: usize| match (letter.checked_sub(1), middles.get(letter)) {
+            (Some(before), Some(middle)) => whole(0.5 * (middles[before] + middle)),
+            (None, _) => 0,
+            (_, None) => columns.0.len(),
+        };
+        let (from, to) = (end(letters.start), end(letters.end));
+        let part = columns.part(from..to.max(from + 1));
+        let mut choices =
+            part.choices(&self.classes[letters.clone()], &self.digits[letters.clone()]);
+        choices.swap_remove(place - letters.start)
+    }
+
+    /// The mean column of each judged character.
+    pub(super) fn middles(&self, columns: &Columns) -> Vec<f64> {
+        columns.middles(&self.classes)
+    }
+
+    pub(super) fn judge(&self, columns: &Columns) -> Judgment {
+        let choices = self.choices(columns);
+        let rival = self.rival(columns, &choices);
+        let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
         let readability = readability(&choices, against, self.ln_p_of_pairs);
-        let rival =
-            rival.map(|(word, ln_odds)| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) });
+        let rival = rival
+            .map(|Odds { word, ln_odds }| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) });
         Judgment { choices, rival, readability }
     }
 
-    /// The likeliest other word, with one letter replaced or as a free reading has it, and ln of its
-    /// odds against the expected one.
-    fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<(String, f64)> {
+    /// The likeliest other word: with one letter replaced, or as a free reading has it.
+    fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
+        let word: String = self.characters.iter().collect();
         let by_letter = choices.iter().enumerate().filter_map(|(index, choice)| {
             let &(letter, p) = choice.others.first()?;
             let mut rival = self.characters.clone();
             rival[index] = in_case_of(letter, rival[index]);
-            Some((rival.into_iter().collect::<String>(), libm::log(p / choice.p.max(1e-300))))
+            let ln_odds = libm::log(p / choice.p.max(1e-300));
+            Some(Odds { word: rival.into_iter().collect(), ln_odds })
         });
         let own = columns.ln_p(&self.classes);
         let all = names(0, self.digits.iter().all(|digit| *digit));
-        let free = search(columns, &all, &all).into_iter().map(|(text, _)| text);
-        let free = free.filter(|text| !text.is_empty() && !self.spells(text)).take(N_FREE);
+        let free = search(columns, &all, &all).into_iter();
+        // Light beside a word that is no letter makes no other word.
+        let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
+        let free = free.filter(|text| !text.is_empty() && !spells(text, &word)).take(N_FREE);
         let free = free.map(|text| {
             let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
             let last = self.characters.len() - 1;
             let named = text.chars().enumerate();
             let named = named.map(|(at, c)| in_case_of(c, self.characters[at.min(last)]));
-            (named.collect(), ln_p - own)
+            Odds { word: named.collect(), ln_odds: ln_p - own }
         });
-        let all = by_letter.chain(free).filter(|(_, ln_odds)| !ln_odds.is_nan());
-        all.reduce(|a, b| if b.1 > a.1 { b } else { a })
+        let all = by_letter.chain(free).filter(|rival| !rival.ln_odds.is_nan());
+        all.reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
     }
-
-    /// Whether a text is the word, equal shapes being equal.
-    fn spells(&self, text: &str) -> bool {
-        let read: Vec<Classes> = text.chars().map(seen_as).collect();
-        same_shapes(&self.classes, &read)
-    }
-}
-
-/// The shares at each column of some strips.
-fn columns(strips: &[Strip]) -> Columns {
-    Columns::joined(strips.iter().map(|strip| Columns::from_logits(&net::logits(strip))))
 }
 
 /// The verdict on one letter.
@@ -127,23 +147,5 @@ pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
         rivals: choice.others.iter().take(N_RIVALS).map(rival).collect(),
         confusion,
         ..LetterVerdict::unseen(expected)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::letters::{LetterOptions, write};
-
-    #[test]
-    fn a_text_is_the_word_whatever_its_case_accents_and_punctuation() {
-        let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
-        let expected = Expected::new(&write("Zoë-10!", &options).unwrap());
-        for same in ["Zoe10", "ZOElO", "zoeio", "Z0EI0"] {
-            assert!(expected.spells(same), "{same}");
-        }
-        for other in ["Zoe", "Zoe1", "Zue10", "AZoe10", ""] {
-            assert!(!expected.spells(other), "{other}");
-        }
     }
 }

@@ -180,6 +180,11 @@ impl Frame {
         Self { left_px: min(0), top_px: min(1), right_px: max(0), bottom_px: max(1) }
     }
 
+    /// Whether a point lies in it.
+    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        (self.left_px..=self.right_px).contains(&x) && (self.top_px..=self.bottom_px).contains(&y)
+    }
+
     /// The part that lies in another one, `None` where there is none.
     fn within(&self, other: &Self) -> Option<Self> {
         let part = Self {

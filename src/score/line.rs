@@ -135,14 +135,19 @@ impl Line {
         })
     }
 
+    /// Columns of the line as a strip, for a cap height.
+    pub(super) fn strip_width(&self, cap_px: f64) -> usize {
+        let [first, last] = self.columns.map(|column| column as f64);
+        (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
+    }
+
     /// The line as a strip, for a cap height; and where in the photo its left end is and how wide its
     /// columns are, in pixels.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
-        let [first, last] = self.columns.map(|column| column as f64);
-        let left = first - MARGIN_PX as f64 * pitch;
+        let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;
         let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
-        let width = (whole((last - first) / pitch) + 2 * MARGIN_PX).next_multiple_of(2);
+        let width = self.strip_width(cap_px);
         let per_area = narrow(1.0 / (pitch * pitch));
         let channel = |light: &Raster| -> Vec<f32> {
             let at = |at: usize| {
@@ -153,7 +158,7 @@ impl Line {
             (0..width * HEIGHT).map(at).collect()
         };
         let [bright, pure] = [&self.light[0], &self.light[1]].map(channel);
-        (Strip { width, bright, pure }, left * self.step, pitch * self.step)
+        (Strip { width, bright, pure, read: 0..width }, left * self.step, pitch * self.step)
     }
 
     /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where

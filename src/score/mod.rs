@@ -23,7 +23,7 @@ use crate::settings::{Described, settings};
 use alphabet::classes_of;
 
 pub use calibration::{CALIBRATION, Calibration};
-pub use causes::{Advice, Cause, CauseKind, Known, MissingRun};
+pub use causes::{Advice, Cause, CauseKind, Known, LogGap, MissingRun};
 pub use locate::locate;
 pub use overlay::Marks;
 pub use reader::Reader;

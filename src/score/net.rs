@@ -4,6 +4,7 @@
 //! one multiplier per channel. Integers have the same sums on every machine. The architecture, the
 //! training and the file format are in `examples/readings/net.py` and `train.py`.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use super::strip::{HEIGHT, Strip};
@@ -45,10 +46,37 @@ struct Map {
     values: Vec<i16>,
 }
 
-/// Logits of each class at every second column of a strip.
+/// Columns of a strip to either side of a logit's own that it depends on, rounded up to whole logits.
+static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
+    let reach = NET.iter().scan(1, |step, layer| {
+        let reach = layer.kernel[1] / 2 * *step;
+        *step *= layer.pool[1];
+        Some(reach + *step)
+    });
+    reach.sum::<usize>().next_multiple_of(COLUMN_PX)
+});
+
+/// Logits of each class at every second column of a strip that is read.
 pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
-    let values = strip.bytes().map(i16::from).collect();
-    let mut map = Map { height: HEIGHT, width: strip.width, channels: 2, values };
+    logits_of(strip, strip.read.clone())
+}
+
+/// The logits of the columns that depend on a part of a strip, and the index of the first.
+pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
+    let around = |reach: usize| {
+        let within = |at: usize| at.clamp(strip.read.start, strip.read.end);
+        let first = within(part.start.saturating_sub(reach)) / COLUMN_PX;
+        first..within(part.end + reach).div_ceil(COLUMN_PX)
+    };
+    let (wanted, needed) = (around(*REACH_PX), around(2 * *REACH_PX));
+    let all = logits_of(strip, COLUMN_PX * needed.start..COLUMN_PX * needed.end);
+    let own = wanted.start - needed.start..wanted.end - needed.start;
+    (wanted.start, all[own].to_vec())
+}
+
+fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
+    let values = strip.bytes(columns.clone()).map(i16::from).collect();
+    let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };
     let (last, layers) = NET.split_last().expect("the net has layers");
     for layer in layers {
         map = layer.activations(&map).pooled(layer.pool);
@@ -153,12 +181,34 @@ mod tests {
     const LOGITS_FNV_1A: u64 = 7_064_614_579_760_399_330;
 
     #[test]
+    fn logits_around_a_part_are_those_of_the_whole_strip() {
+        let width = 300;
+        let light = |step: usize| -> Vec<f32> {
+            (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
+        };
+        let strip = Strip { width, bright: light(7), pure: light(13), read: 0..width };
+        let whole = logits(&strip);
+        for part in [0..10, 130..151, 280..300, 0..300] {
+            let (first, found) = logits_around(&strip, part.clone());
+            assert_eq!(found[..], whole[first..first + found.len()], "{part:?}");
+            let mut dark = strip.clone();
+            for row in dark.bright.chunks_exact_mut(width) {
+                row[part.clone()].fill(0.0);
+            }
+            let changed = logits(&dark);
+            let differs = |at: &usize| changed[*at] != whole[*at];
+            let reached = first..first + found.len();
+            assert!((0..whole.len()).filter(differs).all(|at| reached.contains(&at)), "{part:?}");
+        }
+    }
+
+    #[test]
     fn logits_are_the_same_integers_on_every_machine() {
         let width = 60;
         let light = |step: usize| -> Vec<f32> {
             (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
         };
-        let logits = logits(&Strip { width, bright: light(7), pure: light(13) });
+        let logits = logits(&Strip { width, bright: light(7), pure: light(13), read: 0..width });
         assert_eq!(logits.len(), width / COLUMN_PX);
         let bytes: Vec<u8> =
             logits.iter().flatten().flat_map(|logit| logit.to_le_bytes()).collect();

@@ -53,6 +53,15 @@ impl LetterPage {
             && (top - MARGIN_PX[1]..=bottom + MARGIN_PX[1]).contains(&y)
     }
 
+    /// Whether a cell has a part on the page.
+    pub(super) fn is_near(&self, cell: &Cell) -> bool {
+        let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
+        let [left, bottom] = self.page_from_plane([left_m, baseline_m]);
+        let [right, top] = self.page_from_plane([left_m + width_m, baseline_m + cap_height_m]);
+        let [wide, high] = [self.grid.width, self.grid.height].map(|side| side as f64);
+        right > 0.0 && left < wide && bottom > 0.0 && top < high
+    }
+
     /// A point of the word's plane on the page.
     pub(super) fn page_from_plane(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
         [(x_m - self.grid.left_m) / self.grid.pitch_m, (self.grid.top_m - y_m) / self.grid.pitch_m]

@@ -83,6 +83,12 @@ impl Grid {
         Self { left_m, top_m, pitch_m, width, height }
     }
 
+    /// The same with more columns on both sides.
+    pub(super) fn widened(&self, columns: usize) -> Self {
+        let left_m = self.left_m - columns as f64 * self.pitch_m;
+        Self { left_m, width: self.width + 2 * columns, ..self.clone() }
+    }
+
     /// Brings the plane of the word (meters, y up) onto the grid's page (pixels, y down), with the word
     /// as placed.
     pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {

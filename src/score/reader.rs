@@ -4,19 +4,21 @@ use super::align::Finder;
 use super::alphabet::classes_of;
 use super::calibration::CALIBRATION;
 use super::color;
+use super::columns::Columns;
 use super::ink::Page;
 use super::judge::{Expected, Judgment, letter_verdict};
 use super::level;
-use super::light::{Light, Rgb, luminance};
+use super::light::{Frame, Light, Rgb, luminance};
 use super::page::LetterPage;
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, whole};
-use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
+use super::reading::{ReadLetter, Reading, read};
+use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, SIDE_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
 use super::view::View;
 use super::{
-    BLUR_H, MAX_ROTATION_RAD, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, SCALES,
-    ScoreOptions, cap_height_m, check, check_size,
+    BLUR_H, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, ScoreOptions, cap_height_m, check,
+    check_size,
 };
 use crate::error::Result;
 use crate::letters::{Glyph, Strokes};
@@ -43,6 +45,9 @@ pub struct Reader {
     pub(super) ink_px: Vec<f64>,
 }
 
+/// Share from which a letter that is read beside the place of the word counts as one.
+const CLEAR_SHARE: f64 = 0.6;
+
 /// A verdict, and the light that it is about.
 pub(super) struct Sight {
     pub(super) verdict: Verdict,
@@ -60,6 +65,8 @@ pub(super) struct Seen {
     pub(super) contrast: f32,
     /// One for each line of the word.
     pub(super) strips: Vec<Strip>,
+    /// What each of them shows.
+    pub(super) columns: Vec<Columns>,
 }
 
 impl std::fmt::Debug for Reader {
@@ -124,26 +131,53 @@ impl Reader {
     pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
         let seen = self.see(photo, view)?;
         let strips = seen.iter().flat_map(|seen| &seen.strips);
-        Ok(strips.map(|strip| (strip.width, strip.bytes().collect())).collect())
+        Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width).collect())).collect())
     }
 
     /// The verdict without causes, and the light that it was made from.
+    ///
+    /// The word is looked for in its place and in the lines that blind recognition finds: two views of
+    /// the same light, of which the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
+        let reading = read(photo)?;
         let cap_height_px = self.cap_height_px(view);
-        Ok(match self.see(photo, view)? {
-            Ok(seen) => Sight { verdict: self.verdict(&seen, cap_height_px), seen: Some(seen) },
+        let seen = match self.see(photo, view)? {
+            Ok(seen) => seen,
             Err(reason) => {
                 let verdict = Verdict::unseen(&self.strokes, reason, cap_height_px);
-                Sight { verdict, seen: None }
+                let second_opinion = Some(reading.text);
+                return Ok(Sight { verdict: Verdict { second_opinion, ..verdict }, seen: None });
             }
-        })
+        };
+        let in_place = (!self.has_more(&reading, &seen, view))
+            .then(|| Columns::joined(seen.columns.iter().cloned()));
+        let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
+        let views = [in_place, blind].into_iter().flatten();
+        let judgments = views.map(|columns| self.expected.judge(&columns));
+        let better = |a: Judgment, b: Judgment| if b.readability > a.readability { b } else { a };
+        let judgment = judgments.reduce(better).expect("letters beside the word were read");
+        let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
+        Ok(Sight { verdict, seen: Some(seen) })
+    }
+
+    /// Whether blind recognition clearly reads letters outside the strips that were cut out for the
+    /// word.
+    fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
+        let frames: Vec<Frame> =
+            self.lines.iter().filter_map(|grid| grid.frame(view, &seen.placed)).collect();
+        let is_outside = |letter: &&ReadLetter| {
+            let [left, top, right, bottom] = letter.box_px;
+            let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
+            letter.p >= CLEAR_SHARE && !frames.iter().any(|frame| frame.holds(middle))
+        };
+        reading.is_clear() && reading.letters.iter().any(|letter| is_outside(&letter))
     }
 
     /// Finds the word's light.
     fn see(&self, photo: &Photo, view: &View) -> Result<std::result::Result<Seen, Reason>> {
         check_size(photo, view)?;
         let grid = self.finder.grid();
-        let frame = grid.frame(view, &self.home);
+        let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
             grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
         let Some(light) = decoded else { return Ok(Err(Reason::NotInPhoto)) };
@@ -162,7 +196,8 @@ impl Reader {
                 strips[*line].darken(&self.lines[*line], lit_columns_m(glyph));
             }
         }
-        Ok(Ok(Seen { light, placed, full_light, contrast, strips }))
+        let columns = strips.iter().map(Columns::of_word).collect();
+        Ok(Ok(Seen { light, placed, full_light, contrast, strips, columns }))
     }
 
     /// Height of a capital in the photo; `None` where the photo cannot show it.
@@ -170,46 +205,59 @@ impl Reader {
         self.finder.grid().pixel_px(view, &self.home).map(|px| f64::from(PX_PER_H) * px)
     }
 
-    fn verdict(&self, seen: &Seen, cap_height_px: Option<f64>) -> Verdict {
-        let Judgment { choices, rival, readability } = self.expected.judge(&seen.strips);
+    fn verdict(
+        &self,
+        Judgment { choices, rival, readability }: Judgment,
+        seen: &Seen,
+        cap_height_px: Option<f64>,
+        reading: &Reading,
+    ) -> Verdict {
+        let n_judged = choices.len();
         let mut choices = choices.iter();
         let letter = |glyph: &Glyph| match classes_of(glyph.character) {
             None => LetterVerdict::not_judged(glyph.character),
             Some(_) => letter_verdict(choices.next().expect("one a letter"), glyph.character),
         };
         let letters: Vec<LetterVerdict> = self.strokes.glyphs.iter().map(letter).collect();
-        let Placed { shift_m, scale, rotation_rad, .. } = seen.placed;
+        let placement = Placement::from(&seen.placed);
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
-        let in_range = libm::hypot(shift_m[0], shift_m[1]) <= reach_m
-            && (SCALES[0]..=SCALES[1]).contains(&scale)
-            && rotation_rad.abs() <= MAX_ROTATION_RAD;
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
         let legible = is_likeliest && readability >= self.options.legible_probability;
         let reason = match () {
             () if legible => None,
-            () if !in_range => Some(Reason::OutOfRange),
+            () if reading.is_clear() && reading.letters.len() != n_judged => {
+                Some(Reason::OtherLength)
+            }
+            () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
             () if has_few_px => Some(Reason::TooSmall),
             () if is_read && is_likeliest => Some(Reason::Unsure),
             () => Some(Reason::Misread),
         };
         Verdict {
             word: self.strokes.word.clone(),
-            read: letters.iter().map(|letter| letter.best.unwrap_or('?')).collect(),
+            read: self.spaced(&letters),
             legible,
             readability,
             rival,
             faithfulness: None,
             calibration: CALIBRATION,
-            placement: Some(Placement { shift_m, scale, rotation_rad }),
+            placement: Some(placement),
             cap_height_px,
             letters,
             reason,
-            second_opinion: None,
+            second_opinion: Some(reading.text.clone()),
             causes: Vec::new(),
             advice: Vec::new(),
         }
+    }
+
+    /// The likeliest letters, with the spaces and line ends of the word.
+    fn spaced(&self, letters: &[LetterVerdict]) -> String {
+        let mut best = letters.iter().map(|letter| letter.best.unwrap_or('?'));
+        let word = self.strokes.word.chars();
+        word.filter_map(|c| if c.is_whitespace() { Some(c) } else { best.next() }).collect()
     }
 }
 
@@ -223,9 +271,9 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), [from, to]| {
             (left.min(from), right.max(to))
         });
-    let width = whole(((right - left) / pitch_m).ceil()) + 2 * MARGIN_PX;
+    let width = whole(((right - left) / pitch_m).ceil()) + 2 * SIDE_PX;
     Grid {
-        left_m: left - MARGIN_PX as f64 * pitch_m,
+        left_m: left - SIDE_PX as f64 * pitch_m,
         top_m: cell.baseline_m + cell.cap_height_m + HEAD_ROW as f64 * pitch_m,
         pitch_m,
         width: width.next_multiple_of(2),

@@ -11,6 +11,7 @@ use super::columns::Columns;
 use super::line::{InkColor, InkRule, Line};
 use super::net;
 use super::search::{Symbols, search};
+use super::strip::CAP_PX;
 use crate::error::Result;
 use crate::photo::Photo;
 
@@ -25,16 +26,27 @@ const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 /// Mean share of the letters from which a line is clear.
 const LEAST_SHARE: f64 = 0.6;
 
+/// Gap between two letters from which there is a space, in cap heights: a space of the shipped fonts
+/// leaves more, two letters leave less.
+const SPACE_H: f64 = 0.65;
+
 /// Mean of ln p over the letters from which other rules for ink are not tried.
 const SURE: f64 = -0.1;
+
+/// Columns of strips that are read at most, all tries together: two tries of the longest word, or a
+/// second on one core. What is noise has many lines of many columns.
+const MOST_COLUMNS: usize = 12_000;
 
 /// Text of a photo.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reading {
-    /// The text, line by line; empty where nothing is written.
+    /// The text, line by line, with spaces where the gaps are wide; empty where nothing is written.
     pub text: String,
     /// Letter by letter, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
+    /// What the lines show, one after another, each at the size at which it was read.
+    #[serde(skip)]
+    pub(super) columns: Columns,
 }
 
 /// A letter that was read.
@@ -62,9 +74,11 @@ fn is_clear(letters: &[ReadLetter]) -> bool {
 
 /// A line as it was read.
 struct ReadLine {
+    text: String,
     letters: Vec<ReadLetter>,
     /// Mean of ln p over the letters.
     ln_p: f64,
+    columns: Columns,
 }
 
 /// Reads a photo.
@@ -79,9 +93,11 @@ pub fn read(photo: &Photo) -> Result<Reading> {
     let worth =
         |lines: &[ReadLine]| lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
     let mut lines: Vec<ReadLine> = Vec::new();
+    let mut budget = MOST_COLUMNS;
     for rule in rules {
         let found = Line::find_all(photo, rule);
-        let read: Vec<ReadLine> = found.iter().filter_map(read_line).collect();
+        let read: Vec<ReadLine> =
+            found.iter().filter_map(|line| read_line(line, &mut budget)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
             lines = read;
         }
@@ -94,18 +110,20 @@ pub fn read(photo: &Photo) -> Result<Reading> {
         lines
             .retain(|line| line.ln_p >= top || (line.letters.len() > 1 && is_clear(&line.letters)));
     }
-    let texts: Vec<String> = lines
-        .iter()
-        .map(|line| line.letters.iter().map(|letter| letter.letter).collect())
-        .collect();
-    let letters = lines.into_iter().flat_map(|line| line.letters).collect();
-    Ok(Reading { text: texts.join("\n"), letters })
+    let texts: Vec<&str> = lines.iter().map(|line| &line.text[..]).collect();
+    let text = texts.join("\n");
+    let (letters, columns): (Vec<_>, Vec<_>) =
+        lines.into_iter().map(|line| (line.letters, line.columns)).unzip();
+    let (letters, columns) = (letters.concat(), Columns::joined(columns));
+    Ok(Reading { text, letters, columns })
 }
 
-/// Reads a line at the size at which it is clearest; `None` where it has no letters.
-fn read_line(line: &Line) -> Option<ReadLine> {
+/// Reads a line at the size at which it is clearest; `None` where it has no letters, or more columns
+/// than are left.
+fn read_line(line: &Line, columns_left: &mut usize) -> Option<ReadLine> {
     let tried = SIZES.iter().filter_map(|size| {
         let cap_px = size * line.letter_px;
+        *columns_left = columns_left.checked_sub(line.strip_width(cap_px))?;
         let (strip, left_px, pitch_px) = line.strip(cap_px);
         let columns = Columns::from_logits(&net::logits(&strip));
         let (text, ln_p) = spell(&columns)?;
@@ -123,9 +141,25 @@ fn read_line(line: &Line) -> Option<ReadLine> {
         .map(|column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px)
         .collect();
     let letters = text.chars().zip(line.boxes(&middles)).zip(choices);
-    let letters =
-        letters.map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px });
-    Some(ReadLine { letters: letters.collect(), ln_p })
+    let letters: Vec<ReadLetter> = letters
+        .map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px })
+        .collect();
+    let text = spaced(&letters, SPACE_H * CAP_PX as f64 * pitch_px);
+    Some(ReadLine { text, letters, ln_p, columns })
+}
+
+/// The letters of a line, with spaces where there are wide gaps.
+fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
+    let mut text = String::new();
+    let mut right_px = f64::INFINITY;
+    for ReadLetter { letter, box_px, .. } in letters {
+        if box_px[0] - right_px > space_px {
+            text.push(' ');
+        }
+        text.push(*letter);
+        right_px = box_px[2];
+    }
+    text
 }
 
 /// The likeliest text of some columns, and the mean of ln p over its letters.

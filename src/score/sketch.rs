@@ -67,9 +67,16 @@ impl Reader {
                 let segment = [page.page_from_plane(step.from_m), page.page_from_plane(step.to_m)];
                 if !step.lit {
                     ways.push(segment);
-                } else if at != index {
-                    beside.push(segment);
                 }
+            }
+        }
+        // On two lines, letters above and below are as near as those on both sides.
+        for (at, other) in self.strokes.glyphs.iter().enumerate() {
+            if at != index && page.is_near(&other.cell) {
+                let lit = other.moves.iter().filter(|step| step.lit);
+                let ends =
+                    lit.map(|step| [step.from_m, step.to_m].map(|m| page.page_from_plane(m)));
+                beside.extend(ends);
             }
         }
         Sketch { ink, trace, shift, bent, own, beside, ways }

@@ -1,5 +1,7 @@
 //! A strip: one line of writing, upright and of fixed size, as the net reads it.
 
+use std::ops::Range;
+
 use super::color;
 use super::light::{Light, Rgb, luminance};
 use super::plane::{Grid, Placed};
@@ -15,11 +17,19 @@ pub(super) const HEIGHT: usize = 40;
 /// Row of the capitals' upper ends; their feet are at row 30.
 pub(super) const HEAD_ROW: usize = 8;
 
-/// Columns beside the first and the last letter.
+/// Columns beside the first and the last letter, as in most strips that the net was trained on.
 pub(super) const MARGIN_PX: usize = 13;
+
+/// Columns beside the first and the last letter of an expected word: 1.5 H, so that one more letter
+/// of any width is seen.
+pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
+
+/// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels of
+/// it: hot pixels are single ones.
+const LIT: (f32, usize) = (0.15, 2);
 
 /// A line of writing: light from 0 to 1.
 #[derive(Clone, Debug)]
@@ -30,6 +40,9 @@ pub(super) struct Strip {
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes.
     pub(super) pure: Vec<f32>,
+    /// The columns that are read, from an even one to an even one: the net knows no wide darkness, and
+    /// sees letters in it.
+    pub(super) read: Range<usize>,
 }
 
 impl Strip {
@@ -46,11 +59,17 @@ impl Strip {
         let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
         let both =
             grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
-        Self {
-            width: grid.width,
-            bright: both.iter().map(|light| exposed(light[0])).collect(),
-            pure: both.iter().map(|light| exposed(light[1])).collect(),
-        }
+        let channel =
+            |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
+        let (bright, pure) = (channel(0), channel(1));
+        let read = lit_columns(&bright, grid.width);
+        Self { width: grid.width, bright, pure, read }
+    }
+
+    /// A strip of drawn light.
+    pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
+        let read = lit_columns(&light, width);
+        Self { width, bright: light.clone(), pure: light, read }
     }
 
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
@@ -66,32 +85,57 @@ impl Strip {
         }
     }
 
-    /// Adds to the light what a picture of a part of the same plane has more than another, or less.
-    pub(super) fn change(&mut self, own: &Grid, part: &Grid, before: &Raster, after: &Raster) {
+    /// Adds to the light what a picture of a part of the same plane has more than another, or less;
+    /// returns the columns of that part.
+    pub(super) fn change(
+        &mut self,
+        own: &Grid,
+        part: &Grid,
+        before: &Raster,
+        after: &Raster,
+    ) -> Range<usize> {
         let ratio = own.pitch_m / part.pitch_m;
         let [left, top] =
             [(own.left_m - part.left_m) / part.pitch_m, (part.top_m - own.top_m) / part.pitch_m];
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        for at in 0..self.width * HEIGHT {
-            let x = left + ratio * (at % self.width) as f64;
-            let y = top + ratio * (at / self.width) as f64;
+        let column = |x: f64| whole(((x - left) / ratio).max(0.0)).min(self.width);
+        let columns = column(0.0)..(column(part.width as f64) + 1).min(self.width);
+        for (row, at) in (0..HEIGHT).flat_map(|row| columns.clone().map(move |at| (row, at))) {
+            let (x, y) = (left + ratio * at as f64, top + ratio * row as f64);
             let more = change.sum([x, x + ratio], [y, y + ratio]) * per_area;
             for channel in [&mut self.bright, &mut self.pure] {
-                channel[at] = (channel[at] + more).clamp(0.0, 1.0);
+                let light = &mut channel[row * self.width + at];
+                *light = (*light + more).clamp(0.0, 1.0);
             }
         }
+        columns
     }
 
-    /// The net's input: both channels of each pixel, as square roots.
-    pub(super) fn bytes(&self) -> impl Iterator<Item = u8> {
+    /// The net's input, of some columns: both channels of each pixel, as square roots.
+    pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         #[expect(clippy::cast_sign_loss, reason = "0 to 255")]
         let byte = |light: f32| (255.0 * light.sqrt()).round() as u8;
-        self.bright
-            .iter()
-            .zip(&self.pure)
-            .flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
+        let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
+        rows.flat_map(move |(bright, pure)| {
+            let pixels = bright[columns.clone()].iter().zip(&pure[columns.clone()]);
+            pixels.flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
+        })
     }
+}
+
+/// The columns from the first to the last with light, and the margin that the net knows; all where
+/// there is none.
+fn lit_columns(bright: &[f32], width: usize) -> Range<usize> {
+    let is_lit = |x: &usize| {
+        let column = bright.iter().skip(*x).step_by(width);
+        column.filter(|light| **light >= LIT.0).count() >= LIT.1
+    };
+    let (Some(first), Some(last)) = ((0..width).find(is_lit), (0..width).rfind(is_lit)) else {
+        return 0..width;
+    };
+    let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(width);
+    first.saturating_sub(MARGIN_PX) / 2 * 2..end
 }

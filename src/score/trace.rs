@@ -166,7 +166,7 @@ mod tests {
     fn what_is_missing_and_what_is_too_much_have_their_lengths() {
         let trace = Trace::new(&bar());
         let run = vec![[[10.5, 10.5], [60.5, 10.5]]];
-        let (gaps, recall) = trace.gaps(&trace.bend(std::slice::from_ref(&run)));
+        let (gaps, recall) = trace.gaps(&trace.bend(std::slice::from_ref(&run)), |_| false);
         assert_eq!(gaps.len(), 1);
         let [from, to] = gaps[0].along_px;
         assert!((from - 40.0).abs() <= 1.0 && (to - 50.0).abs() <= 1.0, "{from} to {to}");

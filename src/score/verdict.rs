@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
-use super::alphabet::{classes_of, same_shapes, seen_as};
+use super::alphabet::spells;
 use super::calibration::{CALIBRATION, Calibration};
 use super::causes::{Advice, Cause};
-use super::reading::Reading;
+use super::plane::Placed;
+use super::{MAX_ROTATION_RAD, SCALES};
 use crate::letters::Strokes;
 
 /// Whether the word in a photo is legible, and why not.
@@ -35,8 +36,8 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible; `None` where it is.
     pub reason: Option<Reason>,
-    /// Blind recognition: the text that is read without knowledge of the word; `None` where the photo
-    /// was not read so.
+    /// Blind recognition: the text that is read without knowledge of the word; `None` where nothing can
+    /// be seen.
     pub second_opinion: Option<String>,
     /// Faults, the most costly first; empty where they were not looked for.
     pub causes: Vec<Cause>,
@@ -124,26 +125,19 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Adds what blind recognition reads in the same photo. Where the word is not legible and a clear
-    /// reading has another number of letters, that is the reason.
-    pub fn compare_with(&mut self, reading: &Reading) {
-        let n_judged = self.letters.iter().filter(|letter| letter.p.is_some()).count();
-        let is_of_letters = matches!(self.reason, Some(Reason::Misread | Reason::OutOfRange));
-        if is_of_letters && reading.is_clear() && reading.letters.len() != n_judged {
-            self.reason = Some(Reason::OtherLength);
-        }
-        self.second_opinion = Some(reading.text.clone());
+    /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the readability,
+    /// and where another word is likelier, no more than the word's own share against it. What
+    /// studies rank, tune and learn by.
+    #[must_use]
+    pub fn read_probability(&self) -> f64 {
+        let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
+        likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
     }
 
     /// Whether blind recognition reads another text than the word; equal shapes are equal.
     #[must_use]
     pub fn is_contradicted(&self) -> bool {
-        let expected: Vec<_> = self.word.chars().filter_map(classes_of).collect();
-        let seen = |text: &str| -> Vec<_> {
-            text.chars().filter(|c| !c.is_whitespace()).map(seen_as).collect()
-        };
-        let read = self.second_opinion.as_deref();
-        read.is_some_and(|read| !same_shapes(&expected, &seen(read)))
+        self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
     /// A word of which nothing can be seen.
@@ -169,6 +163,21 @@ impl Verdict {
     }
 }
 
+impl From<&Placed> for Placement {
+    fn from(&Placed { shift_m, scale, rotation_rad, .. }: &Placed) -> Self {
+        Self { shift_m, scale, rotation_rad }
+    }
+}
+
+impl Placement {
+    /// Whether the word is within reach of its place, and nearly as large and upright as intended.
+    pub(super) fn is_near(&self, reach_m: f64) -> bool {
+        libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
+            && (SCALES[0]..=SCALES[1]).contains(&self.scale)
+            && self.rotation_rad.abs() <= MAX_ROTATION_RAD
+    }
+}
+
 impl LetterVerdict {
     /// Punctuation.
     pub(super) fn not_judged(expected: char) -> Self {
@@ -190,5 +199,26 @@ impl LetterVerdict {
             stray_mm: None,
             confusion: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::{LetterOptions, write};
+
+    #[test]
+    fn a_likelier_rival_caps_the_probability_of_being_read_by_the_words_share() {
+        let strokes = write("PARIS", &LetterOptions::default()).unwrap();
+        let unseen = Verdict::unseen(&strokes, Reason::NoLight, None);
+        let of = |readability: f64, rival: Option<f64>| {
+            let rival = rival.map(|p| RivalWord { word: "ARIS".into(), p });
+            Verdict { readability, rival, ..unseen.clone() }.read_probability()
+        };
+        assert_eq!(of(0.84, None), 0.84, "nothing else to read");
+        assert_eq!(of(0.84, Some(0.3)), 0.84, "the rival is less likely");
+        assert_eq!(of(0.84, Some(0.5)), 0.84, "as likely");
+        assert_eq!(of(0.84, Some(0.75)), 0.25, "one in four reads the word");
+        assert_eq!(of(0.1, Some(0.75)), 0.1, "the readability is lower yet");
     }
 }

@@ -7,9 +7,10 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
-use crate::photo::png::{FLIGHT_KEYWORD, STROKES_KEYWORD};
+use crate::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
 use crate::photo::{Photo, read_out};
 use crate::scene::Scene;
+use crate::score::LogGap;
 use crate::settings::settings;
 
 settings! {
@@ -84,9 +85,9 @@ pub(super) fn encode(
     photo: &Photo,
     film: &Film,
     camera: &Camera,
-    digests: Digests,
+    shown: Shown,
 ) -> Result<Vec<u8>> {
-    let mut notes = notes(scene.seed, camera, digests);
+    let mut notes = notes(scene.seed, camera, shown);
     let mut out = Cursor::new(Vec::new());
     let readout = || read_out(film, camera, &scene.photo, scene.seed);
     let written = match format {
@@ -106,14 +107,16 @@ pub(super) fn encode(
     Ok(out.into_inner())
 }
 
-/// Digests of what a photo shows.
-pub(super) struct Digests {
+/// What a photo shows, beside its scene.
+pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
     /// Of strokes from a file of the user's.
     pub(super) strokes_sha256: Option<String>,
+    /// Gaps of logs that it leaves dark.
+    pub(super) log_gaps: Vec<LogGap>,
 }
 
-fn notes(seed: u64, camera: &Camera, digests: Digests) -> Vec<(&'static str, String)> {
+fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
         "{} mm, f/{f_number}, ISO {iso}, shutter open from {shutter_open_s} s to \
@@ -125,8 +128,12 @@ fn notes(seed: u64, camera: &Camera, digests: Digests) -> Vec<(&'static str, Str
         ("noctograph.camera", camera),
         ("noctograph.seed", seed.to_string()),
     ];
-    let Digests { flight_sha256, strokes_sha256 } = digests;
+    let Shown { flight_sha256, strokes_sha256, log_gaps } = shown;
     notes.extend(flight_sha256.map(|digest| (FLIGHT_KEYWORD, digest)));
     notes.extend(strokes_sha256.map(|digest| (STROKES_KEYWORD, digest)));
+    if !log_gaps.is_empty() {
+        let gaps = serde_json::to_string(&log_gaps).expect("gaps are plain data");
+        notes.push((LOG_GAPS_KEYWORD, gaps));
+    }
     notes
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::metering::{Metered, metered};
+use super::metering::{Metered, metered, recommended};
 use super::{Recording, Shoot, Watch, obstacles};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
@@ -21,6 +21,8 @@ pub struct Lighting {
     pub flights: Vec<Flight>,
     /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
     pub trace: LightTrace,
+    /// Names of the lamps that follow the plans.
+    pub writing: Vec<String>,
     /// The scene's camera, as the meter set it.
     pub camera: Camera,
     /// What keeps the word from being read whatever its letters are, the first cause first.
@@ -29,6 +31,16 @@ pub struct Lighting {
     pub metered: Option<Metered>,
     /// Warnings of the simulated flights, and of light outside the picture.
     pub warnings: Vec<String>,
+}
+
+impl Lighting {
+    /// Aperture and sensitivity that the light meter recommends for the scene: those that it set, if
+    /// the scene asks for it. `None` for darkness.
+    #[must_use]
+    pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
+        let meter = || recommended(&self.trace, &self.camera, &scene.camera, &scene.photo);
+        self.metered.or_else(meter)
+    }
 }
 
 impl Shoot {
@@ -78,11 +90,14 @@ impl Shoot {
         let bounds_m = self.bounds_m(&flights)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
-        let metered = metered(&all, &mut camera, options, photo)?;
+        let metered = metered(&all, &mut camera, options, photo);
         check_place(&all, bounds_m, &camera)?;
         warnings.extend(outside(&all, bounds_m, &camera));
-        let obstacles = obstacles::before(&flights, &all, &self.scene.light, &camera);
-        Ok(Lighting { flights, trace: all, camera, metered, obstacles, warnings })
+        let lamps = obstacles::writing(&flights, &all, &self.scene.light);
+        let obstacles = obstacles::before(&flights, &lamps, &camera);
+        let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.emitter.name.clone()).collect();
+        writing.dedup();
+        Ok(Lighting { flights, trace: all, writing, camera, metered, obstacles, warnings })
     }
 
     /// Lights the lamps of one drone, counted from 0.
@@ -149,7 +164,7 @@ fn gaps_in_words(flight: &Flight) -> Vec<String> {
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let bridges = (!bridged.is_empty()).then(|| {
         format!(
-            "{} gap(s) of the log are bridged, to within {:.0} mm: {}",
+            "gaps of the log: {} bridged by a smooth path, uncertain by up to {:.0} mm ({})",
             bridged.len(),
             1e3 * most_m,
             spans(&bridged)
@@ -157,8 +172,8 @@ fn gaps_in_words(flight: &Flight) -> Vec<String> {
     });
     let breaks = (!open.is_empty()).then(|| {
         format!(
-            "{} gap(s) of the log are too long to bridge: trails break there, though the lamps may \
-             have shone: {}",
+            "gaps of the log: {} too long to bridge; trails break there, though the lamps may have \
+             shone ({})",
             open.len(),
             spans(&open)
         )

@@ -5,7 +5,6 @@
 //! for the room to stay dark.
 
 use crate::camera::{Camera, CameraOptions, Metering, TrailMetering};
-use crate::error::Result;
 use crate::expose::meter::meter;
 use crate::light::LightTrace;
 use crate::photo::PhotoOptions;
@@ -26,7 +25,7 @@ const ISOS: [f64; 16] = [
 /// Width of the picture that is metered: larger pixels blur a trail.
 const WIDTH_PX: u32 = 1920;
 
-/// What the light meter set.
+/// What the light meter recommends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Metered {
     /// Aperture number.
@@ -48,23 +47,42 @@ pub(super) fn metered(
     camera: &mut Camera,
     options: &CameraOptions,
     photo: &PhotoOptions,
-) -> Result<Option<Metered>> {
-    let Metering::Trail(aims) = &options.metering else { return Ok(None) };
+) -> Option<Metered> {
+    if options.metering == Metering::Off {
+        return None;
+    }
+    let metered = recommended(trace, camera, options, photo)?;
+    (camera.f_number, camera.iso) = (metered.f_number, metered.iso);
+    Some(metered)
+}
+
+/// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene that
+/// does not meter; `None` for darkness.
+pub(super) fn recommended(
+    trace: &LightTrace,
+    camera: &Camera,
+    options: &CameraOptions,
+    photo: &PhotoOptions,
+) -> Option<Metered> {
+    let aims = match &options.metering {
+        Metering::Trail(aims) => aims.clone(),
+        Metering::Off => TrailMetering::default(),
+    };
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let mut samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
     if !samples.any(|sample| sample.level > 0.0 && open.contains(&sample.time_s)) {
-        return Ok(None);
+        return None;
     }
-    (camera.f_number, camera.iso) = (8.0, 100.0);
     // A small picture is exposed as a large one is.
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
     let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
-    let full = Camera { width_px: WIDTH_PX, height_px, ..camera.clone() };
-    let Ok(readings) = meter(trace, &full) else { return Ok(None) };
+    let (f_number, iso) = (8.0, 100.0);
+    let camera = Camera { f_number, iso, width_px: WIDTH_PX, height_px, ..camera.clone() };
+    let readings = meter(trace, &camera).ok()?;
     let trail_stops = readings.iter().map(|reading| reading.median_stops).fold(f64::MIN, f64::max);
-    let room_stops = photo.ambient_stops(camera);
-    let (more, gave_way) = more_stops(aims, trail_stops, room_stops);
+    let room_stops = photo.ambient_stops(&camera);
+    let (more, gave_way) = more_stops(&aims, trail_stops, room_stops);
 
     // The aperture first; sensitivity where the widest is not enough.
     let wanted = camera.f_number * libm::exp2(-0.5 * more);
@@ -73,14 +91,13 @@ pub(super) fn metered(
     let opened = stops_of(camera.f_number, f_number);
     let iso = nearest(ISOS.into_iter(), camera.iso * libm::exp2(more - opened));
     let more = opened + libm::log2(iso / camera.iso);
-    (camera.f_number, camera.iso) = (f_number, iso);
-    Ok(Some(Metered {
+    Some(Metered {
         f_number,
         iso,
         trail_stops: trail_stops + more,
         room_stops: room_stops.map(|stops| stops + more),
         gave_way,
-    }))
+    })
 }
 
 /// Stops to add, and whether they are fewer than the trail wants.
@@ -127,7 +144,7 @@ mod tests {
         change(&mut options);
         let mut camera = options.camera([-0.6, 0.5, 0.6, 1.0], 2.0).unwrap();
         let photo = PhotoOptions { ambient_cd_m2: 0.008, ..PhotoOptions::default() };
-        let metered = metered(&trace, &mut camera, &options, &photo).unwrap();
+        let metered = metered(&trace, &mut camera, &options, &photo);
         (camera, metered)
     }
 

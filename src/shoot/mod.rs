@@ -34,6 +34,7 @@ use crate::scene::{NamedScene, Scene};
 use crate::score::{Reader, is_judged};
 use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
 
+mod exported;
 mod file;
 #[cfg(test)]
 mod keys;
@@ -59,6 +60,9 @@ pub struct Shoot {
     pub strokes: Option<Strokes>,
     /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
+    /// Designs of the plans where these are flights of exported trajectories
+    /// ([`Self::as_exported`]); empty: the plans are their own design.
+    pub designs: Vec<Plan>,
     /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
     pub recordings: Vec<Recording>,
     /// True drones where they differ from the scene's, in the order of the plans.
@@ -199,6 +203,7 @@ impl Shoot {
             scene,
             strokes,
             plans: Vec::new(),
+            designs: Vec::new(),
             recordings: Vec::new(),
             actual: Vec::new(),
             room_seed: None,

@@ -25,7 +25,11 @@ const WHITE: (u8, f64) = (245, 0.5);
 const SLACK_S: f64 = 0.1;
 
 /// The lamps that write: those that follow a channel of the flights; all, of light without any.
-fn writing<'a>(flights: &[Flight], trace: &'a LightTrace, options: &LightOptions) -> Vec<&'a Lamp> {
+pub(super) fn writing<'a>(
+    flights: &[Flight],
+    trace: &'a LightTrace,
+    options: &LightOptions,
+) -> Vec<&'a Lamp> {
     let fixtures = options.fixtures();
     let has = |wanted: &str| {
         let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
@@ -48,12 +52,7 @@ fn writing<'a>(flights: &[Flight], trace: &'a LightTrace, options: &LightOptions
 }
 
 /// Obstacles that flights, lamps and camera show before a photo is taken.
-pub(super) fn before(
-    flights: &[Flight],
-    trace: &LightTrace,
-    options: &LightOptions,
-    camera: &Camera,
-) -> Vec<String> {
+pub(super) fn before(flights: &[Flight], lamps: &[&Lamp], camera: &Camera) -> Vec<String> {
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
@@ -73,8 +72,7 @@ pub(super) fn before(
             open_s - first_s
         )
     });
-    let lamps = writing(flights, trace, options);
-    early.into_iter().chain(late).chain(unlit_or_away(&lamps, camera)).collect()
+    early.into_iter().chain(late).chain(unlit_or_away(lamps, camera)).collect()
 }
 
 /// Lamps that are never lit while the shutter is open, or that face away from the camera.

@@ -7,7 +7,7 @@ use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
-use crate::light::{LightOptions, RING_COLORS};
+use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS};
 use crate::plan::feedforward::{feedforward, learn};
 use crate::plan::{Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd};
 use crate::plan::{fleet, stroke_ends, time_lights};
@@ -35,8 +35,6 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let follows_design = scene.controller.kind.follows_design();
     let inverse = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
-    let colored =
-        |planned: Planned| Planned { plan: ring_in_colors(planned.plan, &scene.light), ..planned };
     let planned = plans.into_iter().map(|plan| {
         responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {
@@ -45,34 +43,37 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
             Some(responses) => feedforward(&plan, responses),
         };
         match scene.plan.light_clock {
-            LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
+            LightClock::Setpoint => {
+                Ok(Planned { plan: in_colors(plan, &scene.light), ends: Vec::new() })
+            }
             LightClock::Light => aim(scene, &plan, &rehearse(scene, &plan)?),
         }
-        .map(colored)
     });
     planned.collect()
 }
 
-/// Adds the channels of the ring's color where the ring writes letters of different colors.
-fn ring_in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
-    let Some(levels) = plan.lights.get("ring").filter(|_| !light.letters_wrgb.is_empty()) else {
+/// Adds the channels of the colors of a lamp that writes letters in different colors.
+fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+    if light.letters_wrgb.is_empty() {
         return plan;
-    };
-    // Light that is led ahead of its letter, or lasts beyond it, has the letter's color.
-    let mut letter = None;
-    let rows = levels.iter().enumerate().map(|(row, level)| {
-        if *level <= 0.0 {
-            letter = None;
-            return [0.0; 3];
-        }
-        let next = || plan.setpoints[row..].iter().find_map(|setpoint| setpoint.letter);
-        letter = plan.setpoints[row].letter.or(letter).or_else(next);
-        light.ring_rgb_of(letter).map(|byte| f64::from(byte) / 255.0)
-    });
-    let rows: Vec<[f64; 3]> = rows.collect();
-    for (k, channel) in RING_COLORS.into_iter().enumerate() {
-        plan.lights.insert(channel.to_owned(), rows.iter().map(|rgb| rgb[k]).collect());
     }
+    let letters = plan.light_letters();
+    let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
+    let mut add = |lamp: &str, channels: &[&str], color: &dyn Fn(Option<usize>, usize) -> u8| {
+        if !plan.lights.contains_key(lamp) {
+            return;
+        }
+        for (k, channel) in channels.iter().enumerate() {
+            let rows = letters.iter().zip(&lit);
+            let level = |(letter, lit): (&Option<usize>, &bool)| match lit {
+                true => f64::from(color(*letter, k)) / 255.0,
+                false => 0.0,
+            };
+            plan.lights.insert((*channel).to_owned(), rows.map(level).collect());
+        }
+    };
+    add("ring", &RING_COLORS, &|letter, k| light.ring_rgb_of(letter)[k]);
+    add("color-led", &COLOR_LED_COLORS, &|letter, k| light.wrgb_of(letter)[k]);
     plan
 }
 
@@ -120,7 +121,7 @@ pub fn aim(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Planned> {
         false => Between::Held,
     };
     let (plan, ends) = time_lights(plan, flight, &lamp_timing(&scene.light), between)?;
-    Ok(Planned { plan, ends })
+    Ok(Planned { plan: in_colors(plan, &scene.light), ends })
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.
@@ -179,10 +180,35 @@ mod tests {
         let own = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
         let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], own, [1.0, 0.0, 0.0]];
         for (row, level) in white.lights["ring"].iter().enumerate() {
-            let next = || colored.setpoints[row..].iter().find_map(|s| s.letter);
-            let letter = colored.setpoints[row].letter.or_else(next);
+            let letter = colored.light_letters()[row];
             let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
             assert_eq!(RING_COLORS.map(|channel| colored.lights[channel][row]), wanted);
+        }
+    }
+
+    /// A lit stretch of commands, begun ahead of its stroke and ended behind it, has one color.
+    #[test]
+    fn no_stroke_ends_in_the_color_of_the_next() {
+        for (lamp, channels) in [("ring", &RING_COLORS[..]), ("color-led", &COLOR_LED_COLORS[..])] {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            scene.plan.lights = vec![lamp.to_owned()];
+            // The drone trails positions by some 0.3 s: so does the light.
+            scene.plan.reference = ReferenceKind::Design;
+            scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 255, 0], [0, 0, 0, 255]];
+            let plan = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+            let colors = |row: usize| -> Vec<f64> {
+                channels.iter().map(|channel| plan.lights[*channel][row]).collect()
+            };
+            let lit = &plan.lights[lamp];
+            let (mut strokes, mut turns) = (0, 0);
+            for row in 1..lit.len() {
+                strokes += usize::from(lit[row] > 0.0 && lit[row - 1] == 0.0);
+                turns += usize::from(
+                    lit[row] > 0.0 && lit[row - 1] > 0.0 && colors(row) != colors(row - 1),
+                );
+            }
+            assert_eq!((strokes, turns), (strokes, 0), "{lamp}");
+            assert!(strokes >= 4, "{lamp}: {strokes}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! The photograph with every product on the way to it.
 
-use super::file::{Digests, encode};
+use super::file::{Shown, encode};
 use super::{Judging, Lighting, Metered, Planned, Shoot, obstacles};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -9,10 +9,11 @@ use crate::flight::Flight;
 use crate::flight::tracking::{Part, track};
 use crate::letters::Strokes;
 use crate::light::LightTrace;
+use crate::light::gaps::{Gap, dark};
 use crate::photo::{Photo, develop};
 use crate::plan::PlanOptions;
 use crate::scene::Scene;
-use crate::score::{Known, Reader, Verdict, View};
+use crate::score::{Known, LogGap, Reader, Verdict, View};
 
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
@@ -70,7 +71,7 @@ impl Shoot {
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, metered, mut obstacles, warnings } = lighting;
+        let Lighting { flights, trace, camera, metered, mut obstacles, warnings, .. } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         if let Some(format) = self.format {
@@ -94,8 +95,8 @@ impl Shoot {
         let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
-                let digests = self.digests(&flights);
-                encode(format, scene, &photo, &exposure.film, &camera, digests).map(Some)
+                let shown = self.shown(&flights);
+                encode(format, scene, &photo, &exposure.film, &camera, shown).map(Some)
             }
         };
         let (verdict, file) = rayon::join(read, encode);
@@ -127,13 +128,15 @@ impl Shoot {
         })
     }
 
-    /// Digests of the flights, and of strokes that a font or drawing outside the scene made.
-    fn digests(&self, flights: &[Flight]) -> Digests {
+    /// Digests of the flights, and of strokes that a font or drawing outside the scene made, and
+    /// the gaps of logs.
+    fn shown(&self, flights: &[Flight]) -> Shown {
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
-        Digests {
+        Shown {
             flight_sha256: flight_sha256(flights),
             strokes_sha256: strokes.map(Strokes::sha256),
+            log_gaps: flights.iter().flat_map(log_gaps).collect(),
         }
     }
 
@@ -155,8 +158,8 @@ impl Shoot {
     }
 }
 
-/// Facts from flights that explain their photo: speed along the strokes, and the means over the drones of
-/// the distance from the path and of the lag.
+/// Facts from flights that explain their photo: speed along the strokes, the means over the drones of
+/// the distance from the path and of the lag, and the gaps of their logs.
 #[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
@@ -170,5 +173,22 @@ pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
         speed_m_s: (!flights.is_empty()).then_some(plan.stroke_speed_m_s),
         contour_m: mean(|tracking| tracking.contour.mean_m),
         lag_s: mean(|tracking| tracking.lag_s),
+        gaps: flights.iter().flat_map(log_gaps).collect(),
     }
+}
+
+/// Most gaps of a log that a photo names: the reference flight has three.
+const MAX_LOG_GAPS: usize = 1000;
+
+/// The gaps of a real flight's log that its photo leaves dark.
+pub(super) fn log_gaps(flight: &Flight) -> Vec<LogGap> {
+    let at_m = |time_s: f64| {
+        let index = flight.samples.partition_point(|sample| sample.time_s < time_s);
+        flight.samples.get(index).map(|sample| [sample.position_m.x, sample.position_m.z])
+    };
+    let gap = |(Gap { span_s, .. }, way_m): (Gap, f64)| {
+        let ends_m = [at_m(span_s[0])?, at_m(span_s[1])?];
+        Some(LogGap { span_s, ends_m, way_m })
+    };
+    dark(flight).into_iter().filter_map(gap).take(MAX_LOG_GAPS).collect()
 }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::scene::NamedScene;
 
 /// Most flights of a study: a week of one core.
-const MAX_TRIALS: usize = 500_000;
+pub(super) const MAX_TRIALS: usize = 500_000;
 
 /// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
 /// any part of them can be flown anywhere.

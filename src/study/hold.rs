@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::statistics::{bootstrap, mean};
 use crate::error::{Error, Result};
 use crate::sim::SimOptions;
-use crate::sim::altitude::{Hold, HoldSample, Model, Scenario, hold};
+use crate::sim::altitude::{Hold, HoldSample, Model, STATE_NAMES, Scenario, hold};
 
 /// Time that a flight lasts, s.
 pub const DURATION_S: f64 = 60.0;
@@ -15,6 +15,8 @@ const FROM_S: f64 = 5.0;
 const EVENT_S: f64 = 0.5;
 /// Most runs of a scenario.
 const MAX_RUNS: u32 = 10_000;
+/// Mean squared error over variance of a consistent state: at most 20 % off in its σ.
+pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
 /// Figures of a scenario over its runs. Root mean squares are over time and runs.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -33,6 +35,8 @@ pub struct HoldFigures {
     pub inside: f64,
     /// Error of the estimated hover throttle, root mean square.
     pub hover_throttle: f64,
+    /// Squared error over variance of each state, away from events.
+    pub states: Vec<Consistency>,
     /// Normalized innovation squared of satellites, ranger and barometer, away from events.
     pub nis: [Option<f64>; 3],
     /// Steps of the floor in a flight, on average: found, and seen by the ranger.
@@ -41,6 +45,53 @@ pub struct HoldFigures {
     pub bounds: Option<Bounds>,
     /// Promises that were not kept.
     pub missed: Vec<String>,
+}
+
+/// How well the filter knows what it does not know of a state.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Consistency {
+    /// Name of the state.
+    pub state: &'static str,
+    /// Mean over time and runs of the squared error over its variance, with its 95 % interval: 1 of
+    /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    pub error: Interval,
+    /// What that means.
+    pub verdict: Verdict,
+}
+
+/// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// It is.
+    Consistent,
+    /// It is too small.
+    Overconfident,
+    /// It is too large.
+    Conservative,
+}
+
+impl Verdict {
+    fn of(squared_error: f64) -> Self {
+        let [least, most] = CONSISTENT;
+        if squared_error < least {
+            Self::Conservative
+        } else if squared_error > most {
+            Self::Overconfident
+        } else {
+            Self::Consistent
+        }
+    }
+
+    /// Its name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Overconfident => "overconfident",
+            Self::Conservative => "conservative",
+        }
+    }
 }
 
 /// An estimate with its 95 % bootstrap interval over runs.
@@ -118,6 +169,8 @@ struct Run {
     hold_m2: f64,
     inside: f64,
     hover_throttle_sq: f64,
+    /// Squared error over variance of each state.
+    states: [f64; 6],
     /// Sum of the normalized innovations squared, and their number.
     nis: [(f64, f64); 3],
     /// Found and seen.
@@ -149,6 +202,11 @@ impl Run {
                 let [truth, estimate] = s.hover_throttle();
                 (estimate - truth) * (estimate - truth)
             }),
+            states: std::array::from_fn(|i| {
+                let sigmas = |s: &HoldSample| (s.estimate[i] - s.truth[i]) / s.sigma[i];
+                let quiet = samples.iter().filter(|s| !near(s.time_s));
+                mean(&quiet.map(|s| sigmas(s) * sigmas(s)).collect::<Vec<_>>())
+            }),
             nis,
             steps: [
                 flight.steps.into(),
@@ -165,6 +223,12 @@ fn summary(flown: &[Run], model: Model, scenario: Scenario, runs: u32) -> HoldFi
         let found = bootstrap(&[squares], 0.95, |squares| root(squares));
         Interval { value: found.value, low: found.low, high: found.high }
     };
+    let consistency = |(index, state): (usize, &&'static str)| {
+        let squares: Vec<f64> = flown.iter().map(|run| run.states[index]).collect();
+        let found = bootstrap(&[squares], 0.95, |squares| mean(squares));
+        let error = Interval { value: found.value, low: found.low, high: found.high };
+        Consistency { state, error, verdict: Verdict::of(error.value) }
+    };
     let mut figures = HoldFigures {
         scenario: scenario.name(),
         model: model.name(),
@@ -173,6 +237,7 @@ fn summary(flown: &[Run], model: Model, scenario: Scenario, runs: u32) -> HoldFi
         hold_m: interval(column(|run| run.hold_m2)),
         inside: mean(&column(|run| run.inside)),
         hover_throttle: root(&column(|run| run.hover_throttle_sq)),
+        states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
         nis: [0, 1, 2].map(|sensor| {
             let sums = flown.iter().map(|run| run.nis[sensor]);
             let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
@@ -215,6 +280,11 @@ impl HoldFigures {
             let kept = (least..=most).contains(&found);
             promise(kept, format!("NIS {found:.2}, not {least} to {most}"));
         }
+        for Consistency { state, error, verdict } in &self.states {
+            let text =
+                format!("{state} overconfident: squared error over variance {:.2}", error.value);
+            promise(*verdict != Verdict::Overconfident, text);
+        }
         let [found, seen] = self.steps;
         promise((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}"));
         missed
@@ -250,6 +320,34 @@ mod tests {
             assert!((found.steps[0] - found.steps[1]).abs() <= bounds.steps, "{found:?}");
             assert_eq!(scenario.has_step(), found.steps[1] > 0.0, "{found:?}");
         }
+    }
+
+    #[test]
+    fn the_filter_knows_what_it_does_not_know_of_motion_and_thrust() {
+        let [least, most] = CONSISTENT;
+        for (model, runs) in [(Model::Scalar, 24), (Model::Full, 8)] {
+            for scenario in Scenario::ALL {
+                let found = figures(model, *scenario, runs);
+                for (index, Consistency { state, error, .. }) in found.states.iter().enumerate() {
+                    let what = format!("{model:?}, {scenario:?}, {state}: {error:?}");
+                    assert!(error.low <= most, "{what}");
+                    // The floor is flat and the barometer hardly drifts: easier than the filter is
+                    // made for.
+                    assert!(index >= 4 || error.high >= least, "{what}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_gain_that_walks_as_no_battery_does_is_found_overconfident() {
+        let mut options = SimOptions::bzzz();
+        let filter = &mut options.observer.altitude;
+        filter.gain_walk_m_s2_sqrt_s = 0.8;
+        (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) = (1.4, 3.0);
+        let found = hold_figures(Model::Scalar, &options, Scenario::Calm, 0, 24).unwrap();
+        assert_eq!(found.states[3].verdict, Verdict::Overconfident, "{:?}", found.states[3]);
+        assert!(found.missed.iter().any(|text| text.starts_with("α¹ overconfident")), "{found:?}");
     }
 
     #[test]

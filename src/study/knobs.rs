@@ -1,5 +1,6 @@
 //! Knobs: the settings of a scene that a search varies, named by their keys.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -137,6 +138,17 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
+/// The scene's own values of the keys that knobs turn, by key.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a key that the scene lacks.
+pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::Value>> {
+    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    keys.map(|key| Ok((key.clone(), find(&mut value, key)?.clone()))).collect()
+}
+
 /// The value of a key such as `controller.lqr.q[0]`.
 fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value> {
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
@@ -207,6 +219,10 @@ mod tests {
         assert!((turned.plan.stroke_speed_m_s - 0.2).abs() < 1e-12);
         want.controller.kind = ControllerKind::LqrIntegral;
         assert_eq!(turned, want);
+        let values = settings(&turned, &knobs).unwrap();
+        let speed_m_s = values["plan.stroke_speed_m_s"].as_float().unwrap();
+        assert_eq!((values.len(), speed_m_s), (4, turned.plan.stroke_speed_m_s), "in m/s");
+        assert_eq!(values["controller.kind"].as_str(), Some("lqr-integral"));
     }
 
     #[test]

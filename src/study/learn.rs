@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::correct::{LearnOptions, correct};
-use super::statistics::{mean, mean_of_strata};
+use super::statistics::{Estimate, mean, mean_of_strata, share};
 use super::{Outcome, Prepared, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
@@ -29,6 +29,8 @@ const PATIENCE: u32 = 3;
 pub struct Round {
     /// Mean probability of being read.
     pub legibility: f64,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
     /// Mean merit.
     pub merit: f64,
     /// Mean distance from the path, m.
@@ -159,6 +161,7 @@ fn round(outcomes: &[Outcome], kept: bool) -> Round {
     let read = |value: fn(&Outcome) -> f64| mean(&outcomes.iter().map(value).collect::<Vec<_>>());
     Round {
         legibility: read(|outcome| outcome.probability),
+        legible: share(outcomes.iter().map(|outcome| outcome.legible)),
         merit: read(Outcome::merit),
         contour_m: of(|f| f.contour_m),
         rmse_m: of(|f| libm::hypot(f.rmse_x_m, f.rmse_z_m)),

@@ -44,8 +44,11 @@ mod tune;
 pub use conditions::{Conditions, Factor};
 pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
-pub use hold::{Bounds, DURATION_S, HoldFigures, Interval, hold_figures};
-pub use knobs::{Knob, Turn, turned};
+pub use hold::{
+    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, Interval, Verdict as HoldVerdict,
+    hold_figures,
+};
+pub use knobs::{Knob, Turn, settings, turned};
 pub use learn::{Learned, Round, learn};
 pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, rank};

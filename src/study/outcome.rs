@@ -24,7 +24,8 @@ pub struct Outcome {
     pub all_read: bool,
     /// Whether the word counts as legible.
     pub legible: bool,
-    /// Probability that a visitor reads the word at first sight, 0 to 1.
+    /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
+    /// [`Verdict::read_probability`].
     pub probability: f64,
     /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
     pub log_odds: f64,
@@ -124,7 +125,7 @@ impl Outcome {
     }
 
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
-        let p = verdict.readability;
+        let p = verdict.read_probability();
         let letters = &verdict.letters;
         let shares: Vec<f64> = letters.iter().filter_map(|letter| letter.p).collect();
         #[expect(clippy::cast_precision_loss, reason = "at most 256 letters")]

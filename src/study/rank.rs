@@ -33,8 +33,11 @@ pub struct Measures {
     pub n_flights: usize,
     /// Flights in which the drone was lost.
     pub n_lost: usize,
-    /// Mean readability: the probability that a viewer reads the word at first sight.
+    /// Mean probability that a viewer reads the word and no other at first sight
+    /// ([`Verdict::read_probability`](crate::score::Verdict::read_probability)).
     pub legibility: Estimate,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
     /// Mean of its worst tenth.
     pub worst_decile: Estimate,
     /// Share of flights in which every letter was read as it should.
@@ -151,6 +154,7 @@ fn measure(study: &Study, index: usize, records: &[Record], first: usize) -> Mea
         n_flights: records.len(),
         n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
         legibility: mean_of_probabilities(&probabilities),
+        legible: share(records.iter().map(|record| record.outcome.legible)),
         worst_decile: bootstrap(&probabilities, LEVEL, worst_decile),
         all_read: share(records.iter().map(|record| record.outcome.all_read)),
         flown: flown(study, records),
@@ -261,6 +265,7 @@ mod tests {
         let found = &ranking.measures[0];
         assert!((found.legibility.value - 0.475).abs() < 1e-12);
         assert!((found.worst_decile.value - 0.025).abs() < 1e-12, "mean of 0 and 0.05");
+        assert!((found.legible.value - 0.3).abs() < 1e-12, "six are above 0.7: {found:?}");
         assert!((found.all_read.value - 0.45).abs() < 1e-12, "nine are above a half");
         assert!(ranking.pairs.is_empty() && found.place == 1);
     }

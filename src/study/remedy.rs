@@ -21,7 +21,7 @@ use crate::sim::ControllerKind;
 pub struct Remedy {
     /// What to type: flags, or keys with their values.
     pub change: String,
-    /// Gain in readability, the mean over [`SEEDS`] flights.
+    /// Gain in the probability of being read, the mean over [`SEEDS`] flights.
     pub gain: f64,
 }
 
@@ -44,9 +44,9 @@ const SLOW_M_S: f64 = 0.05;
 /// Those of the stages for the scene itself; a change that cannot be flown is none.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
-    let own = readability(scene, scene.seed)?;
+    let own = read_probability(scene, scene.seed)?;
     let gain = |(change, scene): (String, Scene)| {
-        let found = readability(&scene, scene.seed).ok()?;
+        let found = read_probability(&scene, scene.seed).ok()?;
         (found - own >= LEAST_GAIN).then_some((found - own, change, scene))
     };
     let candidates = candidates(shoot)?;
@@ -54,10 +54,10 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     gains.sort_by(|a, b| b.0.total_cmp(&a.0));
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
-        further.par_iter().map(|seed| readability(scene, *seed)).collect::<Result<_>>()?;
+        further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
     let mut found: Vec<Remedy> = Vec::new();
     for (first, change, scene) in gains {
-        let after = further.par_iter().map(|seed| readability(&scene, *seed));
+        let after = further.par_iter().map(|seed| read_probability(&scene, *seed));
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
         let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         gains.push(first);
@@ -74,12 +74,12 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     Ok(found)
 }
 
-/// Readability of the scene's word with a seed; 0 where nothing is read.
-fn readability(scene: &Scene, seed: u64) -> Result<f64> {
+/// Probability that the scene's word is read with a seed; 0 where nothing is read.
+fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
     (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
     let verdict = shoot.take(&|_, _| {})?.verdict;
-    Ok(verdict.map_or(0.0, |verdict| verdict.readability))
+    Ok(verdict.map_or(0.0, |verdict| verdict.read_probability()))
 }
 
 /// Changes that may help, each with its scene.
@@ -230,7 +230,7 @@ mod tests {
         let found = of(|_| {});
         assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
         let own =
-            readability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
+            read_probability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
         assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Each factor by itself, and all together, is made wider step by step, in multiples of the usual
 //! ([`Conditions::default`]), while all others stay as the scene has them. A word breaks where half of
-//! the flights no longer read letter by letter.
+//! the photos are no longer legible.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
 use crate::scene::NamedScene;
 
-/// Share of flights that must read.
+/// Share of photos that must be legible.
 const HALF: f64 = 0.5;
 
 /// Options of [`robustness`].
@@ -36,12 +36,12 @@ pub struct Endurance {
     pub factor: Option<Factor>,
     /// At each multiple.
     pub levels: Vec<Level>,
-    /// Multiple of the usual at which half of the flights read, between two levels on the straight
-    /// line; `None` where more than half read at all levels.
+    /// Multiple of the usual at which half of the photos are legible, between two levels on the
+    /// straight line; `None` where more than half are at all levels.
     pub breaks_at: Option<f64>,
     /// The same of the lower and of the upper ends of the levels' 95 % intervals: it lies between.
     pub breaks_between: [Option<f64>; 2],
-    /// 1 plus the number of factors that surely break the word before.
+    /// 1 plus the number of factors that break the word before, as far as the intervals tell.
     pub place: usize,
 }
 
@@ -52,6 +52,8 @@ pub struct Level {
     pub times: f64,
     /// Mean probability of being read.
     pub legibility: Estimate,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
     /// Share of flights in which every letter was read.
     pub all_read: Estimate,
 }
@@ -94,7 +96,7 @@ pub fn robustness(
         endurances.push(endurance(factor, levels));
     }
     let order = |e: &Endurance| {
-        let last = e.levels.last().map_or(0.0, |level| level.all_read.value);
+        let last = e.levels.last().map_or(0.0, |level| level.legible.value);
         (e.breaks_at.unwrap_or(f64::INFINITY), last)
     };
     endurances.sort_by(|a, b| {
@@ -121,7 +123,7 @@ fn endurance(factor: Option<Factor>, levels: Vec<Level>) -> Endurance {
     }
 }
 
-/// Whether one factor surely breaks the word before another.
+/// Whether one factor breaks the word before another: their intervals do not overlap.
 fn breaks_before(one: &Endurance, other: &Endurance) -> bool {
     let [_, latest] = one.breaks_between;
     let [earliest, _] = other.breaks_between;
@@ -133,20 +135,21 @@ fn level(times: f64, records: &[Record]) -> Level {
     Level {
         times,
         legibility: mean_of_probabilities(&[read]),
+        legible: share(records.iter().map(|r| r.outcome.legible)),
         all_read: share(records.iter().map(|r| r.outcome.all_read)),
     }
 }
 
-/// Where the share of flights that read, or an end of its interval, first falls below a half.
+/// Where the share of legible photos, or an end of its interval, first falls below a half.
 fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
-    let read = |level: &Level| of(&level.all_read);
+    let legible = |level: &Level| of(&level.legible);
     let first = levels.first()?;
-    if read(first) < HALF {
+    if legible(first) < HALF {
         return Some(first.times);
     }
-    let fall = levels.windows(2).find(|pair| read(&pair[1]) < HALF)?;
+    let fall = levels.windows(2).find(|pair| legible(&pair[1]) < HALF)?;
     let [from, to] = [fall[0], fall[1]];
-    let share = (read(&from) - HALF) / (read(&from) - read(&to));
+    let share = (legible(&from) - HALF) / (legible(&from) - legible(&to));
     Some(from.times + share * (to.times - from.times))
 }
 
@@ -156,25 +159,25 @@ mod tests {
     use crate::scene::{NamedScene, Preset, Scene};
 
     #[test]
-    fn a_word_breaks_where_half_of_its_flights_no_longer_read() {
+    fn a_word_breaks_where_half_of_its_photos_are_no_longer_legible() {
         assert_eq!(of(&[20, 18, 10, 2]).breaks_at, Some(2.0));
         assert_eq!(of(&[20, 15, 5, 2]).breaks_at, Some(1.5));
         assert_eq!(of(&[20, 18, 16, 12]).breaks_at, None);
         assert_eq!(of(&[4, 18, 16, 12]).breaks_at, Some(0.0));
     }
 
-    /// Twenty flights at each of four levels, of which so many read.
-    fn of(n_read: &[usize]) -> Endurance {
+    /// Twenty flights at each of four levels, of which so many are legible.
+    fn of(n_legible: &[usize]) -> Endurance {
         let estimate = Estimate { value: 0.5, low: 0.4, high: 0.6 };
         let level = |(times, &n)| {
-            let all_read = share((0..20).map(|flight| flight < n));
-            Level { times, legibility: estimate, all_read }
+            let legible = share((0..20).map(|flight| flight < n));
+            Level { times, legibility: estimate, legible, all_read: estimate }
         };
-        endurance(None, [0.0, 1.0, 2.0, 4.0].into_iter().zip(n_read).map(level).collect())
+        endurance(None, [0.0, 1.0, 2.0, 4.0].into_iter().zip(n_legible).map(level).collect())
     }
 
     #[test]
-    fn only_what_surely_breaks_first_comes_first() {
+    fn only_what_breaks_first_beyond_its_interval_comes_first() {
         let (weak, middling, strong) =
             (of(&[20, 6, 0, 0]), of(&[20, 12, 4, 0]), of(&[20, 20, 20, 19]));
         let [early, late] = weak.breaks_between.map(Option::unwrap);

@@ -60,9 +60,12 @@ pub struct SpreadShot {
     pub verdict: Option<Verdict>,
 }
 
-/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment.
+/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment; of fewer than
+/// [`LEAST_FLIGHTS`], where all of them are ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
+    /// Flights that it was made of.
+    pub n_flights: usize,
     /// Moments.
     pub time_s: Vec<f64>,
     /// Lower end, median and upper end of the positions, at each.
@@ -86,7 +89,7 @@ impl Band {
     /// The band of flights of one plan.
     #[must_use]
     pub fn new(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
-        let mut band = Self::default();
+        let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
         for (index, sample) in first.samples.iter().enumerate() {
@@ -103,6 +106,16 @@ impl Band {
             band.writes.push(sample.letter.is_some());
         }
         band
+    }
+
+    /// Share of further flights that it holds at every moment: [`BAND_FRAC`], and of fewer than
+    /// [`LEAST_FLIGHTS`] flights the share that lies between the least and the most of n,
+    /// `(n − 1) / (n + 1)`.
+    #[must_use]
+    pub fn holds_frac(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "flights of a spread")]
+        let n = self.n_flights as f64;
+        BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
     /// Mean of half its width while letters are written; over all moments where none are known.
@@ -272,6 +285,9 @@ mod tests {
             "{held:?}"
         );
         assert!((band.half_width_m().x - 90.0).abs() < 1.0, "{}", band.half_width_m());
+        assert_eq!((band.n_flights, band.holds_frac()), (199, BAND_FRAC));
+        let of = |n_flights| Band { n_flights, ..Band::default() }.holds_frac();
+        assert_eq!((of(2), of(18) < BAND_FRAC, of(LEAST_FLIGHTS)), (1.0 / 3.0, true, BAND_FRAC));
         let narrow: Vec<FlightSample> = (0..1000).map(|i| at(0.1 * f64::from(i), 99.0)).collect();
         assert!((band.held(&narrow).inside.x - 1.0).abs() < 1e-12);
     }

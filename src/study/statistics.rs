@@ -3,6 +3,7 @@
 //! | figure | interval |
 //! |---|---|
 //! | mean | Student's t, within strata (the flights of a word) where each has two values |
+//! | mean of probabilities | the same on the scale of log-odds ([`mean_of_probabilities`]) |
 //! | share | Wilson (1927); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
 //! | tail | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
@@ -25,6 +26,11 @@ const RESAMPLES: usize = 2000;
 const SUBSETS: usize = 20_000;
 /// Values of which all subsets are taken.
 const ALL_SUBSETS_OF: usize = 14;
+
+/// Weight, in values, of what is assumed of probabilities before any is seen
+/// ([`mean_of_probabilities`]). More widens the intervals of few values: with 1, those of six hold
+/// the mean in 99 % of cases; with 0, in 88 to 95 %.
+const PRIOR_VALUES: f64 = 0.5;
 
 /// A figure and the interval in which it lies at a stated level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -87,28 +93,66 @@ pub fn median(values: &mut [f64]) -> f64 {
 /// of them where a stratum has fewer than two; from `-infinity` to `infinity` of a single value.
 #[must_use]
 pub fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
-    let all = strata.concat();
-    let value = mean(&all);
-    let pooled = [all];
-    let strata = if strata.iter().any(|values| values.len() == 1) { &pooled } else { strata };
-    let (mut n, mut freedom, mut squares) = (0.0, 0.0, 0.0);
-    for values in strata.iter().filter(|values| values.len() > 1) {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-        let n_values = values.len() as f64;
-        let error = n_values * standard_error(values);
-        (n, freedom, squares) = (n + n_values, freedom + n_values - 1.0, squares + error * error);
-    }
-    if n == 0.0 {
+    let value = mean(&strata.concat());
+    let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
-    }
-    let reach = student_t(freedom) * squares.sqrt() / n;
+    };
+    let reach = student_t(freedom) * (variance / n).sqrt();
     Estimate { value, low: value - reach, high: value + reach }
 }
 
-/// The same of values from 0 to 1.
+/// Mean of all values, which are from 0 to 1, with its 95 % interval by Student's t on the scale of
+/// log-odds: about a mean near an end of that range the interval reaches farther toward the middle.
+/// From 0 to 1 of a single value.
+///
+/// Few values of a skewed law often lack its rare low ones, and their own spread is then too small.
+/// So half a value is added to them: 1/2 to the mean, and to the variance the largest that values
+/// from 0 to 1 of that mean can have. Simulated for nine laws and 6 to 50 values, the interval holds
+/// the mean in 94 to 99.8 % of cases, that of [`mean_of_strata`] in 79 to 95 %; a bootstrap-t one holds
+/// it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as failures in one of
+/// ten flights, it cannot know: 87 % at 20 values.
 #[must_use]
 pub fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
-    mean_of_strata(strata).within(0.0, 1.0)
+    let value = mean(&strata.concat());
+    let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
+        return Estimate { value, low: 0.0, high: 1.0 };
+    };
+    let middle = (n * value + PRIOR_VALUES * 0.5) / (n + PRIOR_VALUES);
+    let most = middle * (1.0 - middle);
+    let variance = (freedom * variance + PRIOR_VALUES * most) / (freedom + PRIOR_VALUES);
+    let reach = student_t(freedom) * (variance / n).sqrt() / most;
+    let log_odds = libm::log(middle / (1.0 - middle));
+    let at = |log_odds: f64| 1.0 / (1.0 + libm::exp(-log_odds));
+    let (low, high) = (at(log_odds - reach), at(log_odds + reach));
+    Estimate { value, low: low.min(value), high: high.max(value) }
+}
+
+/// Spread of values within their strata, or of all of them where a stratum has fewer than two.
+struct Spread {
+    /// Number of values.
+    n: f64,
+    /// Its degrees of freedom.
+    freedom: f64,
+    /// Variance of a value: that of their mean times `n`.
+    variance: f64,
+}
+
+impl Spread {
+    /// `None` of fewer than two values.
+    fn of(strata: &[Vec<f64>]) -> Option<Self> {
+        let pooled = [strata.concat()];
+        let strata = if strata.iter().any(|values| values.len() == 1) { &pooled } else { strata };
+        let (mut n, mut freedom, mut squares) = (0.0, 0.0, 0.0);
+        for values in strata.iter().filter(|values| values.len() > 1) {
+            #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+            let n_values = values.len() as f64;
+            let error = n_values * standard_error(values);
+            n += n_values;
+            freedom += n_values - 1.0;
+            squares += error * error;
+        }
+        (n > 0.0).then(|| Self { n, freedom, variance: squares / n })
+    }
 }
 
 /// Share of true values with its 95 % interval: Wilson's.
@@ -255,6 +299,7 @@ pub fn bootstrap(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::split_mix;
 
     #[test]
     fn tails_and_middles_are_those_of_the_values() {
@@ -312,7 +357,10 @@ mod tests {
         let found = mean_of_strata(&[vec![1.0; 50], vec![5.0; 50]]);
         assert_eq!((found.low, found.value, found.high), (3.0, 3.0, 3.0));
         let once = mean_of_probabilities(&[vec![0.1], vec![0.5]]);
-        assert_eq!((once.low, once.value, once.high), (0.0, 0.3, 1.0), "one seed a word");
+        assert!(
+            once.value == 0.3 && once.low < 0.01 && once.high > 0.97,
+            "one seed a word: {once:?}"
+        );
     }
 
     #[test]
@@ -325,6 +373,52 @@ mod tests {
         let found = center(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.95).unwrap();
         assert_eq!((found.low, found.high), (1.0, 6.0), "the first and the last of 63");
         assert_eq!(subset_means(&[2.0; 20]).len(), SUBSETS);
+    }
+
+    /// Quantile functions of nine laws of probabilities: even; log-odds with logistic tails about a
+    /// middle (`middle + scale · ln(u / (1 − u))`); and Kumaraswamy's, `(1 − (1 − u)^(1/b))^(1/a)`.
+    fn laws() -> Vec<Box<dyn Fn(f64) -> f64>> {
+        let mut laws: Vec<Box<dyn Fn(f64) -> f64>> = vec![Box::new(|u| u)];
+        for (middle, scale) in [(2.0, 0.6), (2.0, 0.9), (3.0, 1.2), (1.0, 1.2), (-2.0, 0.9)] {
+            laws.push(Box::new(move |u| {
+                1.0 / (1.0 + libm::exp(-middle - scale * libm::log(u / (1.0 - u))))
+            }));
+        }
+        for (a, b) in [(3.0, 1.0), (5.0, 0.5), (0.5, 0.5)] {
+            laws.push(Box::new(move |u| libm::pow(1.0 - libm::pow(1.0 - u, 1.0 / b), 1.0 / a)));
+        }
+        laws
+    }
+
+    /// Share of 2000 samples of `n` values whose interval holds the law's mean.
+    fn coverage(law: &dyn Fn(f64) -> f64, n: u32, of: fn(&[Vec<f64>]) -> Estimate) -> f64 {
+        let points = 100_000;
+        let point = |k: u32| law((f64::from(k) + 0.5) / f64::from(points));
+        let truth = (0..points).map(point).sum::<f64>() / f64::from(points);
+        let uniform = |sample: u32, k: u32| {
+            let key = u64::from(sample) << 32 | u64::from(k);
+            (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let held = |sample: &u32| {
+            let values = (0..n).map(|k| law(uniform(*sample, k).max(1e-12))).collect();
+            let found = of(&[values]);
+            found.low <= truth && truth <= found.high
+        };
+        (0..2000).filter(held).count() as f64 / 2000.0
+    }
+
+    #[test]
+    fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
+        for n in [6, 10, 20, 50] {
+            let all = |of| -> Vec<f64> { laws().iter().map(|law| coverage(law, n, of)).collect() };
+            let [plain, log_odds] = [all(mean_of_strata), all(mean_of_probabilities)];
+            println!(
+                "{n:3} values: Student's t {plain:.3?}\n            log-odds    {log_odds:.3?}"
+            );
+            // Of 2000 samples, 0.93 is four standard errors below 0.95.
+            assert!(log_odds.iter().all(|share| *share >= 0.93), "{n} values: {log_odds:?}");
+            assert!(plain.iter().any(|share| *share < 0.935), "{n} values: {plain:?}");
+        }
     }
 
     #[test]

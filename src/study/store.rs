@@ -6,7 +6,6 @@
 //! off. One program at a time has the folder (`lock`).
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -15,22 +14,25 @@ use std::sync::Mutex;
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
+use super::design::MAX_TRIALS;
 use crate::error::{Error, Result};
 use crate::files::{Limit, Output};
 
-/// Layout of the folder.
-const FORMAT: u32 = 1;
+/// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
+const FORMAT: u32 = 2;
 /// Records between two syncs to disk. Killing the program loses none of
 /// them; pulling the plug loses at most so many.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
-/// Largest file of flights: a million.
-const LIMIT: Limit =
-    Limit { bytes: 640 << 20, what: "a store of flights", hint: "name another folder" };
+/// Largest file of flights.
+const LIMIT: Limit = Limit { bytes: 320 << 20, what: "a store of flights", hint: ANOTHER };
+const ANOTHER: &str = "name another folder";
 /// Largest header.
-const HEADER: Limit =
-    Limit { bytes: 1 << 12, what: "the header of a store", hint: "name another folder" };
+const HEADER: Limit = Limit { bytes: 1 << 12, what: "the header of a store", hint: ANOTHER };
+/// Names of the other files.
+const HEADER_FILE: &str = "study.json";
+const LOCK: &str = "lock";
 /// How every line begins.
 const BEGINNING: &[u8] = b"{\"scene\":\"";
 
@@ -61,10 +63,38 @@ struct Header {
 #[derive(Debug)]
 pub struct Store {
     path: PathBuf,
-    known: HashMap<(String, u64), Outcome>,
+    known: Known,
     log: Mutex<Log>,
     /// Held while this lives.
     _lock: File,
+}
+
+/// Outcomes by the scene and the seed of their flight. A study has few scenes and many seeds.
+#[derive(Debug, Default)]
+struct Known {
+    scenes: HashMap<String, u32>,
+    places: HashMap<(u32, u64), u32>,
+    outcomes: Vec<Outcome>,
+}
+
+impl Known {
+    fn get(&self, scene: &str, seed: u64) -> Option<&Outcome> {
+        let place = self.places.get(&(*self.scenes.get(scene)?, seed))?;
+        self.outcomes.get(*place as usize)
+    }
+
+    /// Adds an outcome; whether it is the first of its flight, or equal to the first.
+    fn add(&mut self, scene: String, seed: u64, outcome: Outcome) -> bool {
+        if let Some(known) = self.get(&scene, seed) {
+            return *known == outcome;
+        }
+        let number = |n: usize| u32::try_from(n).expect("there are at most 500,000");
+        let n_scenes = number(self.scenes.len());
+        let scene = *self.scenes.entry(scene).or_insert(n_scenes);
+        self.places.insert((scene, seed), number(self.outcomes.len()));
+        self.outcomes.push(outcome);
+        true
+    }
 }
 
 /// The end of `flights.jsonl`.
@@ -73,6 +103,7 @@ struct Log {
     file: File,
     /// Bytes of whole lines.
     length: u64,
+    n_flights: usize,
     unsynced: usize,
 }
 
@@ -88,44 +119,44 @@ impl Store {
     /// version of this program wrote it or a line is broken; [`Error::Io`].
     pub fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
+        let path = folder.join(Self::FLIGHTS);
+        for file in [&path, &folder.join(LOCK), &folder.join(HEADER_FILE)] {
+            check_file(file)?;
+        }
         let lock = lock(folder)?;
         check_header(folder)?;
-        let path = folder.join(Self::FLIGHTS);
         let unwritable = |source| Error::write(&path, source);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
         let mut file = options.open(&path).map_err(unwritable)?;
-        let (records, length) = read_lines(&file, &path)?;
+        let (mut known, mut n_flights) = (Known::default(), 0);
+        let length = each_line(&file, &path, |Record { scene, seed, outcome, word, .. }| {
+            n_flights += 1;
+            if known.add(scene, seed, outcome) {
+                return Ok(());
+            }
+            let found = format!("two outcomes of {word} with seed {seed}");
+            let hint = "take out the line that is wrong, or name another folder";
+            Err(Error::input(path.display().to_string(), found, "one outcome of each flight", hint))
+        })?;
         if file.metadata().map_err(unwritable)?.len() > length {
             file.set_len(length).map_err(unwritable)?;
         }
         file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
-        let mut known = HashMap::new();
-        for Record { scene, seed, outcome, word, .. } in records {
-            match known.entry((scene, seed)) {
-                Entry::Occupied(there) if *there.get() != outcome => {
-                    let found = format!("two outcomes of {word} with seed {seed}");
-                    let hint = "take out the line that is wrong, or name another folder";
-                    let place = path.display().to_string();
-                    return Err(Error::input(place, found, "one outcome of each flight", hint));
-                }
-                entry => entry.or_insert(outcome),
-            };
-        }
-        let log = Mutex::new(Log { file, length, unsynced: 0 });
+        let log = Mutex::new(Log { file, length, n_flights, unsynced: 0 });
         Ok(Self { path, known, log, _lock: lock })
     }
 
     /// The outcome of a flight that was stored before the store was opened.
     #[must_use]
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
-        self.known.get(&(scene.to_owned(), seed)).cloned()
+        self.known.get(scene, seed).cloned()
     }
 
     /// Flights that were there when it was opened.
     #[must_use]
     pub fn n_known(&self) -> usize {
-        self.known.len()
+        self.known.outcomes.len()
     }
 
     /// Appends a flight, by one write of one whole line.
@@ -133,7 +164,7 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::Io`], such as for a full disk; then the line is taken off again, and all before it
-    /// stays.
+    /// stays. [`Error::Input`] beyond the flights of the largest study.
     ///
     /// # Panics
     ///
@@ -141,6 +172,10 @@ impl Store {
     pub fn put(&self, record: &Record) -> Result<()> {
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
+        log.n_flights += 1;
+        if log.n_flights > MAX_TRIALS {
+            return Err(too_many(self.path.display().to_string()));
+        }
         log.append(&line).map_err(|source| Error::write(&self.path, source))
     }
 
@@ -148,9 +183,24 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], [`Error::Input`] with the line that is broken. Half a line at the end is none.
+    /// As [`Self::each`].
     pub fn read(path: &Path) -> Result<Vec<Record>> {
-        Ok(read_lines(LIMIT.open(path)?, path)?.0)
+        let mut records = Vec::new();
+        Self::each(path, |record| {
+            records.push(record);
+            Ok(())
+        })?;
+        Ok(records)
+    }
+
+    /// Reads the flights of such a file one by one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`], [`Error::Input`] with the line that is broken, and for more than 500,000
+    /// flights; those of `each`. Half a line at the end is none.
+    pub fn each(path: &Path, each: impl FnMut(Record) -> Result<()>) -> Result<()> {
+        each_line(LIMIT.open(path)?, path, each).map(|_length| ())
     }
 
     /// Writes records as a whole file of such lines: under another name, kept by the disk, then named.
@@ -199,9 +249,20 @@ fn line_of(record: &Record) -> Vec<u8> {
     line
 }
 
+/// Checks that what has a store's file name is a file: a pipe would keep the program waiting.
+fn check_file(path: &Path) -> Result<()> {
+    match std::fs::metadata(path) {
+        Ok(there) if !there.is_file() => {
+            let wanted = "a file, or nothing yet";
+            Err(Error::input(path.display().to_string(), "no regular file", wanted, ANOTHER))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Takes the folder for this process, until the file is closed.
 fn lock(folder: &Path) -> Result<File> {
-    let path = folder.join("lock");
+    let path = folder.join(LOCK);
     let unwritable = |source| Error::write(&path, source);
     let file = OpenOptions::new().create(true).write(true).truncate(false).open(&path);
     let file = file.map_err(unwritable)?;
@@ -217,7 +278,7 @@ fn lock(folder: &Path) -> Result<File> {
 
 /// Checks the header of the folder; writes that of a new one.
 fn check_header(folder: &Path) -> Result<()> {
-    let path = folder.join("study.json");
+    let path = folder.join(HEADER_FILE);
     let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
     if !path.exists() {
         let text = serde_json::to_string(&ours).expect("plain data") + "\n";
@@ -245,25 +306,40 @@ fn check_header(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// All whole lines, and how many bytes they take. What follows may be half a line of ours.
-fn read_lines(file: impl Read, path: &Path) -> Result<(Vec<Record>, u64)> {
+/// More flights than the largest study has.
+fn too_many(place: String) -> Error {
+    let found = format!("more than {MAX_TRIALS} flights");
+    Error::input(place, found, "at most those of the largest study", ANOTHER)
+}
+
+/// Calls a function with each whole line; how many bytes they take. What follows may be half a line
+/// of ours.
+fn each_line(
+    file: impl Read,
+    path: &Path,
+    mut each: impl FnMut(Record) -> Result<()>,
+) -> Result<u64> {
     let mut reader = BufReader::new(file);
-    let (mut records, mut length, mut line) = (Vec::new(), 0, Vec::new());
+    let (mut count, mut length, mut line) = (0, 0, Vec::new());
     loop {
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
         let begun = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && begun) {
-            return Ok((records, length));
+            return Ok(length);
         }
-        let place = || format!("{}:{}", path.display(), records.len() + 1);
+        count += 1;
+        let place = || format!("{}:{count}", path.display());
+        if count > MAX_TRIALS {
+            return Err(too_many(place()));
+        }
         let hint = "take the line out, or name another folder";
         let record: Record = serde_json::from_slice(&line).map_err(|error| {
             Error::input(place(), error.to_string(), "a flight as one JSON object", hint)
         })?;
         record.outcome.check(&place())?;
-        records.push(record);
+        each(record)?;
         length += n as u64;
     }
 }
@@ -413,6 +489,41 @@ mod tests {
         }
     }
 
+    #[test]
+    fn more_flights_than_the_largest_study_has_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Store::FLIGHTS);
+        let mut file = std::io::BufWriter::new(File::create(&path).unwrap());
+        let line = |seed: usize| {
+            let mut lost = record(1);
+            lost.seed = seed as u64;
+            line_of(&lost)
+        };
+        (0..MAX_TRIALS).for_each(|seed| file.write_all(&line(seed)).unwrap());
+        file.flush().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        assert_eq!(store.n_known(), MAX_TRIALS);
+        let error = store.put(&record(0)).unwrap_err().to_string();
+        assert!(error.contains("more than 500000 flights"), "{error}");
+        drop(store);
+        file.write_all(&line(MAX_TRIALS)).unwrap();
+        file.flush().unwrap();
+        let error = Store::open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("flights.jsonl:500001: found more than 500000"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_in_the_place_of_a_file_is_refused() {
+        for name in [Store::FLIGHTS, LOCK, HEADER_FILE] {
+            let folder = tempfile::tempdir().unwrap();
+            let pipe = folder.path().join(name);
+            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            let error = Store::open(folder.path()).unwrap_err().to_string();
+            assert!(error.contains("found no regular file"), "{name}: {error}");
+        }
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_full_disk_is_an_error_that_names_the_file() {
@@ -420,7 +531,7 @@ mod tests {
         std::os::unix::fs::symlink("/dev/full", folder.path().join(Store::FLIGHTS)).unwrap();
         // /dev/full reads as zeros without end, so the log is opened past the reading.
         let file = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let mut log = Log { file, length: 0, unsynced: 0 };
+        let mut log = Log { file, length: 0, n_flights: 0, unsynced: 0 };
         let error = log.append(&line_of(&record(0))).unwrap_err();
         assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
         assert_eq!((log.length, log.unsynced), (0, 0), "nothing counts as written");

@@ -11,10 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{Prepared, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
-use crate::files::Limit;
+use crate::files::{Limit, files_in};
 
 /// Largest plan file that is read.
 const LIMIT: Limit = Limit { bytes: 64 << 20, what: "a sweep's plan", hint: REPLAN };
+/// Most times that shards may hold a flight, on the mean: some lie within others.
+const MAX_TIMES: usize = 4;
+
 const REPLAN: &str = "plan the sweep again";
 
 /// A study on paper, for workers that know nothing else.
@@ -125,8 +128,8 @@ impl Sweep {
         if path.exists() {
             let prepared = self.study.prepare()?;
             let there = Store::read(&path)?;
-            let expected = trials.iter().map(|trial| self.key(*trial, &prepared));
-            if there.iter().map(key_of).eq(expected) {
+            let expected = trials.iter().map(|trial| (self.scene(*trial, &prepared), trial.seed));
+            if there.iter().map(|record| (&*record.scene, record.seed)).eq(expected) {
                 return Ok((path, false));
             }
             let hint = "name another folder: flights are never overwritten";
@@ -145,12 +148,23 @@ impl Sweep {
     /// [`Error::Infeasible`] where flights are missing or two shards disagree; as [`Store::read`].
     pub fn merge(&self, folder: &Path) -> Result<Vec<Record>> {
         let prepared = self.study.prepare()?;
-        let mut known: HashMap<(String, u64), Record> = HashMap::new();
+        let trials = self.study.trials().enumerate();
+        let places: HashMap<(&str, u64), usize> =
+            trials.map(|(n, trial)| ((self.scene(trial, &prepared), trial.seed), n)).collect();
+        let mut records: Vec<Option<Record>> = vec![None; self.flights];
+        let mut left = MAX_TIMES * self.flights.max(1);
         for path in parts(folder)? {
-            for record in Store::read(&path)? {
-                let found = known.entry(key_of(&record)).or_insert_with(|| record.clone());
-                if *found != record {
-                    return Err(Error::Infeasible {
+            Store::each(&path, |record| {
+                left = left.checked_sub(1).ok_or_else(|| {
+                    let found = format!("more than {MAX_TIMES} flights for each of the plan's");
+                    let hint = "take out the shards that lie in others";
+                    Error::input(folder.display().to_string(), found, "its shards", hint)
+                })?;
+                let Some(place) = places.get(&(&*record.scene, record.seed)) else {
+                    return Ok(());
+                };
+                match &mut records[*place] {
+                    Some(known) if *known != record => Err(Error::Infeasible {
                         what: format!(
                             "{}: {} with seed {} came out otherwise than in another shard",
                             path.display(),
@@ -158,19 +172,23 @@ impl Sweep {
                             record.seed
                         ),
                         hint: "fly all shards with the same build of noctograph".into(),
-                    });
+                    }),
+                    Some(_) => Ok(()),
+                    empty => {
+                        *empty = Some(record);
+                        Ok(())
+                    }
                 }
+            })?;
+        }
+        // Two trials of one scene and seed are one flight.
+        for (n, trial) in self.study.trials().enumerate() {
+            let place = places[&(self.scene(trial, &prepared), trial.seed)];
+            if place != n {
+                records[n] = records[place].clone();
             }
         }
-        let mut missing = Vec::new();
-        let records = self.study.trials().enumerate().filter_map(|(number, trial)| {
-            let record = known.get(&self.key(trial, &prepared)).cloned();
-            if record.is_none() {
-                missing.push(number);
-            }
-            record
-        });
-        let records: Vec<Record> = records.collect();
+        let missing: Vec<usize> = (0..records.len()).filter(|n| records[*n].is_none()).collect();
         if let (Some(first), Some(last)) = (missing.first(), missing.last()) {
             let n = missing.len();
             return Err(Error::Infeasible {
@@ -183,31 +201,21 @@ impl Sweep {
                     .into(),
             });
         }
-        Ok(records)
+        Ok(records.into_iter().flatten().collect())
     }
 
-    fn key(&self, trial: Trial, prepared: &[Prepared]) -> (String, u64) {
-        let ready = &prepared[trial.contender * self.study.words.len() + trial.word];
-        (ready.digest().to_owned(), trial.seed)
+    /// The digest of a trial's scene.
+    fn scene<'a>(&self, trial: Trial, prepared: &'a [Prepared]) -> &'a str {
+        prepared[trial.contender * self.study.words.len() + trial.word].digest()
     }
-}
-
-fn key_of(record: &Record) -> (String, u64) {
-    (record.scene.clone(), record.seed)
 }
 
 /// Files of shards in a folder, in order of their names.
 fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
-    let unreadable = |source| Error::read(folder, source);
-    let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.starts_with("part-") && name.ends_with(".jsonl") {
-            paths.push(path);
-        }
-    }
-    paths.sort();
+    let mut paths = files_in(folder)?;
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_part = |name: String| name.starts_with("part-") && name.ends_with(".jsonl");
+    paths.retain(|path| is_part(name(path)));
     Ok(paths)
 }
 

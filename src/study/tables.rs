@@ -26,11 +26,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
         column("flights", "n_flights"),
         column("lost", "n_lost"),
     ];
-    let estimate = |name: &str, path: &str| {
-        [("", "value"), ("_low", "low"), ("_high", "high")]
-            .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
-    };
-    for name in ["legibility", "worst_decile", "all_read"] {
+    for name in ["legibility", "legible", "worst_decile", "all_read"] {
         columns.extend(estimate(name, name));
     }
     for name in Flown::<f64>::NAMES {
@@ -42,20 +38,16 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
 /// A row for each factor and level.
 #[must_use]
 pub fn robustness_csv(found: &[Endurance]) -> String {
-    let columns = [
-        column("factor", "factor"),
-        column("times", "level/times"),
-        column("all_read", "level/all_read/value"),
-        column("all_read_low", "level/all_read/low"),
-        column("all_read_high", "level/all_read/high"),
-        column("legibility", "level/legibility/value"),
-        column("low", "level/legibility/low"),
-        column("high", "level/legibility/high"),
+    let mut columns = vec![column("factor", "factor"), column("times", "level/times")];
+    for name in ["legible", "all_read", "legibility"] {
+        columns.extend(estimate(name, &format!("level/{name}")));
+    }
+    columns.extend([
         column("breaks_at", "breaks_at"),
         column("breaks_from", "breaks_between/0"),
         column("breaks_to", "breaks_between/1"),
         column("place", "place"),
-    ];
+    ]);
     let rows = found.iter().flat_map(|endurance| {
         let name = endurance.factor.map_or("all together", Factor::name);
         let row = move |level| {
@@ -72,7 +64,8 @@ pub fn robustness_csv(found: &[Endurance]) -> String {
     table(&columns, rows)
 }
 
-/// A row for each candidate, in the order of the search, with its setting of each knob.
+/// A row for each candidate, in the order of the search, with the scene's value of each key that a
+/// knob turns.
 #[must_use]
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let mut columns = vec![
@@ -81,12 +74,11 @@ pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
         column("given_up", "given_up"),
         column("merit", "merit"),
         column("legibility", "legibility"),
-        column("duration_s", "duration_s"),
-        column("broken", "broken"),
-        column("on_front", "on_front"),
     ];
-    let settings = knobs.iter().enumerate();
-    columns.extend(settings.map(|(i, knob)| column(&knob.keys.join("+"), &format!("point/{i}"))));
+    columns.extend(estimate("legible", "legible"));
+    columns.extend(["duration_s", "broken", "on_front"].map(|name| column(name, name)));
+    let keys = knobs.iter().flat_map(|knob| &knob.keys);
+    columns.extend(keys.map(|key| column(key, &format!("settings/{key}"))));
     let rows = tuned.candidates.iter().map(|candidate| {
         let mut row = value(candidate);
         row["on_front"] = tuned.front.contains(&candidate.number).into();
@@ -97,6 +89,13 @@ pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
 
 fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
+}
+
+/// The columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of its
+/// interval.
+fn estimate(name: &str, path: &str) -> [Column; 3] {
+    [("", "value"), ("_low", "low"), ("_high", "high")]
+        .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
 }
 
 fn value(row: &impl Serialize) -> Value {

@@ -15,7 +15,7 @@ use crate::letters::Strokes;
 use crate::photo::{Noise, Photo};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
-use crate::score::{Reader, ScoreOptions};
+use crate::score::{CALIBRATION, Reader, ScoreOptions};
 use crate::shoot::{Judging, Planned, Recording, Shoot};
 
 /// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
@@ -23,6 +23,9 @@ use crate::shoot::{Judging, Planned, Recording, Shoot};
 /// that of HI, whose capitals have 540 pixels there, 0.09 more: a fine picture of two letters shows
 /// the board's faint trails more sharply. Scenes are compared on equal films.
 const CAP_HEIGHT_PX: f64 = 48.0;
+/// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store does
+/// not mix both. Since 2, a likelier rival caps the probability of being read.
+const OUTCOME_VERSION: f64 = 2.0;
 
 /// A scene made ready to fly a word again and again.
 #[derive(Clone, Debug)]
@@ -87,8 +90,8 @@ impl Prepared {
         Self { shoot, digest, ..self.clone() }
     }
 
-    /// Names everything that decides an outcome except the seed: program, scene, word, conditions
-    /// and learned plans. 16 hexadecimal digits.
+    /// Names everything that decides an outcome except the seed: program, reader, scene, word,
+    /// conditions and learned plans. 16 hexadecimal digits.
     #[must_use]
     pub fn digest(&self) -> &str {
         &self.digest
@@ -219,7 +222,8 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
 fn digest(scene: &Scene, conditions: &Conditions, learned: &[Planned]) -> String {
     let mut digest = Digest::default();
     digest.add(env!("CARGO_PKG_VERSION"));
-    digest.add_numbers(&[CAP_HEIGHT_PX]);
+    digest.add_numbers(&[CAP_HEIGHT_PX, OUTCOME_VERSION]);
+    digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));
     digest.add(scene.to_toml());
     digest.add(serde_json::to_vec(conditions).expect("plain data"));
     for planned in learned {

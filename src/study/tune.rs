@@ -4,15 +4,17 @@
 //! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken [`Limits`], is the
 //! objective. Half of its flights come first: a candidate that is then below the median of the
 //! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes to
-//! the promising. At last the best few fly again with fresh seeds, and the winner of those is the
-//! result: the luckiest of many is not the best.
+//! the promising. At last the best few and the scene as it was fly again with fresh seeds, and the
+//! winner of those is the result: the luckiest of many is not the best.
+
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::design::evaluate_prepared;
-use super::knobs::{Knob, turned};
+use super::knobs::{Knob, settings, turned};
 use super::search::{Search, SearchKind};
-use super::statistics::{mean, median};
+use super::statistics::{Estimate, mean, median, share};
 use super::{Conditions, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
 use crate::flight::tracking::CORRIDOR_M;
@@ -123,14 +125,19 @@ impl Default for Limits {
 pub struct Candidate {
     /// Its number, in the order of asking.
     pub number: usize,
-    /// Setting of each knob, 0 to 1.
+    /// Setting of each knob, 0 to 1; empty for the scene as it was.
+    #[serde(skip)]
     pub point: Vec<f64>,
+    /// The scene's values of the keys that the knobs turn, in their own units.
+    pub settings: BTreeMap<String, toml::Value>,
     /// Flights that it was judged by.
     pub n_flights: usize,
     /// Mean merit.
     pub merit: f64,
     /// Mean probability of being read.
     pub legibility: f64,
+    /// Share of flights whose photo is legible.
+    pub legible: Estimate,
     /// Mean time of a flight; `None` where every one was lost.
     pub duration_s: Option<f64>,
     /// How much of its limits it broke: 0 keeps to all, 1 is a whole limit.
@@ -148,10 +155,12 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs.
+    /// The scene with the best knobs; the scene as it was where none did better.
     pub scene: Scene,
     /// Its figures in the finals.
     pub best: Candidate,
+    /// Figures of the scene as it was in the same finals.
+    pub before: Candidate,
     /// Every candidate in the order of asking; the first is the scene as it was.
     pub candidates: Vec<Candidate>,
     /// Numbers of the candidates that no other beats in both flight time and legibility, the fastest
@@ -159,6 +168,14 @@ pub struct Tuned {
     pub front: Vec<usize>,
     /// Flights in all.
     pub n_flights: usize,
+}
+
+impl Tuned {
+    /// Whether a candidate did better in the finals than the scene as it was.
+    #[must_use]
+    pub fn helped(&self) -> bool {
+        self.best.number != self.before.number
+    }
 }
 
 /// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
@@ -200,10 +217,10 @@ pub fn tune(
             break;
         }
     }
-    let best = tuning.finals(&candidates)?;
+    let [before, best] = tuning.finals(&candidates)?;
     let scene = tuning.scene(&best.point)?;
     let front = front(&candidates);
-    Ok(Tuned { scene, best, front, n_flights: tuning.n_flights, candidates })
+    Ok(Tuned { scene, best, before, front, n_flights: tuning.n_flights, candidates })
 }
 
 /// A tuning on its way.
@@ -233,28 +250,31 @@ impl Tuning<'_> {
             every_other.copied().collect::<Vec<_>>()
         });
         let mut records = self.fly(&study, &prepared, &first)?;
-        let halfway = self.judge(number, point, margin, &records);
+        let halfway = self.judge(number, point, margin, &records)?;
         if halfway.cost() > bar || rest.is_empty() {
             return Ok(Candidate { given_up: halfway.cost() > bar, ..halfway });
         }
         records.extend(self.fly(&study, &prepared, &rest)?);
-        Ok(self.judge(number, point, margin, &records))
+        self.judge(number, point, margin, &records)
     }
 
-    /// The best of the best: fresh seeds, more of them.
-    fn finals(&mut self, candidates: &[Candidate]) -> Result<Candidate> {
-        let mut order: Vec<&Candidate> = candidates.iter().filter(|c| !c.given_up).collect();
+    /// The scene as it was and the best of all candidates: fresh seeds, more of them.
+    fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
+        let (as_it_was, others) = candidates.split_first().expect("the scene as it was is one");
+        let mut order: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
         order.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         let mut finalists = Vec::new();
-        for candidate in order.into_iter().take(FINALISTS) {
+        for candidate in std::iter::once(as_it_was).chain(order).take(FINALISTS) {
             let study = self.study(&candidate.point, !self.options.seed, FINAL_TIMES)?;
             let trials: Vec<Trial> = study.trials().collect();
             let records = self.fly(&study, &study.prepare()?, &trials)?;
             let margin = self.margin_broken(&candidate.point)?;
-            finalists.push(self.judge(candidate.number, &candidate.point, margin, &records));
+            finalists.push(self.judge(candidate.number, &candidate.point, margin, &records)?);
         }
-        let best = finalists.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        Ok(best.expect("the scene as it was is never given up"))
+        // Of equals the first: the scene as it was.
+        let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let best = best.expect("the scene as it was is one").clone();
+        Ok([finalists.swap_remove(0), best])
     }
 
     fn study(&self, point: &[f64], seed: u64, times: u32) -> Result<Study> {
@@ -276,7 +296,13 @@ impl Tuning<'_> {
     }
 
     /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.
-    fn judge(&self, number: usize, point: &[f64], margin: f64, records: &[Record]) -> Candidate {
+    fn judge(
+        &self,
+        number: usize,
+        point: &[f64],
+        margin: f64,
+        records: &[Record],
+    ) -> Result<Candidate> {
         let of = |value: fn(&Record) -> f64| mean(&records.iter().map(value).collect::<Vec<_>>());
         let flown: Vec<_> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let figures =
@@ -293,16 +319,18 @@ impl Tuning<'_> {
             + beyond(figures(|f| f.saturated_frac), limits.saturated_frac)
             + limits.duration_s.map_or(0.0, |s| beyond(figures(|f| f.duration_s), s))
             + margin;
-        Candidate {
+        Ok(Candidate {
             number,
             point: point.to_vec(),
+            settings: settings(&self.scene(point)?, &self.options.knobs)?,
             n_flights: records.len(),
             merit: of(|record| record.outcome.merit()),
             legibility: of(|record| record.outcome.probability),
+            legible: share(records.iter().map(|record| record.outcome.legible)),
             duration_s: (!flown.is_empty()).then(|| figures(|f| f.duration_s)),
             broken,
             given_up: false,
-        }
+        })
     }
 
     /// How much of the motor lag that a regulator must stand it does not.
@@ -402,9 +430,11 @@ mod tests {
         let candidate = |number: usize, duration_s: f64, legibility: f64, broken: f64| Candidate {
             number,
             point: Vec::new(),
+            settings: BTreeMap::new(),
             n_flights: 1,
             merit: 0.0,
             legibility,
+            legible: share([]),
             duration_s: Some(duration_s),
             broken,
             given_up: false,

@@ -1,10 +1,12 @@
-//! A mutator for every reader of the program: damaged and hostile files, each within a budget of
-//! time and memory, none of them a panic.
+//! Damaged and hostile files for every reader of the program, each within a budget of time and
+//! memory, none of them a panic: a mutator, which changes good files in few places, and growth,
+//! which repeats, nests and lengthens their elements.
 //!
-//! `cargo test --release --test fuzz` spends some 20 s. Two environment variables take it further:
-//! `NOCTOGRAPH_FUZZ_CASES` cases of each reader instead, and `NOCTOGRAPH_FUZZ_ONLY` one reader.
-//! Case `n` of a reader is the same bytes on every machine. A failure leaves its input under
-//! `target/`; give it a name in `tests/fuzz/seeds/READER/` when the fault is mended.
+//! `cargo test --release --test fuzz` spends some 40 s. Environment variables take it further:
+//! `NOCTOGRAPH_FUZZ_CASES` damaged and `NOCTOGRAPH_GROW_CASES` grown files of each reader instead,
+//! the latter up to the largest that it takes, and `NOCTOGRAPH_FUZZ_ONLY` one reader. Case `n` of a
+//! reader is the same bytes on every machine. A failure leaves its input under `target/`; give it a
+//! name in `tests/fuzz/seeds/READER/` when the fault is mended.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::io::Write as _;
@@ -13,16 +15,29 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+mod grow;
+mod heavy;
 mod memory;
 mod mutate;
 mod readers;
+mod words;
 
+use noctograph::letters::{Font, Trace};
 use readers::Reader;
 
-/// Most processor time of a case.
-const MAX_CASE: Duration = Duration::from_secs(1);
-/// Most memory that a case may take at a time.
-const MAX_BYTES: usize = 256 << 20;
+/// Most processor time of a case, and most memory that it may take at a time.
+#[derive(Clone, Copy)]
+struct Most {
+    time: Duration,
+    bytes: usize,
+}
+/// Those of a damaged file, which is small.
+const DAMAGED: Most = Most { time: Duration::from_secs(1), bytes: 256 << 20 };
+/// Those of a file as large as its reader takes.
+const GROWN: Most = Most { time: Duration::from_secs(2), bytes: 300_000_000 };
+/// Grown files of each reader where no number is asked for, and their largest size in bytes.
+const GROWN_CASES: u64 = 16;
+const GROWN_BYTES: usize = 1 << 20;
 /// Time for each reader where no number of cases is asked for.
 const SHARE: Duration = Duration::from_millis(1200);
 /// Fewest cases even on a slow machine.
@@ -72,21 +87,89 @@ impl Clock {
 
 #[test]
 fn no_file_hurts_its_reader() {
+    let cases = number("NOCTOGRAPH_FUZZ_CASES");
+    each_reader("damaged", |reader, path| Some(fuzz(reader, cases, path)));
+}
+
+#[test]
+fn no_growth_hurts_its_reader() {
+    let cases = number("NOCTOGRAPH_GROW_CASES");
+    each_reader("grown", |reader, path| {
+        let (limit, grow) = grow::of(reader.name)?;
+        let seeds = reader.seeds();
+        let mut tally = Tally::default();
+        for n in 0..cases.unwrap_or(GROWN_CASES) {
+            let mut random = mutate::Random::new(reader.name, n);
+            let most = if cases.is_some() { limit } else { limit.min(GROWN_BYTES) };
+            let mut bytes = grow(&seeds, most, &mut random);
+            if reader.file.ends_with(".png") {
+                mutate::mend_checksums(&mut bytes);
+            }
+            case(reader, &bytes, path, GROWN, &mut tally);
+        }
+        Some(tally)
+    });
+}
+
+/// A tangle takes some milliseconds, and a sheet shows a thousand characters.
+#[test]
+fn a_face_has_one_budget_for_all_its_characters() {
+    let mut random = mutate::Random::new("face", 1);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("heavy.ttf");
+    std::fs::write(&path, heavy::typeface_of(1000, 300, 0, &mut random)).unwrap();
+    let font = Font::open(path.to_str().unwrap(), Trace::CenterLine).unwrap();
+    font.check_work().unwrap();
+    let (begun, all) = (processor_time(), '!'..='\u{408}');
+    let drawn = all.filter(|character| font.aspect(*character).is_some()).count();
+    assert!((10..1000).contains(&drawn), "{drawn} drawn");
+    let error = font.check_work().unwrap_err().to_string();
+    assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
+    assert!(processor_time() - begun < GROWN.time, "{:?}", processor_time() - begun);
+}
+
+/// Equal and alternating letters, written, told to photos of themselves and of each other, read
+/// blind, and brought by a photo with its scene.
+#[test]
+#[ignore = "until the work on a word is bounded"]
+fn no_word_takes_long() {
+    let reader = Reader { name: "words", file: "word.txt", read: words::read, good: || vec![] };
+    each_reader("grown", |first, path| {
+        (first.name == "scene").then(|| {
+            let mut tally = Tally::default();
+            for word in words::all() {
+                case(&reader, word.as_bytes(), path, GROWN, &mut tally);
+            }
+            tally
+        })
+    });
+}
+
+/// The number in an environment variable.
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().map(|n| n.parse().unwrap())
+}
+
+/// Measures readers one after the other, and prints what was found.
+fn each_reader(kind: &str, measure: impl Fn(&Reader, &std::path::Path) -> Option<Tally>) {
+    // Memory is counted over all threads.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     std::panic::set_hook(Box::new(|_| {}));
-    watch();
-    let cases = std::env::var("NOCTOGRAPH_FUZZ_CASES").ok().map(|n| n.parse::<u64>().unwrap());
+    static WATCH: std::sync::Once = std::sync::Once::new();
+    WATCH.call_once(watch);
     let only = std::env::var("NOCTOGRAPH_FUZZ_ONLY").ok();
     let folder = tempfile::tempdir_in(if cfg!(target_os = "linux") { "/dev/shm" } else { "." });
     let folder = folder.or_else(|_| tempfile::tempdir()).unwrap();
     let mut faults = Vec::new();
     let mut out = std::io::stderr();
-    writeln!(out, "reader             cases   accepted   slowest ms   largest MB").unwrap();
+    writeln!(out, "{kind:14}     cases   accepted   slowest ms   largest MB").unwrap();
     for reader in readers::all() {
         if only.as_ref().is_some_and(|only| *only != reader.name) {
             continue;
         }
         let path = folder.path().join(reader.file);
-        let tally = fuzz(&reader, cases, &path);
+        let Some(tally) = measure(&reader, &path) else { continue };
         writeln!(
             out,
             "{:14}{:10}{:11}{:13.1}{:13.1}",
@@ -109,7 +192,7 @@ fn fuzz(reader: &Reader, cases: Option<u64>, path: &std::path::Path) -> Tally {
     let good = seeds.iter().filter(|seed| seed.good).count();
     let mut tally = Tally::default();
     for seed in &seeds {
-        let accepted = case(reader, &seed.bytes, path, &mut tally);
+        let accepted = case(reader, &seed.bytes, path, DAMAGED, &mut tally);
         assert!(accepted || !seed.good, "{}: the seed {} is refused", reader.name, seed.name);
     }
     assert!(good > 0, "{}: no seed is a good file", reader.name);
@@ -125,14 +208,20 @@ fn fuzz(reader: &Reader, cases: Option<u64>, path: &std::path::Path) -> Tally {
         if reader.file.ends_with(".png") {
             mutate::mend_checksums(&mut bytes);
         }
-        case(reader, &bytes, path, &mut tally);
+        case(reader, &bytes, path, DAMAGED, &mut tally);
         number += 1;
     }
     tally
 }
 
 /// One case; whether the file was accepted.
-fn case(reader: &Reader, bytes: &[u8], path: &std::path::Path, tally: &mut Tally) -> bool {
+fn case(
+    reader: &Reader,
+    bytes: &[u8],
+    path: &std::path::Path,
+    most: Most,
+    tally: &mut Tally,
+) -> bool {
     *NOW.lock().unwrap() = Some((reader.name.to_owned(), bytes.to_vec()));
     BEGUN.fetch_add(1, Ordering::Relaxed);
     std::fs::write(path, bytes).unwrap();
@@ -146,8 +235,8 @@ fn case(reader: &Reader, bytes: &[u8], path: &std::path::Path, tally: &mut Tally
     tally.largest = tally.largest.max(took_bytes);
     let fault = match &result {
         Err(_) => Some("a panic".to_owned()),
-        Ok(_) if took > MAX_CASE => Some(format!("{:.1} s", took.as_secs_f64())),
-        Ok(_) if took_bytes > MAX_BYTES => Some(format!("{} MB", took_bytes / 1_000_000)),
+        Ok(_) if took > most.time => Some(format!("{:.1} s", took.as_secs_f64())),
+        Ok(_) if took_bytes > most.bytes => Some(format!("{} MB", took_bytes / 1_000_000)),
         Ok(_) => None,
     };
     if let Some(fault) = fault {

@@ -10,6 +10,7 @@ use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{NamedScene, Scene};
+use noctograph::sim::localization::read_anchors;
 use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
 use noctograph::study::{Conditions, Store, Study, Sweep};
 
@@ -20,7 +21,7 @@ pub(crate) struct Reader {
     pub(crate) file: &'static str,
     /// Reads a file, which is there as bytes as well; whether it is accepted.
     pub(crate) read: fn(&Path, &[u8]) -> bool,
-    good: fn() -> Vec<Vec<u8>>,
+    pub(crate) good: fn() -> Vec<Vec<u8>>,
 }
 
 /// A file to begin with.
@@ -55,6 +56,14 @@ fn text(bytes: &[u8]) -> Option<&str> {
 
 fn log(path: &Path, _: &[u8]) -> bool {
     import(path, &ImportOptions::default()).is_ok()
+}
+
+/// A folder of the same file eight times.
+fn folder(path: &Path, bytes: &[u8]) -> bool {
+    let folder = path.with_extension("folder");
+    std::fs::create_dir_all(&folder).unwrap();
+    (0..8).for_each(|n| std::fs::write(folder.join(format!("{n}.csv")), bytes).unwrap());
+    import(&folder, &ImportOptions::default()).is_ok()
 }
 
 fn drawing(path: &Path, _: &[u8]) -> bool {
@@ -113,6 +122,7 @@ pub(crate) fn all() -> Vec<Reader> {
         reader("log-cfclient", "log.csv", log, || vec![CFCLIENT.into()]),
         reader("log-usd", "log00", log, || vec![log_usd(1), log_usd(2)]),
         reader("log-csv", "log.csv", log, || vec![PLAIN.into(), RANGES.into()]),
+        reader("log-folder", "log.csv", folder, || vec![CFCLIENT.into()]),
         reader("flight", "flight.csv", flight, || vec![flight_csv()]),
         reader("plan", "plan.csv", |_, b| Plan::parse_csv(b, "p").is_ok(), || vec![plan_csv()]),
         reader(
@@ -137,6 +147,13 @@ pub(crate) fn all() -> Vec<Reader> {
             "lh.yaml",
             |p, _| read_lighthouse_config(p).is_ok(),
             || vec![LIGHTHOUSE.into()],
+        ),
+        reader("anchors", "anchors.yaml", |p, _| read_anchors(p).is_ok(), || vec![ANCHORS.into()]),
+        reader(
+            "conditions",
+            "conditions.toml",
+            |_, b| text(b).is_some_and(|t| Conditions::parse(t, "c").is_ok()),
+            || vec![Conditions::default().to_toml().into_bytes()],
         ),
     ]
 }
@@ -296,7 +313,11 @@ fn sweep() -> Vec<u8> {
     Sweep::new(study).unwrap().to_json().into_bytes()
 }
 
-const SVG: [&str; 2] = [
+const SVG: [&str; 3] = [
+    "<!DOCTYPE svg [<!ENTITY a 'red'><!ENTITY b '&a;'>]><svg xmlns='http://www.w3.org/2000/svg'
+    xmlns:x='y' width='9' height='9'><style>.a, g > path { stroke: &b;; stroke-width: 2px }
+    /* c */ #b:hover { fill: none } @media x { a { b: c } }</style><desc>&b; &a;</desc>
+    <g class='a b' style='stroke-width:3;fill:none'><path d='M0 0h9v9' x:c='d'/></g></svg>",
     "<svg xmlns='http://www.w3.org/2000/svg' xmlns:xlink='http://www.w3.org/1999/xlink' viewBox='0 0 60 60'>
     <style>path { stroke: red } .a, #b { fill: none }</style><defs><path id='a' class='a'
     d='M0,0 C10,20 30-40 50,5 Q1,2 3,4 A5 6 30 0 1 9,9 Z'/></defs>
@@ -337,6 +358,8 @@ const STORE: &str = "{\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\
     \"saturated_frac\":0.0,\"duration_s\":58.2,\"energy_j\":700.0,\"lost\":null}\n\
     {\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\",\"seed\":2,\"read\":\"????\",\"all_read\":false,\
     \"legible\":false,\"probability\":0.0,\"log_odds\":-10.0,\"similarity\":0.0,\"lost\":\"it turns over\"}\n";
+
+const ANCHORS: &str = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
 
 const LIGHTHOUSE: &str = "type: lighthouse_system_configuration\nversion: '1'\nsystemType: 2\ngeos:\n  0:\n\
     \x20   origin: [-2.0, -2.0, 2.2]\n    rotation: [[0.65, -0.7071, 0.2785], [0.65, 0.7071, 0.2785], \

@@ -408,6 +408,48 @@ fn gains_prints_both_matrices_for_people_and_for_programs() {
 }
 
 #[test]
+fn gains_shows_the_loops_of_the_scenes_own_controller() {
+    let folder = tempfile::tempdir().unwrap();
+    for (scene, kind, loop_of) in
+        [("pid", "pid", "rate pitch"), ("geometric", "geometric", "attitude y")]
+    {
+        let mut command = noctograph(folder.path());
+        let run = command.args(["gains", "--scene", scene]).assert().success();
+        let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+        for shown in [kind, loop_of, " dB", "linearized at hover"] {
+            assert!(text.contains(shown), "{shown} in\n{text}");
+        }
+        assert!(
+            !text.contains("K (x - x_des)"),
+            "no gain of a regulator that does not fly:\n{text}"
+        );
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "80 columns:\n{text}");
+        let json = run_json(folder.path(), &["gains", "--scene", scene, "--json"]);
+        assert_eq!((&json["controller"], &json["K"]), (&kind.into(), &serde_json::Value::Null));
+        assert!(json["gains"][loop_of]["p"].as_f64().unwrap() > 0.0);
+        let margins = json["lagging_margins"].as_array().expect("stable with its motors");
+        assert_eq!(margins.len(), 4);
+        for one in margins.iter().filter(|one| !one["gain_up"].is_null()) {
+            let [up, db] = ["gain_up", "gain_up_db"].map(|key| one[key].as_f64().unwrap());
+            assert!((db - 20.0 * up.log10()).abs() < 1e-9, "{one}");
+        }
+    }
+}
+
+#[test]
+fn a_spread_of_two_flights_does_not_claim_nine_tenths() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["preview", "I", "--spread", "2", "-o", "a"];
+    // A single stroke may be too little to be legible, which is exit code 1.
+    let output = noctograph(folder.path()).args(args).args(SMALL).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("all 2 flights, and 33 % of further ones"), "{text}");
+    let svg = std::fs::read_to_string(folder.path().join("a/spread.svg")).unwrap();
+    assert!(svg.contains("all 2 flights"), "{svg}");
+    assert!(!text.contains("90 %") && !svg.contains("90 %"), "{text}");
+}
+
+#[test]
 fn gains_warns_of_a_gain_that_only_motors_without_lag_obey() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = noctograph(folder.path());

@@ -176,6 +176,10 @@ const ANCHORS: [[f64; 3]; 5] =
 
 /// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
 fn recorded() -> [(&'static str, String); 3] {
+    recorded_at(ANCHORS)
+}
+
+fn recorded_at(anchors_m: [[f64; 3]; 5]) -> [(&'static str, String); 3] {
     let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
     (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
     let mut flight = "t,x,y,z\n".to_owned();
@@ -184,14 +188,14 @@ fn recorded() -> [(&'static str, String); 3] {
         let place =
             [0.8 * libm::sin(0.7 * time_s), 0.4 * libm::sin(1.1 * time_s), 1.0 + 0.02 * time_s];
         let anchor = row as usize % 5;
-        let square: f64 = (0..3).map(|k| libm::pow(place[k] - ANCHORS[anchor][k], 2.0)).sum();
+        let square: f64 = (0..3).map(|k| libm::pow(place[k] - anchors_m[anchor][k], 2.0)).sum();
         held[anchor] = square.sqrt();
         write!(log, "\n{row},2023-05-04 12:00:{time_s:09.6}").unwrap();
         held.iter().for_each(|distance| write!(log, ",{distance:.6}").unwrap());
         writeln!(flight, "{time_s},{},{},{}", place[0], place[1], place[2]).unwrap();
     }
     let mut anchors = String::new();
-    for (index, [x, y, z]) in ANCHORS.iter().enumerate() {
+    for (index, [x, y, z]) in anchors_m.iter().enumerate() {
         writeln!(anchors, "{index}:\n  x: {x:?}\n  y: {y:?}\n  z: {z:?}").unwrap();
     }
     [("ranges.csv", log), ("flight.csv", flight), ("anchors.yaml", anchors)]
@@ -251,15 +255,14 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
 }
 
 #[test]
-fn anchors_in_a_plane_are_warned_of_and_a_fleet_that_is_lost_says_which_drone() {
+fn anchors_in_a_plane_are_ambiguous_and_a_fleet_that_is_lost_says_which_drone() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, text) in recorded() {
-        let flat = text.replace("z: 0.2", "z: 2.4");
-        std::fs::write(folder.path().join(name), flat).unwrap();
+    for (name, text) in recorded_at(ANCHORS.map(|[x, y, _]| [x, y, 2.4])) {
+        std::fs::write(folder.path().join(name), text).unwrap();
     }
     let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
-    let located = noctograph(folder.path()).args(arguments).assert().success();
-    located.stderr(predicates::str::contains("the anchors lie in a plane"));
+    let located = noctograph(folder.path()).args(arguments).assert().code(1);
+    located.stdout(predicates::str::contains("ambiguous drone 1 from 0.0 to 20.0 s"));
     // Ranges that are wrong by meters turn a drone over.
     let lost = ["preview", "--scene", FIVE_LINKS, "--set", "sensors.uwb.bias_m=2"];
     let lost = noctograph(folder.path()).args(lost).assert().code(2);
@@ -280,14 +283,14 @@ fn logs_that_cannot_be_located_are_refused_with_the_reason() {
         &["range at", "a distance from 0 m", "8 of 1999"],
     );
     let (three, _) = anchors.split_once("3:").unwrap();
-    refused(&ranges, three, &["anchor 3 of drone 1"]);
-    refused(&ranges, &anchors.replace("1:\n", "7:\n"), &["anchors.yaml", "anchor 1"]);
+    refused(&ranges, three, &["drone 1 to anchor 4 (distance3)"]);
+    refused(&ranges, &anchors.replace("1:\n", "7:\n"), &["anchors.yaml", "key 1"]);
     let broken = ["ranges.csv:4: column ranging.distance2", "inf898946"];
     refused(&ranges.replacen(",2.", ",inf", 1), &anchors, &broken);
     let stranger = ranges.replace("ranging.distance4", "ranging.drone3");
     refused(&stranger, &anchors, &["drones 1 and 3", "a log of every drone"]);
     let twice = anchors.replace("x: 2.5\n  y: -2.5\n  z: 0.2", "x: -2.5\n  y: -2.5\n  z: 2.4");
-    refused(&ranges, &twice, &["anchors, anchor 1", "the place of anchor 0"]);
+    refused(&ranges, &twice, &["anchors, key 1", "the place of key 0"]);
     let observed = |name: &str, wanted: &[&str]| {
         let arguments = [&arguments[..], &["--observer", name]].concat();
         fails(&arguments, &[(log, &ranges), (yaml, &anchors)], wanted);
@@ -316,4 +319,14 @@ fn the_bound_of_three_anchors_is_printed_for_each_letter() {
         (0.05..0.12).contains(&five_m) && (0.015..0.035).contains(&floor_m),
         "{five_m} {floor_m}"
     );
+}
+
+#[test]
+fn the_bound_of_two_words_has_every_letter() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["coverage", "NO OR", "--scene", FLOOR, "--json"];
+    let json = run_json(folder.path(), &arguments);
+    let letters = json["letters"].as_array().unwrap().iter();
+    let letters: String = letters.map(|row| row["letter"].as_str().unwrap()).collect();
+    assert_eq!(letters, "NOOR");
 }

@@ -18,6 +18,7 @@ fn an_endless_file_is_refused_by_every_reader() {
         &["score", "/dev/zero", "I"],
         &["read", "/dev/zero"],
         &["sweep", "run", "/dev/zero"],
+        &["locate", "--region", "--anchors", "/dev/zero"],
         &["rank", "team", "--conditions", "/dev/zero"],
     ] {
         fails(arguments, &[], &["hint: "]);
@@ -142,4 +143,67 @@ fn usage_and_figures_beyond_their_range_come_with_a_hint() {
     }
     let corners = ["read", "a.png", "--corners", "-5,0 9,0 9,9 -5,9"];
     fails(&corners, &[("a.png", "no image")], &["a.png: found no PNG"]);
+}
+
+/// Runs the command under a limit of the shell (`ulimit`), as a user whom it binds: a limit of
+/// processes does not bind the superuser.
+#[cfg(target_os = "linux")]
+fn limited(limit: &str, arguments: &str) -> (Option<i32>, String) {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let folder = tempfile::tempdir().unwrap();
+    let open = std::fs::Permissions::from_mode(0o777);
+    std::fs::set_permissions(folder.path(), open).unwrap();
+    let program = noctograph(folder.path()).get_program().to_owned();
+    let script = format!("ulimit {limit}; exec {program:?} {arguments}");
+    let superuser = folder.path().metadata().unwrap().uid() == 0;
+    let user: &[&str] = if superuser { &["--reuid=65534", "--clear-groups"] } else { &[] };
+    let run = std::process::Command::new("setpriv")
+        .args(user)
+        .args(["bash", "-c", &script])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_small_stack_and_no_threads_are_enough_but_not_both() {
+    let small = "preview I --backend cpu --size 320x180 -o out";
+    for limit in ["-s 64", "-s 1024", "-u 1"] {
+        let (code, error) = limited(limit, small);
+        assert!(matches!(code, Some(0 | 1)), "{limit}: {error}");
+        assert_eq!(error.contains("starts no thread"), limit == "-u 1", "{limit}: {error}");
+    }
+    let (code, error) = limited("-u 1; ulimit -s 1024", small);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("no thread can be started, and the stack has 1024 KiB only"), "{error}");
+    let (code, error) = limited("-v 400000", &format!("{small} --threads 64"));
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("threads cannot be started"), "{error}");
+}
+
+#[test]
+fn what_would_take_too_much_work_is_refused() {
+    let drawing = |inner: &str| {
+        format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'>{inner}\
+             <path d='M0 0h9v9' stroke='red'/></svg>"
+        )
+    };
+    let style = |css: String| drawing(&format!("<style>{css}</style>"));
+    let entities: String = (0..30_000).map(|n| format!("<!ENTITY e{n} 'x'>")).collect();
+    let attributes: String = (0..100_000).map(|n| format!(" a{n}=''")).collect();
+    let long = "a".repeat(200_000);
+    let files = [
+        style("path{stroke-width:2;fill:none}".repeat(60_000)),
+        drawing(&format!("<style>*{{font-family:{long}}}</style>{}", "<g/>".repeat(9000))),
+        style(format!("{}b{{{}}}", "a,".repeat(50_000), "x:y;".repeat(50_000))),
+        format!("<!DOCTYPE svg [{entities}]>") + &drawing(&"&e29999;".repeat(300_000)),
+        drawing(&format!("<g{attributes}/>")),
+    ];
+    for file in files {
+        let wanted = ["a.svg: found", "than an input may"];
+        fails(&["plan", "--drawing", "a.svg", "-o", "plan.csv"], &[("a.svg", &file)], &wanted);
+    }
 }

@@ -76,7 +76,7 @@ fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
         command.arg("check").arg(at("plan-1.csv"));
         command
     };
-    both().arg(at("plan-2.csv")).assert().code(0).stdout(contains("apart all the time"));
+    both().arg(at("plan-2.csv")).assert().code(0).stdout(contains("m or more apart sideways"));
     both().arg(at("plan-1.csv")).assert().code(1).stdout(contains("STOP  separation"));
     let team = ["plan", "NO", "--style", "team", "--drones", "2", "-o"];
     noctograph().args(team).arg(folder.path().join("team")).assert().code(2);

@@ -70,6 +70,73 @@ fn rank_leaves_tables_flights_and_photos() {
 }
 
 #[test]
+fn a_scene_whose_every_photo_lacks_a_letter_ranks_below_one_that_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    // The shutter opens when the P is written.
+    let late = "[camera]\nshutter_open_s = 8.9\n";
+    std::fs::write(folder.path().join("late.toml"), late).unwrap();
+    std::fs::write(folder.path().join("whole.toml"), "word = \"PARIS\"\n").unwrap();
+    let args = ["rank", "late.toml", "whole.toml", "--words", "PARIS:20", "--json", "-o", "a"];
+    let output = noctograph(folder.path()).args(args).output().unwrap();
+    let ranking = json(&output.stdout);
+    let of = |name: &str| {
+        let measures = ranking["measures"].as_array().unwrap().iter();
+        measures.clone().find(|m| m["contender"] == name).unwrap().clone()
+    };
+    let (late, whole) = (of("late"), of("whole"));
+    let value = |m: &serde_json::Value, key: &str| m[key]["value"].as_f64().unwrap();
+    assert_eq!((value(&late, "legible"), &late["legible"]["low"]), (0.0, &0.0.into()));
+    assert!(late["legible"]["high"].as_f64().unwrap() < 0.17, "Wilson: {late}");
+    assert!(value(&late, "legibility") < 0.5, "a likelier word caps it: {late}");
+    assert!(value(&whole, "legible") > 0.5, "{whole}");
+    assert_eq!((&whole["place"], &late["place"]), (&1.into(), &2.into()), "{ranking}");
+    let csv = String::from_utf8(read(folder.path(), "a/ranking.csv")).unwrap();
+    assert!(csv.lines().next().unwrap().contains("legible,legible_low,legible_high"), "{csv}");
+}
+
+#[test]
+fn scenes_with_long_names_keep_rows_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["a-scene-with-a-long-name-1", "a-scene-with-a-long-name-2"];
+    for name in names {
+        std::fs::write(folder.path().join(format!("{name}.toml")), "word = \"I\"\n").unwrap();
+    }
+    let args = ["rank", &format!("{}.toml", names[0]), &format!("{}.toml", names[1])];
+    let output = noctograph(folder.path()).args(args).args(["--words", "I:2"]).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    for end in ["long-name-1", "long-name-2"] {
+        assert_eq!(text.lines().filter(|line| line.contains(end)).count(), 3, "{end} in\n{text}");
+    }
+}
+
+#[test]
+fn tuning_that_finds_nothing_says_so_and_values_are_in_their_own_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let tune = |knob: &str, out: &str| {
+        let args = ["tune", "team", "--words", "L:1", "--budget", "36", "--test-seeds", "2", "-o"];
+        let mut command = noctograph(folder.path());
+        let run = command.args(args).args([out, "--knob", knob, "--json"]).output().unwrap();
+        json(&run.stdout)
+    };
+    let worse = tune("plan.stroke_speed_m_s=1.9..2.0", "worse");
+    assert_eq!(worse["helped"], false, "{worse}");
+    assert_eq!(worse["tests"], serde_json::json!([]), "nothing to compare");
+    let own = worse["before"]["settings"]["plan.stroke_speed_m_s"].as_f64().unwrap();
+    assert_eq!(worse["best"]["settings"]["plan.stroke_speed_m_s"].as_f64(), Some(own));
+    let csv = String::from_utf8(read(folder.path(), "worse/candidates.csv")).unwrap();
+    let speeds: Vec<f64> =
+        csv.lines().skip(1).map(|row| row.rsplit(',').next().unwrap().parse().unwrap()).collect();
+    assert!(speeds[0] == own && speeds[1..].iter().all(|s| (1.9..=2.0).contains(s)), "{csv}");
+    let svg = String::from_utf8(read(folder.path(), "worse/pareto.svg")).unwrap();
+    assert!(svg.contains(&format!("{} candidates", speeds.len())), "all of them");
+    let args = ["tune", "team", "--words", "L:1", "--budget", "36", "--test-seeds", "2"];
+    let knob = ["--knob", "plan.stroke_speed_m_s=1.9..2.0", "-o", "worse"];
+    let text = noctograph(folder.path()).args(args).args(knob).output().unwrap().stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("nothing found"), "{text}");
+}
+
+#[test]
 fn a_killed_ranking_goes_on_to_the_same_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let run = |out: &str| {

@@ -35,7 +35,10 @@ pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     let arms: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
     let offset = mean(apart.iter().copied());
     let centered: Vec<_> = apart.iter().map(|d| d - offset).collect();
-    let (late_s, grown) = (-fit(&apart, &speeds), fit(&centered, &arms));
+    // About their means: where a flight ends elsewhere than it began, an offset is no lag.
+    let drift = mean(speeds.iter().copied());
+    let turns: Vec<_> = speeds.iter().map(|v| v - drift).collect();
+    let (late_s, grown) = (-fit(&centered, &turns), fit(&centered, &arms));
     // What neither a shift, a lag nor a scale explains: its slow and its fast part.
     let rest: Vec<_> = centered
         .iter()
@@ -141,6 +144,30 @@ mod tests {
         let (path, share) = of(|t| square(t) + swing(2.9, t));
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
         assert!(share > 0.8, "{share}");
+    }
+
+    #[test]
+    fn a_lag_beside_the_path_has_its_own_amount() {
+        // An L, which ends elsewhere than it began.
+        let l = |t: f64| Vector3::new(0.2 * (t - 4.0).clamp(0.0, 2.0), 0.0, 1.0 - 0.2 * t.min(4.0));
+        for aside in
+            [Vector3::zeros(), Vector3::new(0.03, 0.0, 0.02), Vector3::new(-0.02, 0.0, 0.0)]
+        {
+            let a = flight(0.01, 6.0, l, l);
+            let b = flight(0.01, 6.0, |t| l((t - 0.2).max(0.0)) + aside, l);
+            let options = ComparisonOptions {
+                part: Part::All,
+                alignment: Alignment::Offset(0.0),
+                ..Default::default()
+            };
+            let found = compare(&a, &b, &options).unwrap().first.unwrap().0;
+            if let Discrepancy::Lag(s) = found {
+                // To the first order: the corner takes 6 % off.
+                assert!((s - 0.2).abs() < 0.015, "{s} s beside by {aside}");
+            } else {
+                assert!(aside != Vector3::zeros(), "{found:?}");
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
 //!
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of the
-//! design in time that brings it closest to the flight in the word's plane (x-z). The error after
+//! design in time that brings it closest to the flight in the word's plane (x-z), but for a constant
+//! offset. The error after
 //! that shift, and the distance to the path, are visible in a photograph. That distance (contour
 //! error) is measured to the part of the path around the shifted time, and never to parts not yet
 //! sent, so that another stroke that crosses there does not reduce it.
@@ -29,7 +30,7 @@ mod tests;
 
 pub use part::Part;
 
-pub(super) use lag::minimize;
+pub(super) use lag::{minimize, spread_m2};
 pub(super) use path::DesignPath;
 
 /// Longest lag in the search. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
@@ -61,7 +62,7 @@ pub struct Tracking {
     /// Mean per axis.
     pub mean_error_m: Vector3<f64>,
     /// Shift of the design in time, 0 to [`MAX_LAG_S`], that leaves the least error in the x-z
-    /// plane; 0 where the design does not move.
+    /// plane about a constant offset; 0 where the design does not move.
     pub lag_s: f64,
     /// Root mean square per axis against the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,

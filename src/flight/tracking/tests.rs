@@ -37,6 +37,18 @@ fn a_constant_offset_is_no_lag() {
 }
 
 #[test]
+fn a_lag_is_found_beside_the_path_of_a_word_that_ends_elsewhere() {
+    // An L, down and to the right, flown 0.2 s late and 3 cm beside and above it.
+    let design =
+        |t: f64| Vector3::new(0.2 * (t - 2.5).clamp(0.0, 1.5), 0.0, 1.0 - 0.2 * t.min(2.5));
+    for aside in [Vector3::zeros(), Vector3::new(0.03, 0.0, 0.02), Vector3::new(-0.05, 0.0, 0.04)] {
+        let flown = flight(0.004, 4.0, |t| design((t - 0.2).max(0.0)) + aside, design);
+        let tracking = track(&flown, Part::All).unwrap();
+        near(tracking.lag_s, 0.2, 2e-3, "lag");
+    }
+}
+
+#[test]
 fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
     let round = |radius_m: f64| {
         move |t: f64| {

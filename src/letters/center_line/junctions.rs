@@ -27,8 +27,11 @@ const FAR: f64 = 10.0;
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
 const REACH: f64 = 3.0;
 
+/// Steps of looking at a pair of arms.
+const STEPS: usize = 3;
+
 /// Lines through the junctions of an axis, straight strokes joined.
-pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink) -> Vec<Vec<Knot>> {
+pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink<'_>) -> Vec<Vec<Knot>> {
     let is_key = |node: usize| {
         let degree = axis.degree(node);
         degree != 2 && degree != 0 || degree == 2 && bends[node]
@@ -47,9 +50,17 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink) -> Vec<Vec<Knot>> {
         let points = branch.iter().map(|node| axis.middles[*node]).collect();
         limbs.push(Limb::new(points, branch.iter().map(|node| axis.radii[*node]).collect()));
     }
+    let mut members_of: Vec<Vec<usize>> = vec![Vec::new(); axis.middles.len()];
+    for node in (0..axis.middles.len()).filter(|node| is_key(*node)) {
+        members_of[cluster_of[node]].push(node);
+    }
     for (cluster, ends) in ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
-        let members = (0..axis.middles.len()).filter(|node| cluster_of[*node] == cluster);
-        let members: Vec<usize> = members.filter(|node| is_key(*node)).collect();
+        // The arms that go through are searched among all pairs, again and again.
+        let n_pairs = ends.len() * ends.len();
+        if !ink.budget().spend_steps(STEPS * n_pairs * (ends.len() / 2 + 1)) {
+            break;
+        }
+        let members = &members_of[cluster];
         let middles: Vec<[f64; 2]> = members.iter().map(|node| axis.middles[*node]).collect();
         let radius = members.iter().map(|m| axis.radii[*m]).fold(0.0, f64::max);
         let arms = ends.iter().map(|(limb, tail)| limbs[*limb].trim(*limb, *tail, radius));
@@ -88,7 +99,7 @@ fn clusters(axis: &Axis, branches: &[Branch]) -> (Vec<usize>, Vec<bool>) {
 struct Joint<'a> {
     middle: [f64; 2],
     radius: f64,
-    ink: &'a Ink,
+    ink: &'a Ink<'a>,
 }
 
 impl Joint<'_> {

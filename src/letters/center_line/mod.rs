@@ -6,8 +6,9 @@
 //! such as a full stop, becomes a small ring.
 
 use super::outline::{Contour, Ink, mean_stroke_width, rim};
-use super::smooth::{simplified, smooth};
-use crate::geometry::{distance, segment_distance};
+use super::smooth::{MAX_POINTS, simplified, smooth};
+use crate::files::Budget;
+use crate::geometry::{distance, polyline_length_m, segment_distance};
 use crate::statistics::median;
 use axis::Axis;
 use limbs::Knot;
@@ -49,16 +50,24 @@ pub(super) struct CenterLines {
     pub(super) lost: f64,
 }
 
-/// The center lines of an outline in cap heights.
-pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
-    let ink = Ink::new(contours);
+/// Steps of the triangulation for each node, of smoothing a point with nine stiffnesses, and of the
+/// distance between a node and a leg.
+const STEPS: [usize; 3] = [2000, 500, 5];
+
+/// The center lines of an outline in cap heights; a part of them once the budget is spent.
+pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
+    let ink = Ink::new(contours, budget);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
-    let mut axis = Axis::new(&rim(contours, &ink, spacing), &ink);
+    let rim = rim(contours, &ink, spacing);
+    if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
+        return CenterLines { lines: Vec::new(), half_width: 0.0, lost: 0.0 };
+    }
+    let mut axis = Axis::new(&rim, &ink);
     let parts = parts(&axis.neighbors);
     let whole = axis.neighbors.clone();
-    let bends = prune::prune(&mut axis);
+    let bends = prune::prune(&mut axis, budget);
     let lines = junctions::lines(&axis, &bends, &ink);
-    let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line)).collect();
+    let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line, budget)).collect();
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
     let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
     for part in parts {
@@ -68,11 +77,18 @@ pub(super) fn center_lines(contours: &[Contour]) -> CenterLines {
         let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
         let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
         if length < BLOB * radius && radius > 0.1 * half_width {
+            if !budget.spend_steps(STEPS[2] * lines.len()) {
+                break;
+            }
             lines.retain(|line| !line.iter().all(|p| distance(middle, *p) < radius));
             lines.push(ring(middle, DOT.max(0.5 * radius)));
         }
     }
-    let lost = lost(&axis, &whole, &lines, half_width);
+    let n_legs = lines.iter().map(Vec::len).sum::<usize>();
+    let lost = match budget.spend_steps(STEPS[2] * n_legs * whole.len()) {
+        true => lost(&axis, &whole, &lines, half_width),
+        false => 0.0,
+    };
     CenterLines { lines, half_width, lost }
 }
 
@@ -127,7 +143,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
 }
 
 /// A line smoothed between its corners, and simplified.
-fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
+fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].at == line[line.len() - 1].at;
     let mut line = line.to_vec();
     if closed {
@@ -143,6 +159,11 @@ fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
     let mut fitted: Vec<[f64; 2]> = Vec::new();
     for span in cuts.windows(2) {
         let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let n_smoothed = (polyline_length_m(&points) / SPACING) as usize;
+        if !budget.spend_steps(STEPS[1] * (n_smoothed.min(MAX_POINTS) + points.len())) {
+            break;
+        }
         let piece = simplified(&smooth(&points, SPACING, ERROR), FLATNESS);
         fitted.extend(piece.iter().skip(usize::from(!fitted.is_empty())));
     }
@@ -153,13 +174,17 @@ fn fit(line: &[Knot]) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
 
+    fn budget() -> Budget {
+        Budget::of("face.ttf", "none")
+    }
+
     /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from its
     /// lower left end, a closed one from its lower left corner.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();
         let mut lines: Vec<Vec<[i64; 2]>> = Vec::new();
-        for line in center_lines(&contours).lines {
+        for line in center_lines(&contours, &budget()).lines {
             #[expect(clippy::cast_possible_truncation, reason = "hundredths")]
             let round = |point: &[f64; 2]| point.map(|x| (100.0 * x).round() as i64);
             let mut line: Vec<[i64; 2]> = line.iter().map(round).collect();
@@ -209,8 +234,9 @@ mod tests {
     fn a_stroke_that_no_line_touches_is_lost() {
         let contour = |[l, b, r, t]: [f64; 4]| vec![[l, b], [r, b], [r, t], [l, t]];
         let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]].map(contour);
-        assert_eq!(center_lines(&tee).lost, 0.0);
-        let ink = Ink::new(&tee);
+        assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
+        let budget = budget();
+        let ink = Ink::new(&tee, &budget);
         let axis = Axis::new(&rim(&tee, &ink, 0.01), &ink);
         let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
         let found = lost(&axis, &axis.neighbors, &stem, 0.1);
@@ -221,9 +247,9 @@ mod tests {
     fn a_dot_becomes_a_ring_and_no_ink_no_line() {
         let dot = traced(&[[0.4, 0.4, 0.6, 0.6]]);
         assert_eq!(dot, [[[45, 50], [50, 45], [55, 50], [50, 55], [45, 50]]]);
-        assert!(center_lines(&[]).lines.is_empty());
+        assert!(center_lines(&[], &budget()).lines.is_empty());
         assert!(
-            center_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]]).lines.is_empty(),
+            center_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]], &budget()).lines.is_empty(),
             "no ink"
         );
     }

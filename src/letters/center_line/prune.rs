@@ -2,7 +2,11 @@
 
 use super::super::vector::dot;
 use super::axis::{Axis, Branch};
+use crate::files::Budget;
 use crate::statistics::median;
+
+/// Steps of looking at a node.
+const STEPS: usize = 10;
 
 /// Protrusion of a spur by the radius at its root, below which it is a ripple of the rim, and below
 /// which it is a stroke's end: a square end has 0.41, a round end 0.
@@ -32,12 +36,17 @@ const CROTCH: f64 = 0.26;
 
 /// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
 /// the line bends.
-pub(super) fn prune(axis: &mut Axis) -> Vec<bool> {
+pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
+    // Each walk may lead over all nodes.
+    let more = |axis: &Axis| {
+        let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
+        budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
+    };
     // Ripples first: they split branches.
-    while cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
-    while cut_spurs(axis, &mut bends, is_spur) {}
-    while cut_spurs(axis, &mut bends, is_stub) {}
+    while more(axis) && cut_spurs(axis, &mut bends, |axis, spur| protrusion(axis, spur) < RIPPLE) {}
+    while more(axis) && cut_spurs(axis, &mut bends, is_spur) {}
+    while more(axis) && cut_spurs(axis, &mut bends, is_stub) {}
     cut_tips(axis);
     bends
 }

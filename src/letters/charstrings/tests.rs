@@ -104,17 +104,20 @@ fn subroutines_within_subroutines_are_refused_in_no_time() {
         let glyph = [&[139, 22, of(0), 10][..], end].concat();
         for leaf in [&[144, 144, 5][..], &[]] {
             let file = face_of(&glyph, &bomb(leaf, 10), &[], long);
-            assert!(!are_few(&file, 0), "ten billion calls");
+            assert!(!work(&file, 0).is_some(), "ten billion calls");
             let file = face_of(&glyph, &bomb(leaf, 2), &[], long);
-            assert!(are_few(&file, 0), "a thousand");
+            assert!(work(&file, 0).is_some(), "a thousand");
         }
         let line = [139, 22, 144, 144, 5, 144, 134, 5];
         let file = face_of(&[&line[..], end].concat(), &[], &[], long);
         let face = FontVec::try_from_vec(file.clone()).unwrap();
-        assert!(are_few(&file, 0) && face.outline(GlyphId(0)).is_some(), "a triangle, {long}");
+        assert!(
+            work(&file, 0).is_some() && face.outline(GlyphId(0)).is_some(),
+            "a triangle, {long}"
+        );
     }
     let file = face_of(&[139, 139, 139, 200, 14], &[], &[], false);
-    assert!(!are_few(&file, 0), "a letter composed of two");
+    assert!(!work(&file, 0).is_some(), "a letter composed of two");
 }
 
 /// Programs by chance: whatever the parser draws has been run to its end, number for number.
@@ -163,7 +166,11 @@ fn what_the_parser_draws_has_been_run_before() {
         let outline = std::panic::catch_unwind(|| face.outline(GlyphId(0)));
         if let Ok(Some(outline)) = outline {
             drawn += 1;
-            assert!(are_few(&file, 0), "{glyph:?} {local:?} {global:?}: {}", outline.curves.len());
+            assert!(
+                work(&file, 0).is_some(),
+                "{glyph:?} {local:?} {global:?}: {}",
+                outline.curves.len()
+            );
         }
     }
     assert!(drawn > 1000, "{drawn}");

@@ -8,8 +8,9 @@
 
 use usvg::roxmltree::{Document, Node, ParsingOptions};
 
-use super::Trace;
+use super::{Trace, xml};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 
 /// Most elements of a file.
 const MAX_NODES: u32 = 200_000;
@@ -35,6 +36,7 @@ enum Coding {
 /// Reads the traces.
 pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
     let hint = "export the ink as plain InkML: a traceFormat and traces, without references";
+    xml::check_tags(text, &Budget::of(file, hint))?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)
         .map_err(|broken| Error::input(file, broken.to_string(), "InkML", hint))?;

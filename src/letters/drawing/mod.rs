@@ -15,11 +15,12 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, simplify};
 
-mod entities;
+mod css;
 mod handwriting;
 mod inkml;
 mod plain;
 mod svg;
+mod xml;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';

@@ -17,10 +17,7 @@ const MAX_ELEMENTS: usize = 100_000;
 const MAX_BYTES: usize = 16 << 20;
 
 /// Most elements within elements, those of `use` included.
-const MAX_DEPTH: usize = 128;
-
-/// Most steps of matching style rules with elements.
-const MAX_RULES: usize = 5_000_000;
+pub(super) const MAX_DEPTH: usize = 128;
 
 /// Most user units of curves in all, their coordinates added up. usvg outlines every stroke to know
 /// its box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become more of them.
@@ -37,13 +34,12 @@ const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
 const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
-/// The document that is drawn.
+/// The document that is drawn, and how many elements it has with those of `use` and of markers.
 ///
 /// # Errors
 ///
 /// What was found instead of a drawing of bounded work.
-pub(super) fn plain(document: &Document<'_>) -> Result<String, String> {
-    check_rules(document)?;
+pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> {
     let mut ids = HashMap::new();
     for node in document.descendants() {
         if let Some(id) = node.attribute("id") {
@@ -66,7 +62,7 @@ pub(super) fn plain(document: &Document<'_>) -> Result<String, String> {
     }
     let mut text = String::new();
     write_element(document.root_element(), &mut text);
-    Ok(text)
+    Ok((text, elements))
 }
 
 /// What an element becomes.
@@ -180,39 +176,6 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
         text = &text[end..];
         Some(number)
     })
-}
-
-/// Checks that style rules are matched with elements in bounded time. Each is tried on each, and
-/// one of several parts on all elements around.
-fn check_rules(document: &Document<'_>) -> Result<(), String> {
-    let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
-    let text = sheets.flat_map(|sheet| sheet.descendants().filter_map(|node| node.text()));
-    let elements = document.descendants().filter(Node::is_element);
-    let depths = elements.clone().map(|node| node.ancestors().take(MAX_DEPTH).count());
-    let depth = depths.max().unwrap_or(0);
-    let steps = |selector: &str| {
-        let n_parts = selector.split_whitespace().count().saturating_sub(1);
-        (0..n_parts).fold(1, |steps: usize, _| steps.saturating_mul(depth))
-    };
-    // Before each brace that opens stand selectors.
-    let selectors = |block: &'_ str| {
-        let n_braces = block.matches('{').count();
-        block
-            .split('{')
-            .take(n_braces)
-            .flat_map(|list| list.split(','))
-            .map(steps)
-            .fold(0, usize::saturating_add)
-    };
-    let rules = text.flat_map(|css| css.split('}').map(selectors));
-    let steps = rules.fold(0, usize::saturating_add);
-    let elements = elements.count();
-    if steps.saturating_mul(elements) <= MAX_RULES {
-        return Ok(());
-    }
-    Err(format!(
-        "style rules of {steps} steps over {elements} elements, at most {MAX_RULES} in all"
-    ))
 }
 
 /// Writes an element as it is drawn.

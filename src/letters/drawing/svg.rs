@@ -9,8 +9,9 @@ use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
 use super::plain::{STYLE, plain};
-use super::{MAX_POINTS, entities, too_many};
+use super::{LIMIT, MAX_POINTS, css, too_many, xml};
 use crate::error::{Error, Result};
+use crate::files::Budget;
 use crate::geometry;
 
 /// Most elements and attributes of a file, before `use`.
@@ -29,7 +30,9 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
         Error::input(file, found, "an SVG drawing", hint)
     };
     let text = std::str::from_utf8(bytes).map_err(|broken| refuse(broken.to_string()))?;
-    entities::check(text).map_err(refuse)?;
+    let budget = Budget::of(file, LIMIT.hint);
+    xml::check_entities(text, &budget)?.map_err(refuse)?;
+    xml::check_tags(text, &budget)?;
     let limits =
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
@@ -49,7 +52,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
     };
     let style_sheet = Some(STYLE.to_owned());
     let options = Options { image_href_resolver, style_sheet, ..Options::default() };
-    let plain = plain(&document).map_err(refuse)?;
+    let (plain, n_elements) = plain(&document).map_err(refuse)?;
+    css::check(&document, n_elements, &budget)?;
     // usvg may panic on broken files.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &options)));
     let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };

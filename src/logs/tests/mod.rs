@@ -5,8 +5,10 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use proptest::prelude::*;
 
+use super::import_bytes as parse;
 use super::recording::Recording;
 use super::*;
+use crate::files::Budget;
 use crate::flight::{FlightSample, Quantity};
 
 mod team_data;
@@ -174,7 +176,10 @@ fn a_file_that_is_no_log_is_refused() {
     }
     let far = b"t,x,y,z\n0.5,0,0,0\n1e10,0,0,0\n";
     assert!(parse(far, "log", &ImportOptions::default()).is_err(), "300 years");
-    assert!(flight(Recording::default(), &ImportOptions::default()).is_err(), "no sample");
+    assert!(
+        flight(Recording::default(), &ImportOptions::default(), &Budget::of("log", HINT)).is_err(),
+        "no sample"
+    );
 }
 
 #[test]
@@ -267,4 +272,30 @@ proptest! {
             prop_assert!(flight.samples.iter().all(finite), "numbers only");
         }
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_a_folder_of_logs_is_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("a.csv");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let rows: String = (0..100).map(|i| format!("{},0,0,1\n", 10 * i)).collect();
+    let log = format!("Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n{rows}");
+    std::fs::write(folder.path().join("b.csv"), log).unwrap();
+    let flight = import(folder.path(), &ImportOptions::default()).unwrap();
+    assert_eq!(flight.samples.len(), 100);
+}
+
+#[test]
+fn the_files_of_a_folder_share_its_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = "0".to_owned() + &",0".repeat(100) + "\n";
+    for k in 0..12 {
+        let names: String = (0..100).map(|n| format!(",a{k}.x{n}")).collect();
+        let text = format!("Timestamp{names}\n{}", row.repeat(20_000));
+        std::fs::write(folder.path().join(format!("{k}.csv")), text).unwrap();
+    }
+    let error = import(folder.path(), &ImportOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("than an input may") || error.contains("variables"), "{error}");
 }

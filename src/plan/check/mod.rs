@@ -1,7 +1,8 @@
 //! Check: whether a plan should fly.
 //!
 //! Products in: letters, [`Plan`]s, and a simulated flight of each. Product out: [`Finding`]s
-//! against the limits of a [`Profile`]. Not checked: obstacles in the room.
+//! against the limits of a [`Profile`], within a room where its size is known. Not checked: obstacles
+//! in the room.
 //!
 //! [`Plan`]: crate::plan::Plan
 
@@ -13,10 +14,10 @@ mod plans;
 mod profile;
 mod written;
 
-pub use flown::{Flown, check_flown, even_frac};
+pub use flown::{Flown, check_flown};
 pub use letters::check_letters;
-pub use plans::check_plans;
-pub use profile::Profile;
+pub use plans::{check_plans, check_separation};
+pub use profile::{Profile, ROOM_MARGIN_M};
 pub use written::check_written;
 
 /// How bad a finding is.
@@ -25,7 +26,7 @@ pub use written::check_written;
 pub enum Severity {
     /// Within its limit.
     Fine,
-    /// Not decided by the data at hand.
+    /// Not checked: there is nothing to judge by.
     Unknown,
     /// It flies, but the picture suffers, or a way of flying it is closed.
     Warning,
@@ -51,7 +52,8 @@ pub enum Check {
     /// Letters with moves that do not join.
     #[serde(rename = "pen jump")]
     PenJump,
-    /// Largest distance of the design outside the volume, m.
+    /// Largest distance of the design outside the volume, m; negative: least distance from its
+    /// walls and ceiling. The detail describes the volume.
     Volume,
     /// Largest speed of the design, m/s.
     Speed,
@@ -68,12 +70,13 @@ pub enum Check {
     FlightTime,
     /// Bytes of the compressed trajectory on board; its count is that of polynomial pieces.
     Memory,
-    /// Entries of the LED timing memory on board, which plays a ring alone.
+    /// Entries of the LED timing memory on board, which plays a ring alone; no value: it plays none.
     #[serde(rename = "LED memory")]
     LedMemory,
-    /// Light commands that dim the headlights, which a pin switches.
+    /// Light commands that dim the headlights, which a pin switches; no value: none is on board.
     Headlights,
-    /// Horizontal distance of the closest conflict of two drones, m.
+    /// Least horizontal distance of two drones that are not above each other, m; no value: they
+    /// always are.
     Separation,
     /// Whether the simulated flight reaches its end.
     Flight,
@@ -94,7 +97,8 @@ pub enum Check {
     /// Longest light on one spot, in seconds of full light.
     #[serde(rename = "lit dwell")]
     LitDwell,
-    /// Share of the lit length within half a stop of its median.
+    /// Range of the exposure along the brightest trail in the picture, from the 5th to the 95th
+    /// percentile, in stops: that of the light meter.
     Evenness,
     /// Share of the flight's box that two base stations see.
     Coverage,
@@ -105,6 +109,9 @@ pub enum Check {
 /// The result of one check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
+    /// Number of the drone, from 1, where there are several and it concerns one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drone: Option<usize>,
     /// The property.
     pub check: Check,
     /// How bad it is.
@@ -122,7 +129,7 @@ pub struct Finding {
     /// Where it occurs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
-    /// Letters that are concerned, or the simulator's message.
+    /// Letters that are concerned, the simulator's message, or why it could not be checked.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub detail: String,
 }
@@ -136,8 +143,14 @@ impl Finding {
 
     /// A finding without a value.
     pub fn without_value(check: Check, severity: Severity, limit: f64) -> Self {
-        let (value, count, time_s, position_m) = (None, None, None, None);
-        Self { check, severity, value, limit, count, time_s, position_m, detail: String::new() }
+        let (drone, value, count, time_s, position_m) = (None, None, None, None, None);
+        let detail = String::new();
+        Self { drone, check, severity, value, limit, count, time_s, position_m, detail }
+    }
+
+    /// A property that could not be checked, and why.
+    pub fn unchecked(check: Check, why: &str) -> Self {
+        Self { detail: why.to_owned(), ..Self::without_value(check, Severity::Unknown, 0.0) }
     }
 
     fn at(self, time_s: f64) -> Self {

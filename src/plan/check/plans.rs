@@ -3,41 +3,44 @@
 use nalgebra::Vector3;
 
 use super::{Check, Finding, Profile, Severity, largest};
-use crate::plan::{MIN_HORIZONTAL_M, Plan, Setpoint, conflict};
+use crate::plan::{Approach, MIN_HORIZONTAL_M, Plan, Setpoint, closest};
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
-/// Entries of the LED timing memory (`ledring12.c`).
-const MAX_LED_ENTRIES: usize = 10;
 
 /// Checks the motion and the commands of plans.
 #[must_use]
 pub fn check_plans(plans: &[Plan], profile: &Profile) -> Vec<Finding> {
     let mut findings: Vec<Finding> = Vec::new();
-    for plan in plans {
-        findings.extend([
+    for (drone, plan) in plans.iter().enumerate() {
+        let of_plan = [
             volume(plan, profile),
             speed(plan, profile),
             acceleration(plan, profile),
             jumps(plan),
             duration(plan, profile),
-            led_entries(plan),
             headlights(plan),
-        ]);
+        ];
+        let number = Some(drone + 1).filter(|_| plans.len() > 1);
+        findings.extend(of_plan.map(|finding| Finding { drone: number, ..finding }));
     }
-    if plans.len() > 1 {
-        findings.push(separation(plans));
-    }
+    findings.extend(check_separation(plans));
     findings
 }
 
 fn volume(plan: &Plan, profile: &Profile) -> Finding {
     let [low, high] = profile.volume_m.map(Vector3::from);
-    let outside = |s: &Setpoint| (low - s.position_m).max().max((s.position_m - high).max());
-    let (by_m, time_s) = largest(plan.setpoints.iter().map(|s| (outside(s), s.time_s)));
+    let outside = |setpoint: &Setpoint| {
+        let (below, above) = (low - setpoint.position_m, setpoint.position_m - high);
+        // Down to the floor there is no margin to keep.
+        let sides_m = below.xy().max().max(above.max());
+        if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
+    };
+    let most = plan.setpoints.iter().map(|s| (outside(s), s.time_s));
+    let (by_m, time_s) = most.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let finding = Finding::new(Check::Volume, by_m <= 1e-6, Severity::Stop, by_m, 0.0);
-    Finding { position_m, ..finding.at(time_s) }
+    Finding { position_m, detail: profile.volume(), ..finding.at(time_s) }
 }
 
 fn speed(plan: &Plan, profile: &Profile) -> Finding {
@@ -79,44 +82,37 @@ fn duration(plan: &Plan, profile: &Profile) -> Finding {
     Finding::new(Check::FlightTime, air_s <= limit, Severity::Stop, air_s, limit)
 }
 
-fn led_entries(plan: &Plan) -> Finding {
-    // Headlights are a pin, and what the radio switches beside a ring it can switch as well.
-    let alone = plan.lights.keys().all(|channel| channel.starts_with("ring"));
-    let played = plan.lights.get("ring").filter(|_| alone);
-    let changes = played.map(|levels| {
-        usize::from(levels.first().is_some_and(|l| *l != 0.0))
-            + levels.windows(2).filter(|pair| pair[0] != pair[1]).count()
-    });
-    // Each change is an entry, and one ends the list.
-    counted(Check::LedMemory, changes.unwrap_or(0) + 1, MAX_LED_ENTRIES)
-}
-
 /// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`).
 fn headlights(plan: &Plan) -> Finding {
-    let levels = plan.lights.get("headlights").map_or(&[][..], Vec::as_slice);
+    let Some(levels) = plan.lights.get("headlights") else {
+        return Finding::without_value(Check::Headlights, Severity::Fine, 0.0);
+    };
     let rows = plan.setpoints.iter().zip(levels);
     let mut dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let first = dimmed.next().map(|(setpoint, _)| setpoint.time_s);
     let n = usize::from(first.is_some()) + dimmed.count();
-    Finding { time_s: first, ..counted(Check::Headlights, n, 0) }
+    #[expect(clippy::cast_precision_loss, reason = "rows of a plan")]
+    let finding = Finding::new(Check::Headlights, n == 0, Severity::Warning, n as f64, 0.0);
+    Finding { time_s: first, ..finding }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "rows of a plan")]
-fn counted(check: Check, n: usize, most: usize) -> Finding {
-    Finding::new(check, n <= most, Severity::Warning, n as f64, most as f64)
-}
-
-fn separation(plans: &[Plan]) -> Finding {
+/// Distance of the drones from each other; `None` for a single one.
+#[must_use]
+pub fn check_separation(plans: &[Plan]) -> Option<Finding> {
+    if plans.len() < 2 {
+        return None;
+    }
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
-    let conflicts = pairs.filter_map(|(a, b)| conflict(a, b));
-    let closest = conflicts.min_by(|a, b| a.horizontal_m.total_cmp(&b.horizontal_m));
-    let severity = if closest.is_some() { Severity::Stop } else { Severity::Fine };
-    Finding {
+    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
+    let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest);
+    let good = closest.is_none_or(|closest| closest.horizontal_m >= MIN_HORIZONTAL_M - 1e-9);
+    let severity = if good { Severity::Fine } else { Severity::Stop };
+    Some(Finding {
         value: closest.map(|closest| closest.horizontal_m),
         time_s: closest.map(|closest| closest.time_s),
         ..Finding::without_value(Check::Separation, severity, MIN_HORIZONTAL_M)
-    }
+    })
 }
 
 #[cfg(test)]
@@ -143,7 +139,6 @@ mod tests {
         let jump = findings.iter().find(|finding| finding.check == Check::Jump).unwrap();
         assert_eq!((jump.severity, jump.count), (Severity::Warning, Some(5)));
         assert!((jump.value.unwrap() - 0.2).abs() < 0.005, "{jump:?}");
-        assert_eq!(severity_of(&findings, Check::LedMemory), Severity::Fine, "headlights alone");
         assert_eq!(severity_of(&findings, Check::Speed), Severity::Fine);
     }
 
@@ -161,14 +156,18 @@ mod tests {
     }
 
     #[test]
-    fn the_timing_memory_counts_the_lamps_that_it_plays() {
-        let entries = |lights: &[&str]| {
-            let lights = lights.iter().map(|light| (*light).to_owned()).collect();
-            let plan = plan(&strokes("NOOR"), &PlanOptions { lights, ..PlanOptions::even() });
-            led_entries(&plan.unwrap()).value
-        };
-        let (headlights, ring) = (entries(&["headlights"]), entries(&["ring"]));
-        assert_eq!((headlights, ring), (Some(1.0), Some(9.0)));
+    fn a_room_bounds_the_volume() {
+        let plan = plan(&strokes("NOOR"), &PlanOptions::even()).unwrap();
+        let volume = |profile: Profile| check_plans(&[plan.clone()], &profile).swap_remove(0);
+        let inside = volume(Profile::indoor());
+        assert!((inside.value.unwrap() + 1.5).abs() < 0.05, "1 m of 2.5 m high: {inside:?}");
+        let small = volume(Profile::indoor().in_room([1.5, 1.5, 1.0]));
+        assert_eq!(small.severity, Severity::Stop);
+        let [x, _, z] = small.position_m.unwrap();
+        let by_m = (x.abs() - 0.55).max(z - 0.8);
+        assert!((by_m - small.value.unwrap()).abs() < 1e-9, "0.2 m from the walls: {small:?}");
+        let hall = volume(Profile::indoor().in_room([50.0, 50.0, 50.0]));
+        assert_eq!(hall.value, inside.value, "the profile's limits hold in a hall, too");
     }
 
     #[test]
@@ -190,6 +189,10 @@ mod tests {
         assert_eq!(severity_of(&findings, Check::Separation), Severity::Stop);
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let findings = check_plans(&fleet(&strokes("NO"), &options).unwrap(), &Profile::indoor());
-        assert_eq!(severity_of(&findings, Check::Separation), Severity::Fine);
+        let apart = findings.iter().find(|f| f.check == Check::Separation).unwrap();
+        assert_eq!(apart.severity, Severity::Fine);
+        assert!((MIN_HORIZONTAL_M..3.0).contains(&apart.value.unwrap()), "{apart:?}");
+        let numbers: Vec<_> = findings.iter().filter(|f| f.check == Check::Speed).collect();
+        assert_eq!(numbers.iter().map(|f| f.drone).collect::<Vec<_>>(), [Some(1), Some(2)]);
     }
 }

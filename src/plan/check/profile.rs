@@ -9,6 +9,9 @@ pub struct Profile {
     pub name: &'static str,
     /// Least and greatest x, y, z.
     pub volume_m: [[f64; 3]; 2],
+    /// Width, depth and height of the room, where it is known: the volume is within it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub room_m: Option<[f64; 3]>,
     /// Largest distance from the word's plane.
     pub corridor_m: f64,
     /// Greatest speed.
@@ -21,7 +24,41 @@ pub struct Profile {
     pub flight_time_s: f64,
 }
 
+/// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which a
+/// flight may stray from its design.
+pub const ROOM_MARGIN_M: f64 = 0.2;
+
 impl Profile {
+    /// The same within a room of a width, depth and height, its floor's middle at the origin.
+    #[must_use]
+    pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
+        let [width_m, depth_m, height_m] = room_m;
+        let sides_m = [0.5 * width_m, 0.5 * depth_m, height_m].map(|side_m| side_m - ROOM_MARGIN_M);
+        let [low, high] = &mut self.volume_m;
+        for axis in 0..3 {
+            high[axis] = high[axis].min(sides_m[axis]);
+            if axis < 2 {
+                low[axis] = low[axis].max(-sides_m[axis]);
+            }
+        }
+        self.room_m = Some(room_m);
+        self
+    }
+
+    /// The volume in words.
+    #[must_use]
+    pub fn volume(&self) -> String {
+        let [low, high] = self.volume_m;
+        let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
+        match self.room_m {
+            Some(_) => format!(
+                "{w} x {d} x {h} m: the profile's volume in the room, {ROOM_MARGIN_M} m from its \
+                 walls and ceiling"
+            ),
+            None => format!("the profile's {w} x {d} x {h} m"),
+        }
+    }
+
     /// All profiles.
     #[must_use]
     pub fn all() -> [Self; 3] {
@@ -37,6 +74,7 @@ impl Profile {
         Self {
             name: "indoor",
             volume_m: [[-2.5, -2.5, 0.0], [2.5, 2.5, 2.5]],
+            room_m: None,
             corridor_m: 0.2,
             speed_m_s: 1.0,
             acceleration_m_s2: 2.0,
@@ -57,6 +95,7 @@ impl Profile {
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",
+            room_m: None,
             volume_m: [[-100.0, -100.0, 0.0], [100.0, 100.0, 150.0]],
             corridor_m: 2.0,
             speed_m_s: 2.0,

@@ -4,6 +4,7 @@ use super::*;
 use crate::letters::{Glyph, LetterOptions, Move, write};
 use studio::{Dice, Shot, camera, word};
 
+mod length;
 mod reading;
 mod studio;
 mod why;
@@ -100,7 +101,8 @@ fn great_faults_do_not_pass() {
     for (fault, shot) in faults {
         let verdict = shot.verdict(&noor);
         assert!(!verdict.legible && verdict.readability < 0.5, "{fault}: {verdict:?}");
-        assert_eq!(verdict.reason, Some(Reason::Misread), "{fault}");
+        let of_letters = [Reason::Misread, Reason::OtherLength].map(Some);
+        assert!(of_letters.contains(&verdict.reason), "{fault}: {verdict:?}");
     }
 }
 
@@ -177,9 +179,8 @@ fn a_reason_agrees_with_its_number() {
     let strict = ScoreOptions { legible_probability: 1.0 };
     let verdict = score(&shot.photo(), &noor, &shot.camera, &strict).unwrap();
     assert_eq!((verdict.legible, verdict.reason), (false, Some(Reason::Unsure)), "{verdict:?}");
-    let mut verdict = shot.verdict(&word("NOORS"));
+    let verdict = shot.verdict(&word("NOORS"));
     assert!(!verdict.legible, "{verdict:?}");
-    verdict.compare_with(&read(&shot.photo()).unwrap());
     assert_eq!(verdict.reason, Some(Reason::OtherLength), "{verdict:?}");
     assert!(verdict.is_contradicted(), "{verdict:?}");
 }
@@ -362,8 +363,8 @@ fn the_verdict_is_written_as_it_is_documented() {
     let advice = serde_json::to_value(advice).unwrap();
     assert_eq!(keys(&advice), ["gain", "kind", "text"]);
     let all = [
-        MissingRun, LitTransit, Streak, DwellBlob, Overlap, OtherStray, Shifted, Glow, FewPixels,
-        Dim, Design, OffPath,
+        MissingRun, LogGap, LitTransit, Streak, DwellBlob, Overlap, OtherStray, Shifted, Glow,
+        FewPixels, Dim, Design, OffPath,
     ];
     let mut all = all.map(|kind| serde_json::to_value(kind).unwrap().as_str().unwrap().to_owned());
     all.sort_unstable();

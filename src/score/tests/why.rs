@@ -112,3 +112,88 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
         assert_eq!(found, flawed, "{font}: {:#?}", verdict.causes);
     }
 }
+
+/// The leg of the R, which ends early, is lost in a gap of the log that was flown there, and the lamp's
+/// fault without one, or with one elsewhere.
+#[test]
+fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
+    let noor = word("NOOR");
+    let shot = Shot::of(&noor).ending_early(0.25);
+    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
+    let explained = |gaps: Vec<LogGap>| {
+        let known = Known { lag_s: Some(0.5), gaps, ..Known::default() };
+        reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0
+    };
+    let of_r = |verdict: &Verdict| {
+        let causes = verdict.causes.iter().filter(|cause| cause.letter == Some(3));
+        let missing = causes.filter(|cause| cause.missing.is_some()).cloned();
+        missing.collect::<Vec<_>>()
+    };
+    let [leg] = &of_r(&explained(Vec::new()))[..] else { panic!("one part of the R is missing") };
+    assert_eq!((leg.kind, leg.log_gap_s), (CauseKind::MissingRun, None));
+    let [x_m, y_m] = leg.at_m.unwrap();
+    let gap = |up_m: f64| LogGap {
+        span_s: [37.61, 38.15],
+        ends_m: [[x_m - 0.1, y_m + up_m], [x_m + 0.1, y_m + up_m]],
+        way_m: 0.4,
+    };
+    let lost = explained(vec![gap(0.0)]);
+    let [leg] = &of_r(&lost)[..] else { panic!("the same part is missing") };
+    assert_eq!((leg.kind, leg.log_gap_s), (CauseKind::LogGap, Some([37.61, 38.15])));
+    let text = |verdict: &Verdict, kind: CauseKind| {
+        let advice = verdict.advice.iter().find(|advice| advice.kind == kind);
+        advice.map(|advice| (advice.text.clone(), advice.gain))
+    };
+    let (said, gain) = text(&lost, CauseKind::LogGap).unwrap();
+    assert!(said.contains("R (4)") && said.contains("37.61 to 38.15 s"), "{said}");
+    assert!(gain > Some(0.0));
+    let lamps = text(&lost, CauseKind::MissingRun).map(|(text, _)| text).unwrap_or_default();
+    assert!(!lamps.contains("R (4)"), "{lamps}");
+    let elsewhere = explained(vec![gap(0.5)]);
+    assert_eq!(of_r(&elsewhere)[0].kind, CauseKind::MissingRun, "a gap half a meter away");
+}
+
+#[test]
+fn gaps_of_a_log_are_read_back_and_foreign_text_is_refused() {
+    let gaps =
+        vec![LogGap { span_s: [0.1, 0.75], ends_m: [[0.1, -0.2], [0.3, 1.0 / 3.0]], way_m: 0.3 }];
+    let json = serde_json::to_string(&gaps).unwrap();
+    assert_eq!(LogGap::parse(&json, "photo.png").unwrap(), gaps);
+    for foreign in ["", "{}", "[1]", "[{\"span_s\": [0, 1]}]", "[{\"span_s\": [0, 1e999]}]"] {
+        let error = LogGap::parse(foreign, "photo.png (log gaps)").unwrap_err().to_string();
+        assert!(error.starts_with("photo.png (log gaps): "), "{error}");
+    }
+}
+
+/// A drone that trails cuts corners, which is no fault; where the log lost a corner, it is named.
+#[test]
+fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
+    let noor = word("NOOR");
+    let mut shot = Shot::of(&noor);
+    let o: Vec<Move> = noor.glyphs[1].moves.iter().copied().filter(|step| step.lit).collect();
+    let (before, after) = (o[1], o[2]);
+    let corner_m = before.to_m;
+    assert_eq!(corner_m, after.from_m, "a corner of the square letter");
+    let short = |from: [f64; 2], to: [f64; 2]| {
+        let share = 1.0 - 0.07 / libm::hypot(to[0] - from[0], to[1] - from[1]);
+        [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]))
+    };
+    for step in &mut shot.moves {
+        if *step == before {
+            step.to_m = short(before.from_m, before.to_m);
+        } else if *step == after {
+            step.from_m = short(after.to_m, after.from_m);
+        }
+    }
+    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
+    let missing = |gaps: Vec<LogGap>| {
+        let known = Known { gaps, ..Known::default() };
+        let verdict = reader.explain(&shot.photo(), &(&shot.camera).into(), &known).unwrap().0;
+        let missing = verdict.causes.iter().filter(|cause| cause.missing.is_some());
+        missing.map(|cause| (cause.kind, cause.letter)).collect::<Vec<_>>()
+    };
+    assert_eq!(missing(Vec::new()), [], "a cut corner");
+    let ends_m = [short(before.from_m, corner_m), short(after.to_m, corner_m)];
+    let gap = LogGap { span_s: [21.36, 22.1], ends_m, way_m: 0.2 };
+    assert_eq!(missing(vec![gap]), [(CauseKind::LogGap, Some(1))]);
+}

@@ -9,7 +9,7 @@ use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
 use crate::sim::fly::check_above;
-use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
+use crate::sim::options::{GRAVITY_M_S2, SimOptions};
 use crate::sim::peers::{Fleet, Member};
 use crate::sim::vehicle::Plant;
 
@@ -44,7 +44,7 @@ pub(super) fn hold(
             if tick.is_multiple_of(ticks_per_sample) {
                 let throttle = motors.iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
                 let barometer_m = avionics.sensors().barometer_bias_m();
-                let truth = truth(&plant, &actual.floor, barometer_m);
+                let truth = truth(&plant, &actual, barometer_m);
                 let readings = std::mem::take(&mut readings);
                 samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
                 steps = filter.steps();
@@ -58,13 +58,15 @@ pub(super) fn hold(
 }
 
 /// True states, in the order of [`super::AltitudeState`]. The floor is the one that the tilted ranger
-/// sees.
-fn truth(plant: &Plant, floor: &FloorOptions, barometer_m: f64) -> [f64; 6] {
+/// sees; a steady draft is part of α⁰.
+fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let body = plant.body();
     let (at_m, down) = (body.position_m, -body.matrix().column(2));
-    let ranger_m = -floor.distance_m(&at_m, &down) * down.z - at_m.z;
+    let ranger_m = -actual.floor.distance_m(&at_m, &down) * down.z - at_m.z;
     let (v, gain) = (body.velocity_m_s.z, plant.gain_m_s2());
-    [at_m.z, v, -GRAVITY_M_S2, gain, ranger_m, barometer_m]
+    let vehicle = &actual.vehicle;
+    let draft_m_s2 = vehicle.body_drag_n_s_m[2] / vehicle.mass_kg * actual.air.wind_m_s[2];
+    [at_m.z, v, draft_m_s2 - GRAVITY_M_S2, gain, ranger_m, barometer_m]
 }
 
 /// Setpoints along x at a steady speed, one a second.

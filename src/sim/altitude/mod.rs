@@ -29,6 +29,8 @@ const MAX_DURATION_S: f64 = 3600.0;
 const EVENT_M: f64 = 0.1;
 /// Spread of the true lift per throttle about the vehicle's, as a share of it.
 const GAIN_SPREAD: f64 = 0.05;
+/// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
+const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
 const GUST: [f64; 2] = [0.15, 2.0];
 /// Altitude that is held.
@@ -81,6 +83,9 @@ const STATES: [AltitudeState; 6] = [
     AltitudeState::Ranger,
     AltitudeState::Barometer,
 ];
+
+/// Their names in tables.
+pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
 
 impl HoldSample {
     fn new(

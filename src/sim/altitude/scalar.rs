@@ -4,7 +4,9 @@
 //! controller run at 10 Hz, as the lab sheet asks.
 
 use super::scenario::DRONE;
-use super::{GAIN_SPREAD, GUST, Hold, HoldSample, SAMPLES_HZ, SET_M, Scenario, sensors};
+use super::{
+    GAIN_SPREAD, GUST, Hold, HoldSample, OFFSET_SPREAD_M_S2, SAMPLES_HZ, SET_M, Scenario, sensors,
+};
 use crate::error::Result;
 use crate::sim::controller::altitude_gains;
 use crate::sim::estimator::{AltitudeFilter, AltitudeState, Sensor};
@@ -13,8 +15,6 @@ use crate::sim::options::{GRAVITY_M_S2, SimOptions};
 
 /// Steps of the truth per second.
 const TRUTH_HZ: u32 = 100;
-/// Spread of the true α⁰ about the filter's first belief, m/s².
-const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Spread of the barometer's bias at the start, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 

@@ -1,6 +1,6 @@
 //! Events of a flight at constant altitude, in the scalar model and in the full simulator.
 
-use super::{GAIN_SPREAD, GUST};
+use super::{GAIN_SPREAD, GUST, OFFSET_SPREAD_M_S2};
 use crate::settings::settings;
 use crate::sim::noise::Noise;
 use crate::sim::options::{
@@ -78,7 +78,9 @@ impl Scenario {
     /// The drone that truly flies the scenario in the full simulator.
     pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
         let mut actual = believed.clone();
-        let lift = 1.0 + GAIN_SPREAD * Noise::new(seed, 0, DRONE).normal();
+        let mut drawn = Noise::new(seed, 0, DRONE);
+        let lift = 1.0 + GAIN_SPREAD * drawn.normal();
+        let offset_m_s2 = OFFSET_SPREAD_M_S2 * drawn.normal();
         actual.vehicle.k_f_n *= lift;
         actual.battery.thrust_from_v_n.iter_mut().for_each(|term| *term *= lift);
         actual.sensors.barometer.drift_m_s += self.drift_m_s();
@@ -95,7 +97,9 @@ impl Scenario {
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
-            let sigma_m_s = (sigma_m_s2 * actual.vehicle.mass_kg / drag_n_s_m).min(50.0);
+            let wind_m_s = |a_m_s2: f64| a_m_s2 * actual.vehicle.mass_kg / drag_n_s_m;
+            let sigma_m_s = wind_m_s(sigma_m_s2).min(50.0);
+            actual.air.wind_m_s[2] += wind_m_s(offset_m_s2).clamp(-50.0, 50.0);
             actual.air.gusts = Gusts::OrnsteinUhlenbeck(GustOptions {
                 sigma_m_s: [0.0, 0.0, sigma_m_s],
                 time_s,

@@ -109,6 +109,13 @@ impl Controller for Geometric {
         self.position_sum = Vector3::zeros();
         self.attitude_sum = Vector3::zeros();
     }
+
+    fn memory(&mut self) -> Vec<&mut f64> {
+        let position = self.position_sum.iter_mut().filter(|_| self.k_position_integral != 0.0);
+        let attitude = self.attitude_sum.iter_mut().zip(&self.k_attitude_integral);
+        let attitude = attitude.filter(|(_, gain)| **gain != 0.0).map(|(sum, _)| sum);
+        position.chain(attitude).collect()
+    }
 }
 
 /// The attitude without yaw whose z axis lies along a force.

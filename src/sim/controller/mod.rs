@@ -6,6 +6,7 @@
 mod altitude;
 mod gain;
 mod geometric;
+mod linear;
 mod lqr;
 mod pid;
 mod reference;
@@ -18,6 +19,7 @@ use self::altitude::AltitudeHold;
 pub(super) use self::altitude::{ThrustMap, altitude_gains};
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
+pub(super) use self::linear::{GEOMETRIC_MEMORY, LinearController, PID_MEMORY};
 use self::lqr::Lqr;
 use self::pid::PidCascade;
 pub(crate) use self::pid::pid_gains;
@@ -33,6 +35,12 @@ pub(super) trait Controller: std::fmt::Debug + Send {
 
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
+
+    /// What the controller remembers from one command to the next and acts on, as values that may be
+    /// set; nothing for the regulators, whose gains are known.
+    fn memory(&mut self) -> Vec<&mut f64> {
+        Vec::new()
+    }
 
     /// Replaces the vehicle's thrust map by an estimated one; most controllers keep the vehicle's.
     fn set_thrust_map(&mut self, _: ThrustMap) {}

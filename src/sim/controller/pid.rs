@@ -112,6 +112,16 @@ impl Pid {
         output.clamp(-self.output_max, self.output_max)
     }
 
+    /// Integral, last measurement and filter, as far as the gains use them.
+    fn memory(&mut self) -> impl Iterator<Item = &mut f64> {
+        let [_, ki, kd] = self.gains;
+        let integral = (ki != 0.0).then_some(&mut self.integral);
+        let measured = (kd != 0.0).then_some(&mut self.measured);
+        let filter = self.filter.as_mut().filter(|_| kd != 0.0);
+        let filter = filter.map(|filter| filter.inputs.iter_mut().chain(&mut filter.outputs));
+        integral.into_iter().chain(measured).chain(filter.into_iter().flatten())
+    }
+
     fn reset(&mut self, measured: f64) {
         (self.integral, self.measured) = (0.0, measured);
         if let Some(filter) = &mut self.filter {
@@ -232,6 +242,11 @@ impl Controller for PidCascade {
             self.rate[i].reset(0.0);
         }
         self.ticks = 0;
+    }
+
+    fn memory(&mut self) -> Vec<&mut f64> {
+        let loops = [&mut self.position, &mut self.velocity, &mut self.attitude, &mut self.rate];
+        loops.into_iter().flatten().flat_map(Pid::memory).collect()
     }
 }
 

@@ -1,6 +1,11 @@
-//! The six-state Kalman filter, and its test for steps of the floor.
+//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of the
+//! floor.
+//!
+//! Gusts push for seconds. They are a state of their own, so that the innovations stay white: a
+//! controller that answers a correlated innovation would make the throttle correlated with it, and
+//! the filter would read a thrust map from that which is not there.
 
-use nalgebra::{Matrix6, SVector, Vector6};
+use nalgebra::{SMatrix, SVector};
 
 use super::step_test::{Floor, StepTest};
 use crate::control::{Innovation, Kalman};
@@ -8,7 +13,12 @@ use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
 use crate::sim::vehicle::GRAVITY_M_S2;
 
-/// Index of each state.
+/// Number of states.
+const N: usize = 7;
+/// Index of the vertical acceleration by gusts, which no table reports.
+const GUST: usize = 6;
+
+/// Index of each state that is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Altitude z, m.
@@ -56,7 +66,7 @@ pub struct Measurement {
 #[derive(Clone, Debug)]
 pub struct AltitudeFilter {
     options: AltitudeOptions,
-    kalman: Kalman<6>,
+    kalman: Kalman<N>,
     /// Readings since the last prediction.
     readings: Vec<Measurement>,
     test: StepTest,
@@ -66,23 +76,21 @@ pub struct AltitudeFilter {
 impl AltitudeFilter {
     /// The filter of a drone at rest at a known altitude.
     ///
-    /// α⁰ and α¹ begin tied together by the believed hover throttle.
+    /// α⁰ begins at gravity, and α¹ at what then gives the believed hover throttle.
     #[must_use]
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let gain = GRAVITY_M_S2 / hover;
-        let mut covariance = Matrix6::zeros();
+        let mut covariance = SMatrix::<f64, N, N>::zeros();
         let [altitude, velocity, floor] = START_SIGMA.map(|sigma| sigma * sigma);
-        let gain_variance = options.gain_sigma_m_s2 * options.gain_sigma_m_s2;
-        let of_hover = options.hover_throttle_sigma * gain;
+        let squared = |sigma: f64| sigma * sigma;
         covariance[(0, 0)] = altitude;
         covariance[(1, 1)] = velocity;
-        covariance[(2, 2)] = hover * hover * gain_variance + of_hover * of_hover;
-        covariance[(2, 3)] = -hover * gain_variance;
-        covariance[(3, 2)] = covariance[(2, 3)];
-        covariance[(3, 3)] = gain_variance;
+        covariance[(2, 2)] = squared(options.offset_sigma_m_s2);
+        covariance[(3, 3)] = squared(options.gain_sigma_m_s2);
         covariance[(4, 4)] = floor;
-        covariance[(5, 5)] = options.barometer_bias_sigma_m * options.barometer_bias_sigma_m;
-        let state = Vector6::new(altitude_m, 0.0, -GRAVITY_M_S2, gain, 0.0, 0.0);
+        covariance[(5, 5)] = squared(options.barometer_bias_sigma_m);
+        covariance[(GUST, GUST)] = squared(options.gust_sigma_m_s2);
+        let state = SVector::from([altitude_m, 0.0, -GRAVITY_M_S2, gain, 0.0, 0.0, 0.0]);
         let kalman = Kalman { state, covariance };
         let test = StepTest::new(options.step_gate_sigmas, 0.0);
         Self { options: options.clone(), kalman, readings: Vec::new(), test, steps: 0 }
@@ -91,22 +99,25 @@ impl AltitudeFilter {
     /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
         let (t, o) = (span_s, &self.options);
-        let mut transition = Matrix6::identity();
+        let kept = libm::exp(-t / o.gust_time_s);
+        let mut transition = SMatrix::<f64, N, N>::identity();
         transition[(0, 1)] = t;
-        transition[(0, 2)] = 0.5 * t * t;
-        transition[(0, 3)] = 0.5 * t * t * throttle;
-        transition[(1, 2)] = t;
-        transition[(1, 3)] = t * throttle;
+        for (state, slope) in [(2, 1.0), (3, throttle), (GUST, 1.0)] {
+            transition[(0, state)] = 0.5 * t * t * slope;
+            transition[(1, state)] = t * slope;
+        }
+        transition[(GUST, GUST)] = kept;
         let density = o.acceleration_noise_m_s2_sqrt_hz * o.acceleration_noise_m_s2_sqrt_hz;
         let walk = |per_sqrt_s: f64| per_sqrt_s * per_sqrt_s * t;
-        let mut noise = Matrix6::from_diagonal(&Vector6::new(
+        let mut noise = SMatrix::<f64, N, N>::from_diagonal(&SVector::from([
             density * t * t * t / 3.0,
             density * t,
             walk(o.offset_walk_m_s2_sqrt_s),
             walk(o.gain_walk_m_s2_sqrt_s),
             walk(o.ranger_walk_m_sqrt_s),
             walk(o.barometer_walk_m_sqrt_s),
-        ));
+            (1.0 - kept * kept) * o.gust_sigma_m_s2 * o.gust_sigma_m_s2,
+        ]));
         noise[(0, 1)] = density * t * t / 2.0;
         noise[(1, 0)] = noise[(0, 1)];
         self.kalman.predict(&transition, &noise);
@@ -115,12 +126,14 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span in which the drone stood with its motors off.
     pub fn rest(&mut self, span_s: f64) {
-        let velocity = State::Velocity as usize;
         let Kalman { state, covariance } = &mut self.kalman;
-        state[velocity] = 0.0;
-        covariance.row_mut(velocity).fill(0.0);
-        covariance.column_mut(velocity).fill(0.0);
-        covariance[(velocity, velocity)] = START_SIGMA[1] * START_SIGMA[1];
+        let gust = self.options.gust_sigma_m_s2;
+        for (still, sigma) in [(State::Velocity as usize, START_SIGMA[1]), (GUST, gust)] {
+            state[still] = 0.0;
+            covariance.row_mut(still).fill(0.0);
+            covariance.column_mut(still).fill(0.0);
+            covariance[(still, still)] = sigma * sigma;
+        }
         for (bias, walk) in [
             (State::Ranger, self.options.ranger_walk_m_sqrt_s),
             (State::Barometer, self.options.barometer_walk_m_sqrt_s),
@@ -176,10 +189,10 @@ impl AltitudeFilter {
         self.kalman.sigma(state as usize)
     }
 
-    /// The estimated thrust map.
+    /// The estimated thrust map, in the present gust.
     pub(in crate::sim) fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] = [State::Offset, State::Gain].map(|s| self.estimate(s));
-        ThrustMap { offset_m_s2, gain_m_s2 }
+        ThrustMap { offset_m_s2: offset_m_s2 + self.kalman.state[GUST], gain_m_s2 }
     }
 
     /// Readings since the last prediction, in the order in which they came.
@@ -196,8 +209,9 @@ impl AltitudeFilter {
 }
 
 /// What a sensor sees of the state: the altitude, and a bias.
-fn row(bias: Option<State>) -> SVector<f64, 6> {
-    let mut row = Vector6::x();
+fn row(bias: Option<State>) -> SVector<f64, N> {
+    let mut row = SVector::zeros();
+    row[State::Altitude as usize] = 1.0;
     if let Some(bias) = bias {
         row[bias as usize] = 1.0;
     }

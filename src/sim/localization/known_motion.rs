@@ -6,11 +6,13 @@
 //! observer of two drones that share an anchor as its authors left it: from a start of its own, and
 //! without a covariance.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::smoother::{checked, plane_warning, together};
+use super::mirror::ambiguities_of_motion;
+use super::pass::together;
+use super::smoother::{checked, heard_s};
 use super::{
     Enlarged, FiveRanges, Link, LocateOptions, Located, Positions, RangeSample,
     SharedAnchorObserver, shared_anchor,
@@ -101,8 +103,7 @@ pub fn locate_enlarged(
     let reach_m = (high_m - low_m).norm().max(1.0);
     let mut stage = Stage::First(Enlarged::new(anchors_m, &starts_m, reach_m));
     let mut located = Located::empty(tracks.len());
-    located.warnings.extend(plane_warning(anchors_m));
-    let (mut nis, mut taken, mut refused) = (0.0, 0.0, 0.0);
+    let (mut nis, mut taken, mut refused) = (0.0, 0.0, BTreeMap::new());
     for step in together(&samples) {
         let time_s = step[0].time_s;
         let moved_m = moved_m(tracks, before_s, time_s);
@@ -125,7 +126,7 @@ pub fn locate_enlarged(
                 Stage::Second(filter) => {
                     match filter.correct(link, distance_m, sigma_m, options.gate_sigmas) {
                         Some(one) => (nis, taken) = (nis + one, taken + 1.0),
-                        None => refused += 1.0,
+                        None => *refused.entry(link).or_default() += 1,
                     }
                 }
             }
@@ -133,7 +134,11 @@ pub fn locate_enlarged(
         located.push(time_s, |drone| stage.at(drone));
     }
     located.nis = (taken > 0.0).then(|| nis / taken);
-    located.refused_frac = refused / f64::max(taken + refused, 1.0);
+    located.heard_s = heard_s(tracks.len(), &samples);
+    let moved_m = |drone: usize, time_s| tracks[drone].moved_m(time_s);
+    located.ambiguities = ambiguities_of_motion(anchors_m, &samples, &located, moved_m, options);
+    located.note_residuals(anchors_m, &samples, &refused, options.range_sigma_m);
+    located.warnings = located.contradictions(options.range_sigma_m);
     Ok(located)
 }
 
@@ -196,6 +201,9 @@ pub fn locate_shared(
         located.push(time_s, |drone| (at_m[drone], Matrix3::zeros()));
     }
     located.covariance_m2.clear();
+    located.heard_s = heard_s(2, &samples);
+    // It knows no noise: each link's own scatter is the scale.
+    located.note_residuals(anchors_m, &samples, &BTreeMap::new(), 0.0);
     Ok(located)
 }
 

@@ -7,22 +7,37 @@
 //! The filter that flies is the estimator `cooperative`.
 
 mod anchors;
+mod bias;
+mod biases;
+mod clocks;
 mod enlarged;
+mod fit;
 mod known_motion;
+mod mirror;
 mod observer;
+mod pairs;
+mod pass;
 mod positions;
 mod reference;
 mod region;
+mod residuals;
 mod smoother;
+mod solve;
 mod start;
 
+use nalgebra::{DVector, Vector3};
+
 pub use anchors::read_anchors;
+pub use bias::{Bias, BiasOf};
+pub use clocks::{log_offset_s, reference_offset_s};
 pub use enlarged::Enlarged;
 pub use known_motion::{Track, locate_enlarged, locate_shared};
+pub use mirror::Ambiguity;
 pub use observer::{FiveRanges, SharedAnchorObserver, shared_anchor};
 pub use positions::Positions;
 pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
+pub use residuals::{LinkResidual, nis_interval};
 pub use smoother::{LocateOptions, Located, locate};
 
 /// What a range is measured between.
@@ -35,14 +50,34 @@ pub enum Link {
         /// Index of the anchor.
         anchor: usize,
     },
-    /// Two drones.
+    /// Two drones, the lower index first.
     Drones(usize, usize),
+}
+
+impl Link {
+    /// The link between two drones.
+    #[must_use]
+    pub fn between(one: usize, other: usize) -> Self {
+        Self::Drones(one.min(other), one.max(other))
+    }
+
+    /// The drones at its ends.
+    #[must_use]
+    pub fn drones(self) -> (usize, Option<usize>) {
+        match self {
+            Self::Anchor { drone, .. } => (drone, None),
+            Self::Drones(i, j) => (i, Some(j)),
+        }
+    }
 }
 
 impl std::fmt::Display for Link {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Anchor { drone, anchor } => write!(f, "anchor {anchor} of drone {}", drone + 1),
+            // The firmware and the file of cfclient count anchors from 0.
+            Self::Anchor { drone, anchor } => {
+                write!(f, "drone {} to anchor {} (distance{anchor})", drone + 1, anchor + 1)
+            }
             Self::Drones(i, j) => write!(f, "drones {} and {}", i + 1, j + 1),
         }
     }
@@ -57,6 +92,24 @@ pub struct RangeSample {
     pub link: Link,
     /// Measured distance.
     pub distance_m: f64,
+}
+
+/// A box that holds all drones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// Its least coordinates.
+    pub low_m: Vector3<f64>,
+    /// Its greatest coordinates.
+    pub high_m: Vector3<f64>,
+}
+
+impl Room {
+    /// Whether all places, three coordinates each, are inside.
+    fn holds_all(&self, places_m: &DVector<f64>) -> bool {
+        let is_inside =
+            |(k, at): (usize, &f64)| (self.low_m[k % 3]..=self.high_m[k % 3]).contains(at);
+        places_m.iter().enumerate().all(is_inside)
+    }
 }
 
 #[cfg(test)]

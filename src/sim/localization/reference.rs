@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
+use super::residuals::SIGMA_PER_MAD;
 use super::{Link, Located, RangeSample};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -10,8 +11,6 @@ use crate::statistics::median;
 
 /// The reference is not interpolated over longer gaps.
 const LONGEST_GAP_S: f64 = 0.2;
-/// Standard deviation of a normal distribution over its median absolute deviation.
-const SIGMA_PER_MAD: f64 = 1.4826;
 
 /// True positions of a drone, on a clock of their own.
 #[derive(Clone, Copy, Debug)]
@@ -59,8 +58,8 @@ pub fn position_error(
     reference: Reference<'_>,
 ) -> Result<PositionError> {
     let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
-    for (k, time_s) in located.time_s.iter().enumerate() {
-        let Some(true_m) = reference.position_m(*time_s) else { continue };
+    for k in located.heard(drone) {
+        let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
         let error_m = located.position_m[drone][k] - true_m;
         square += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
@@ -152,7 +151,7 @@ mod tests {
         };
         let samples: Vec<RangeSample> = (0..36).map(range).collect();
         let [error] = link_errors(&samples, &anchors_m, &[reference]).try_into().unwrap();
-        assert_eq!((error.link.as_str(), error.ranges), ("anchor 0 of drone 1", 19));
+        assert_eq!((error.link.as_str(), error.ranges), ("drone 1 to anchor 1 (distance0)", 19));
         assert!((error.median_m - 0.4).abs() < 1e-9, "{} m", error.median_m);
         assert!((error.scatter_m - 0.14826).abs() < 1e-9, "{} m", error.scatter_m);
         assert!(reference.position_m(9.0).is_none());

@@ -1,33 +1,28 @@
 //! Whole flights from range logs: a filter forward, a smoother backward, relinearized until it
 //! converges.
 //!
-//! In: anchors, ranges. Out: [`Located`]. Each drone moves with a constant velocity but for white
-//! acceleration noise; no motion sensor is needed. The forward pass is an extended Kalman filter
-//! (position and velocity of all drones), the backward pass that of Rauch, Tung and Striebel (AIAA
-//! Journal 3(8), 1965); repeated with slopes at the smoothed places it is the Gauss–Newton method
-//! on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute.
-//! It starts from the position that best fits the ranges of the first second ([`start`]).
+//! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a smoother
+//! backward, repeated with slopes at the smoothed places, are the Gauss–Newton method on the whole
+//! flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It starts from
+//! the position that best fits the ranges of each drone's first second.
 //!
-//! A link that the gate refuses five times in a row is believed again, as in flight.
+//! A link that the gate refuses five times in a row is believed again, as in flight. Where the
+//! ranges contradict each other, the links that are wrong are looked for ([`repair`]).
 
-use std::collections::BTreeMap;
+use nalgebra::{Matrix3, Vector3};
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
-use super::positions::slope;
+use super::biases::repair;
+use super::mirror::{Ambiguity, ambiguities};
+use super::pairs::{counted_once, since_both_are_logged};
+use super::pass::{Model, STEP_S};
+use super::residuals::{LinkResidual, link_residuals, nis_interval, residuals_m};
+use super::solve::{Solved, solve};
 use super::start::start;
-use super::{Link, RangeSample};
-use crate::control::LockOut;
+use super::{Bias, Link, RangeSample, Room};
 use crate::error::{Error, Result};
 
-/// Ranges closer in time share one state.
-const STEP_S: f64 = 0.01;
-/// Most passes.
-const MAX_PASSES: usize = 8;
-/// Change of a position between two passes at which they end.
-const CONVERGED_M: f64 = 1e-4;
-/// Thickness of a set of anchors below which it counts as a plane.
-const PLANE_M: f64 = 0.05;
+/// Least standard deviation of a range for the place at the start.
+const START_SIGMA_M: f64 = 0.05;
 
 /// How a log is turned into positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,16 +35,24 @@ pub struct LocateOptions {
     pub gate_sigmas: f64,
     /// Whether later ranges improve earlier positions; otherwise as in flight.
     pub smooth: bool,
+    /// Where the drones are, if that is known: it decides between mirror images.
+    pub room: Option<Room>,
 }
 
 impl Default for LocateOptions {
     fn default() -> Self {
-        Self { range_sigma_m: 0.1, acceleration_m_s2_sqrt_hz: 1.0, gate_sigmas: 4.0, smooth: true }
+        Self {
+            range_sigma_m: 0.1,
+            acceleration_m_s2_sqrt_hz: 1.0,
+            gate_sigmas: 4.0,
+            smooth: true,
+            room: None,
+        }
     }
 }
 
 /// Positions of all drones over time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Located {
     /// Times, rising.
     pub time_s: Vec<f64>,
@@ -57,21 +60,25 @@ pub struct Located {
     pub position_m: Vec<Vec<Vector3<f64>>>,
     /// Their covariances; empty for an observer without.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
+    /// First and last range of each drone: before and after, its positions are held, not measured.
+    pub heard_s: Vec<[f64; 2]>,
     /// Mean normalized innovation squared of the filter: 1 where noise and motion are right; `None`
     /// for an observer without a covariance.
     pub nis: Option<f64>,
-    /// Share of ranges that the gate refused.
+    /// Ranges, each once.
+    pub ranges: usize,
+    /// Share of them that the gate refused.
     pub refused_frac: f64,
-    /// What the ranges leave open.
+    /// Residuals of every link.
+    pub links: Vec<LinkResidual>,
+    /// Biases that were found and taken off.
+    pub biases: Vec<Bias>,
+    /// Links of which no range was used, by their names.
+    pub left_out: Vec<String>,
+    /// When the place of a drone cannot be told from another.
+    pub ambiguities: Vec<Ambiguity>,
+    /// What the ranges contradict.
     pub warnings: Vec<String>,
-}
-
-/// One step of the filter: its prediction, and the update by its ranges.
-struct Step {
-    time_s: f64,
-    predicted: (DVector<f64>, DMatrix<f64>),
-    state: DVector<f64>,
-    covariance: DMatrix<f64>,
 }
 
 /// Turns the ranges of `n_drones` into positions.
@@ -86,61 +93,66 @@ pub fn locate(
     samples: &[RangeSample],
     options: &LocateOptions,
 ) -> Result<Located> {
-    let samples = checked(anchors_m, n_drones, samples)?;
-    let (start_m, start_m2) = start(anchors_m, n_drones, &samples, options.range_sigma_m)?;
-    let (mut steps, nis, refused) =
-        forward(anchors_m, &samples, options, (&start_m, &start_m2), None);
-    let mut smoothed = None;
-    if options.smooth {
-        for _ in 0..MAX_PASSES {
-            let next = backward(&steps)?;
-            let moved_m = smoothed.as_ref().map_or(f64::INFINITY, |before: &Vec<_>| {
-                let pairs = before.iter().zip(&next);
-                let moved = |(a, b): (&(DVector<f64>, _), &(DVector<f64>, _))| (&a.0 - &b.0).amax();
-                pairs.map(moved).fold(0.0, f64::max)
-            });
-            smoothed = Some(next);
-            if moved_m < CONVERGED_M {
-                break;
-            }
-            let about: Vec<DVector<f64>> =
-                smoothed.iter().flatten().map(|(state, _)| state.clone()).collect();
-            let start = (&start_m, &start_m2);
-            (steps, ..) = forward(anchors_m, &samples, options, start, Some(&about));
+    let samples = since_both_are_logged(&checked(anchors_m, n_drones, samples)?);
+    let heard_s = heard_s(n_drones, &samples);
+    let model = Model::new(anchors_m, &heard_s, options);
+    let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
+    let start = start(anchors_m, &heard_s, &samples, sigma_m, options.room.as_ref())?;
+    let mut solved = solve(&model, &samples, &start, options.smooth)?;
+    let (mut biases, mut left_out) = (Vec::new(), Vec::new());
+    if is_inconsistent(&model, &samples, &solved)
+        && let Some(repaired) = repair(&model, &heard_s, &samples, options)?
+    {
+        (solved, biases) = (repaired.solved, repaired.biases);
+        left_out.extend(repaired.left_out.iter().map(Link::to_string));
+    }
+    let position_m = solved.positions_m(n_drones);
+    let mut located = Located {
+        covariance_m2: solved.covariances_m2(n_drones),
+        position_m,
+        nis: solved.innovations.nis(),
+        biases,
+        left_out,
+        heard_s,
+        time_s: solved.time_s,
+        ..Located::default()
+    };
+    located.ambiguities = ambiguities(anchors_m, &samples, &located, options);
+    let (refused, sigma_m) = (&solved.innovations.refused, options.range_sigma_m);
+    located.note_residuals(anchors_m, &samples, refused, sigma_m);
+    located.warnings = located.contradictions(sigma_m);
+    Ok(located)
+}
+
+/// Whether the ranges contradict their noise, or a link the others.
+fn is_inconsistent(model: &Model<'_>, samples: &[RangeSample], solved: &Solved) -> bool {
+    let (sigma_m, found) = (model.options.range_sigma_m, &solved.innovations);
+    let left_m = residuals_m(model.anchors_m, samples, &solved.positions_m(model.n_drones()), &[]);
+    let mut links = link_residuals(samples, &left_m, &found.refused, sigma_m).into_iter();
+    found.nis().is_some_and(|nis| nis > nis_interval(found.taken)[1])
+        || links.any(|link| link.suspect)
+}
+
+/// The first and the last range of each drone; without one, nothing.
+pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
+    let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
+    for sample in samples {
+        let (first, second) = sample.link.drones();
+        for drone in [Some(first), second].into_iter().flatten() {
+            let [from_s, to_s] = heard_s[drone];
+            heard_s[drone] = [from_s.min(sample.time_s), to_s.max(sample.time_s)];
         }
     }
-    let ends: Vec<(DVector<f64>, DMatrix<f64>)> = smoothed.unwrap_or_else(|| {
-        steps.iter().map(|step| (step.state.clone(), step.covariance.clone())).collect()
-    });
-    let position = |drone: usize| {
-        let place = |(state, _): &(DVector<f64>, _)| state.fixed_rows::<3>(6 * drone).into_owned();
-        ends.iter().map(place).collect()
-    };
-    let covariance = |drone: usize| {
-        let block =
-            |(_, p): &(_, DMatrix<f64>)| p.fixed_view::<3, 3>(6 * drone, 6 * drone).into_owned();
-        ends.iter().map(block).collect()
-    };
-    Ok(Located {
-        time_s: steps.iter().map(|step| step.time_s).collect(),
-        position_m: (0..n_drones).map(position).collect(),
-        covariance_m2: (0..n_drones).map(covariance).collect(),
-        nis,
-        refused_frac: refused,
-        warnings: plane_warning(anchors_m).into_iter().collect(),
-    })
+    heard_s
 }
 
 impl Located {
     /// No position yet.
     pub(super) fn empty(n_drones: usize) -> Self {
         Self {
-            time_s: Vec::new(),
             position_m: vec![Vec::new(); n_drones],
             covariance_m2: vec![Vec::new(); n_drones],
-            nis: None,
-            refused_frac: 0.0,
-            warnings: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -153,21 +165,18 @@ impl Located {
             self.covariance_m2[drone].push(covariance_m2);
         }
     }
+
+    /// The indices at which a drone was heard.
+    #[must_use]
+    pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
+        let [from_s, to_s] = self.heard_s[drone];
+        // The last ranges of a step come after its time.
+        self.time_s.partition_point(|t| *t + STEP_S <= from_s)
+            ..self.time_s.partition_point(|t| *t <= to_s)
+    }
 }
 
-/// Ranges that share one state, in order.
-pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
-    let mut left = samples;
-    std::iter::from_fn(move || {
-        let first = left.first()?;
-        let n = left.partition_point(|s| s.time_s < first.time_s + STEP_S);
-        let (step, rest) = left.split_at(n.max(1));
-        left = rest;
-        Some(step)
-    })
-}
-
-/// The samples in the order of time.
+/// The samples in the order of time, ranges that two logs hold once.
 pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -195,119 +204,9 @@ pub(super) fn checked(
             return Err(Error::input(place, link, wanted, hint));
         }
     }
-    let mut samples = samples.to_vec();
+    let mut samples = counted_once(samples);
     samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(samples)
-}
-
-/// What anchors in a plane leave open.
-pub(super) fn plane_warning(anchors_m: &[Vector3<f64>]) -> Option<String> {
-    let flat = !anchors_m.is_empty() && thickness_m(anchors_m) < PLANE_M;
-    flat.then(|| "the anchors lie in a plane: the mirror image behind it fits as well".to_owned())
-}
-
-/// The distance of the farthest anchor from the plane that fits best.
-fn thickness_m(anchors_m: &[Vector3<f64>]) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
-    let middle_m = anchors_m.iter().sum::<Vector3<f64>>() / anchors_m.len().max(1) as f64;
-    let spread: Matrix3<f64> =
-        anchors_m.iter().map(|a| (a - middle_m) * (a - middle_m).transpose()).sum();
-    let eigen = spread.symmetric_eigen();
-    let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    anchors_m.iter().map(|a| (a - middle_m).dot(&normal).abs()).fold(0.0, f64::max)
-}
-
-/// Forward Kalman pass, linearized about its own estimates or about `about`; also returns the mean
-/// normalized innovation squared and the share of refused ranges.
-fn forward(
-    anchors_m: &[Vector3<f64>],
-    samples: &[RangeSample],
-    options: &LocateOptions,
-    (state, covariance): (&DVector<f64>, &DMatrix<f64>),
-    about: Option<&[DVector<f64>]>,
-) -> (Vec<Step>, Option<f64>, f64) {
-    let (mut x, mut p) = (state.clone(), covariance.clone());
-    let n_drones = x.len() / 6;
-    let variance = options.range_sigma_m * options.range_sigma_m;
-    let gate = options.gate_sigmas * options.gate_sigmas;
-    let mut gates: BTreeMap<Link, LockOut> = BTreeMap::new();
-    let (mut steps, mut nis, mut used, mut refused) = (Vec::<Step>::new(), 0.0, 0.0, 0.0);
-    for step in together(samples) {
-        let time_s = step[0].time_s;
-        let span_s = steps.last().map_or(0.0, |last| time_s - last.time_s);
-        let (phi, noise) = motion(n_drones, span_s, options.acceleration_m_s2_sqrt_hz);
-        x = &phi * x;
-        p = &phi * p * phi.transpose() + noise;
-        let predicted = (x.clone(), p.clone());
-        let here = about.and_then(|about| about.get(steps.len()));
-        for sample in step {
-            let places =
-                |x: &DVector<f64>| DVector::from_fn(3 * n_drones, |i, _| x[6 * (i / 3) + i % 3]);
-            let at = here.unwrap_or(&x);
-            let (short, expected_m) = slope(sample.link, anchors_m, &places(at));
-            let mut h = DVector::zeros(x.len());
-            for i in 0..3 * n_drones {
-                h[6 * (i / 3) + i % 3] = short[i];
-            }
-            let innovation = sample.distance_m - expected_m - h.dot(&(&x - at));
-            let a = &p * &h;
-            let spread = h.dot(&a);
-            let link_gate = gates.entry(sample.link).or_default();
-            let s = spread + link_gate.variance(variance, innovation);
-            let taken = innovation * innovation <= gate * s;
-            link_gate.note(taken);
-            if !taken {
-                refused += 1.0;
-                continue;
-            }
-            nis += innovation * innovation / s;
-            used += 1.0;
-            x.axpy(innovation / s, &a, 1.0);
-            p.ger(-1.0 / s, &a, &a, 1.0);
-        }
-        steps.push(Step { time_s, predicted, state: x.clone(), covariance: p.clone() });
-    }
-    (steps, (used > 0.0).then(|| nis / used), refused / (used + refused))
-}
-
-/// Transition of positions and velocities over a span, and the covariance of its noise.
-fn motion(n_drones: usize, span_s: f64, density: f64) -> (DMatrix<f64>, DMatrix<f64>) {
-    let n = 6 * n_drones;
-    let (mut phi, mut noise) = (DMatrix::identity(n, n), DMatrix::zeros(n, n));
-    let q = 0.5 * density * density;
-    for i in (0..n).filter(|i| i % 6 < 3) {
-        phi[(i, i + 3)] = span_s;
-        noise[(i, i)] = q * span_s * span_s * span_s / 3.0;
-        noise[(i, i + 3)] = q * span_s * span_s / 2.0;
-        noise[(i + 3, i)] = noise[(i, i + 3)];
-        noise[(i + 3, i + 3)] = q * span_s;
-    }
-    (phi, noise)
-}
-
-/// Smoothed states and covariances.
-fn backward(steps: &[Step]) -> Result<Vec<(DVector<f64>, DMatrix<f64>)>> {
-    let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = Vec::with_capacity(steps.len());
-    for (k, step) in steps.iter().enumerate().rev() {
-        let Some(((x_after, p_after), after)) = found.last().zip(steps.get(k + 1)) else {
-            found.push((step.state.clone(), step.covariance.clone()));
-            continue;
-        };
-        let (phi, _) = motion(step.state.len() / 6, after.time_s - step.time_s, 0.0);
-        let (x_predicted, p_predicted) = &after.predicted;
-        let Some(inverse) = p_predicted.clone().cholesky() else {
-            return Err(Error::Infeasible {
-                what: format!("the filter has lost its covariance at {:.2} s", after.time_s),
-                hint: "raise the noise of the ranges or the acceleration".into(),
-            });
-        };
-        let gain = inverse.solve(&(phi * &step.covariance)).transpose();
-        let x = &step.state + &gain * (x_after - x_predicted);
-        let p = &step.covariance + &gain * (p_after - p_predicted) * gain.transpose();
-        found.push((x, p));
-    }
-    found.reverse();
-    Ok(found)
 }
 
 #[cfg(test)]
@@ -419,11 +318,7 @@ mod tests {
             assert!(refused(&anchors_m(6), 1, &broken).contains("range at 0.070 s"));
         }
         let stranger = log(&to_anchors(0, 0..6), 6, 0.0, 2);
-        assert!(refused(&anchors_m(4), 1, &stranger).contains("anchor 4 of drone 1"));
+        assert!(refused(&anchors_m(4), 1, &stranger).contains("drone 1 to anchor 5 (distance4)"));
         assert!(refused(&anchors_m(4), 1, &[]).contains("0 links"));
-        let flat: Vec<Vector3<f64>> =
-            anchors_m(6).iter().map(|a| Vector3::new(a.x, a.y, 2.4)).collect();
-        let warned = locate(&flat, 1, &log(&to_anchors(0, 0..6), 6, 0.0, 2), &options);
-        assert!(warned.is_ok_and(|found| found.warnings[0].contains("mirror image")));
     }
 }

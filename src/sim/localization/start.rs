@@ -1,4 +1,4 @@
-//! The places at the start of a log, from its first second alone.
+//! The places at the start of a log, from the first second of each drone alone.
 //!
 //! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean range
 //! of each link is fitted by Levenberg's and Marquardt's method from 27 places around the anchors,
@@ -8,31 +8,37 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::positions::slope;
-use super::{Link, RangeSample};
+use super::fit::{Observation, fit, residuals};
+use super::pass::{Estimate, LATE_S};
+use super::{Link, RangeSample, Room};
 use crate::error::{Error, Result};
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;
-/// σ of the velocity at the start, and least σ of the place.
+/// σ of the velocity at the start.
 const START_SPEED_M_S: f64 = 0.5;
-const START_SIGMA_M: f64 = 0.05;
 /// Starts of the fit, around the middle of the anchors, in shares of their extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
-const FIT_STEPS: usize = 40;
+/// Sum of squares, m², of places outside the room: more than any fit within.
+const OUTSIDE_M2: f64 = 1e9;
 
-/// Mean range of each link in the first second.
-type Means = BTreeMap<Link, f64>;
-
-/// The state that best fits the ranges of the first second, drones at rest, and its covariance.
+/// The state that best fits the ranges of each drone's first second, drones at rest, and its
+/// covariance for ranges with a standard deviation of `sigma_m`.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
-    n_drones: usize,
+    heard_s: &[[f64; 2]],
     samples: &[RangeSample],
     sigma_m: f64,
-) -> Result<(DVector<f64>, DMatrix<f64>)> {
-    let n = 3 * n_drones;
-    let means = means(samples);
+    room: Option<&Room>,
+) -> Result<Estimate> {
+    let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
+    // Ranges between drones that begin at different times belong to no one place of both.
+    let mut means = means(heard_s, samples);
+    let at_once: Vec<Observation> =
+        means.iter().copied().filter(|m| begin_together(heard_s, m)).collect();
+    if at_once.len() >= n {
+        means = at_once;
+    }
     if means.len() < n {
         return Err(Error::Infeasible {
             what: format!(
@@ -45,7 +51,7 @@ pub(super) fn start(
                 .into(),
         });
     }
-    let p = best_fit(anchors_m, n, &means);
+    let p = best_fit(anchors_m, n, &means, room);
     let slopes = residuals(anchors_m, &means, &p).0;
     let information = slopes.transpose() * slopes;
     let eigen = information.clone().symmetric_eigen();
@@ -58,7 +64,7 @@ pub(super) fn start(
             hint: "place an anchor off that line or plane".into(),
         });
     }
-    let variance = (sigma_m * sigma_m).max(START_SIGMA_M * START_SIGMA_M);
+    let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
     let at = |i: usize| 6 * (i / 3) + i % 3;
@@ -72,38 +78,33 @@ pub(super) fn start(
     Ok((state, covariance))
 }
 
-fn means(samples: &[RangeSample]) -> Means {
-    let first_s = samples.first().map_or(0.0, |first| first.time_s);
-    let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
-    for sample in samples.iter().filter(|s| s.time_s <= first_s + START_S) {
-        let link = match sample.link {
-            Link::Drones(i, j) => Link::Drones(i.min(j), i.max(j)),
-            to_anchor @ Link::Anchor { .. } => to_anchor,
-        };
-        let (sum_m, count) = sums.entry(link).or_default();
-        (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);
-    }
-    sums.into_iter().map(|(link, (sum_m, count))| (link, sum_m / count)).collect()
+fn begin_together(heard_s: &[[f64; 2]], mean: &Observation) -> bool {
+    let (first, second) = mean.link.drones();
+    second.is_none_or(|second| (heard_s[first][0] - heard_s[second][0]).abs() <= LATE_S)
 }
 
-/// Slopes of the ranges over the coordinates, and what the places leave of them.
-fn residuals(
-    anchors_m: &[Vector3<f64>],
-    means: &Means,
-    p: &DVector<f64>,
-) -> (DMatrix<f64>, DVector<f64>) {
-    let mut slopes = DMatrix::zeros(means.len(), p.len());
-    let mut left = DVector::zeros(means.len());
-    for (row, (link, mean_m)) in means.iter().enumerate() {
-        let (h, expected_m) = slope(*link, anchors_m, p);
-        slopes.set_row(row, &h.transpose());
-        left[row] = mean_m - expected_m;
+/// Mean range of each link in the first second in which its drones are heard.
+fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
+    let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
+    for sample in samples {
+        let (first, second) = sample.link.drones();
+        let since_s = heard_s[first][0].max(second.map_or(f64::NEG_INFINITY, |d| heard_s[d][0]));
+        if (since_s..=since_s + START_S).contains(&sample.time_s) {
+            let (sum_m, count) = sums.entry(sample.link).or_default();
+            (*sum_m, *count) = (*sum_m + sample.distance_m, *count + 1.0);
+        }
     }
-    (slopes, left)
+    let mean = |(link, (sum_m, count))| Observation::new(link, sum_m / count, 1.0);
+    sums.into_iter().map(mean).collect()
 }
 
 /// The best of the fits from places around the anchors.
-fn best_fit(anchors_m: &[Vector3<f64>], n: usize, means: &Means) -> DVector<f64> {
+fn best_fit(
+    anchors_m: &[Vector3<f64>],
+    n: usize,
+    means: &[Observation],
+    room: Option<&Room>,
+) -> DVector<f64> {
     let low = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::INFINITY, f64::min);
     let high = |axis: usize| anchors_m.iter().map(|a| a[axis]).fold(f64::NEG_INFINITY, f64::max);
     let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low(axis) + high(axis)));
@@ -117,34 +118,13 @@ fn best_fit(anchors_m: &[Vector3<f64>], n: usize, means: &Means) -> DVector<f64>
             let apart = 0.05 * (i / 3) as f64;
             middle[i % 3] + reach_m * (share[i % 3] + apart)
         });
-        let found = fit(anchors_m, means, from);
-        if found.0 < best.0 - 1e-9 {
-            best = found;
+        let (mut cost, places_m) = fit(anchors_m, means, from);
+        if room.is_some_and(|room| !room.holds_all(&places_m)) {
+            cost += OUTSIDE_M2;
+        }
+        if cost < best.0 - 1e-9 {
+            best = (cost, places_m);
         }
     }
     best.1
-}
-
-/// Steps of Gauss and Newton with Levenberg's damping: cost and places.
-fn fit(anchors_m: &[Vector3<f64>], means: &Means, mut p: DVector<f64>) -> (f64, DVector<f64>) {
-    let mut damping = 1e-2;
-    let mut cost = residuals(anchors_m, means, &p).1.norm_squared();
-    for _ in 0..FIT_STEPS {
-        let (slopes, left) = residuals(anchors_m, means, &p);
-        let mut normal = slopes.transpose() * &slopes;
-        for i in 0..p.len() {
-            normal[(i, i)] += damping;
-        }
-        let Some(step) = normal.cholesky().map(|c| c.solve(&(slopes.transpose() * left))) else {
-            break;
-        };
-        let next = &p + step;
-        let next_cost = residuals(anchors_m, means, &next).1.norm_squared();
-        if next_cost < cost {
-            (p, cost, damping) = (next, next_cost, (damping * 0.2).max(1e-12));
-        } else {
-            damping *= 5.0;
-        }
-    }
-    (cost, p)
 }

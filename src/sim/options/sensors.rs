@@ -100,6 +100,14 @@ settings! {
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
         /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
+        /// Turn of the Lighthouse's frame against the room, about x, y and z.
+        ///
+        /// The frame is where the drone was put by hand when the stations' geometry was estimated:
+        /// the origin, a place on the x-axis one meter off, a place on the floor (cflib,
+        /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
+        frame_turn_rad: [f64; 3] = [0.0; 3], in -0.5..=0.5;
+        /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the scale.
+        frame_scale_error: f64 = 0.0, in -0.5..=0.5;
         /// Base stations, at their believed places.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))

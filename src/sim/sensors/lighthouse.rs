@@ -49,6 +49,9 @@ pub(in crate::sim) struct Sweep {
 #[derive(Debug)]
 pub(super) struct Lighthouse {
     rotors: Vec<Rotor>,
+    /// From the room into the stations' frame, and the scale of that frame.
+    turn: Matrix3<f64>,
+    scale: f64,
     /// Where all stations alike take the drone to be, from where it is: they were placed together,
     /// so that their beams cross, in a room that their solution bends.
     bend: Field<3>,
@@ -86,6 +89,8 @@ impl Lighthouse {
         let rotor = |i: usize| Rotor::new(options, i, &noise);
         Self {
             rotors: (0..n).map(rotor).collect(),
+            turn: turn(options),
+            scale: 1.0 + options.frame_scale_error,
             bend: Field::new(
                 &mut noise("lighthouse distortion"),
                 options.distortion_m,
@@ -110,7 +115,8 @@ impl Lighthouse {
         if time_s - self.bent_s >= BEND_S {
             (self.bend_m, self.bent_s) = (self.bend.at(position_m), time_s);
         }
-        let bent_m = position_m + self.bend_m;
+        let turn = self.turn;
+        let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
                 // Drawn for every sweep, seen or not.
@@ -121,7 +127,8 @@ impl Lighthouse {
                 if lost || !rotor.truth.sees(position_m, &up) {
                     continue;
                 }
-                let angles_rad = rotor.angles_rad(plane, &bent_m, &world_from_body, &errors);
+                let attitude = turn * world_from_body;
+                let angles_rad = rotor.angles_rad(plane, &bent_m, &attitude, &errors);
                 rotor.seen_s = time_s;
                 self.sweeps.push(Sweep { station, plane, angles_rad });
             }
@@ -135,6 +142,12 @@ impl Lighthouse {
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
+}
+
+/// The rotation from the room into the Lighthouse's frame.
+pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
+    let [roll_rad, pitch_rad, yaw_rad] = options.frame_turn_rad;
+    Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body()
 }
 
 impl Rotor {

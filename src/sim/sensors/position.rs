@@ -1,7 +1,8 @@
 //! A position at every tick: white jitter and a smooth distortion, without base stations.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
+use super::lighthouse::turn;
 use crate::sim::noise::{Field, Noise, Normals};
 use crate::sim::options::LighthouseOptions;
 
@@ -12,6 +13,8 @@ const FIX_RATE_HZ: u32 = 50;
 /// The reference flight's Lighthouse as its log shows it.
 #[derive(Debug)]
 pub(super) struct PositionSensor {
+    /// From the room into the Lighthouse's frame.
+    frame: Matrix3<f64>,
     jitter_m: f64,
     jitter: Normals,
     distortion: Field<3>,
@@ -26,6 +29,7 @@ impl PositionSensor {
         noise: impl Fn(&str) -> Noise,
     ) -> Self {
         Self {
+            frame: turn(options) * (1.0 + options.frame_scale_error),
             jitter_m: options.jitter_m,
             jitter: Normals::new(noise("lighthouse jitter")),
             distortion: Field::new(
@@ -40,7 +44,7 @@ impl PositionSensor {
 
     /// Position that a drone at rest is believed to be at, once the jitter has averaged out.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
-        position_m + self.distortion.at(&position_m)
+        self.frame * position_m + self.distortion.at(&position_m)
     }
 
     /// The position as measured at a tick.
@@ -48,6 +52,27 @@ impl PositionSensor {
         if tick.is_multiple_of(self.ticks_per_fix) {
             self.distortion_m = self.distortion.at(&position_m);
         }
-        position_m + self.distortion_m + self.jitter.next_three() * self.jitter_m
+        self.frame * position_m + self.distortion_m + self.jitter.next_three() * self.jitter_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_was_laid_out_wrongly_turns_and_stretches_the_room() {
+        let options = LighthouseOptions {
+            jitter_m: 0.0,
+            distortion_m: 0.0,
+            frame_turn_rad: [0.0, 0.0, 0.01],
+            frame_scale_error: 0.02,
+            ..LighthouseOptions::default()
+        };
+        let mut sensor = PositionSensor::new(&options, 500, |name| Noise::new(1, 0, name));
+        let place_m = Vector3::new(0.5, 0.0, 0.8);
+        let want_m = Vector3::new(0.51 * libm::cos(0.01), 0.51 * libm::sin(0.01), 0.816);
+        assert!((sensor.settled_m(place_m) - want_m).norm() < 1e-12);
+        assert!((sensor.read(place_m, 0) - want_m).norm() < 1e-12);
     }
 }

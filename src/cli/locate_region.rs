@@ -1,0 +1,108 @@
+//! `noctograph locate --region`: what the observer of two drones with a shared anchor sees of a
+//! word.
+
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+
+use super::report::Report;
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::shoot::Shoot;
+use crate::sim::UwbOptions;
+use crate::sim::localization::{
+    Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
+};
+
+/// Start errors, gains and times of the map.
+const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
+const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
+/// Time of the map, and its starts for each error.
+const MAP_S: f64 = 64.0;
+const STARTS: u32 = 40;
+
+/// The local region of the observer along the scene's word.
+pub(super) fn region(scene: Scene) -> Result<Report> {
+    let uwb = scene.sensors.uwb.clone();
+    let Some(anchors) = shared_anchor(&uwb.heard) else {
+        let hint = "take the scene two-drones-three-anchors";
+        let wanted = "two drones that hear two anchors each, one of them the same";
+        let found = format!("{:?}", uwb.heard);
+        return Err(Error::input("sensors.uwb.heard", found, wanted, hint));
+    };
+    let [one, two, shared_m] = anchors.map(|anchor| Vector3::from(uwb.anchors_m[anchor]));
+    let plans = Shoot::new(scene)?.plans;
+    let [first, second] = plans.as_slice() else {
+        let hint = "set plan.drones = 2 and plan.style = \"even\"";
+        return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
+    };
+    let path = |time_s: f64| {
+        [first, second]
+            .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
+    };
+    let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
+    let (map, left) = map(observer, path);
+    let (table, seen) = observability_table(&uwb, observer(1.0), path);
+    Ok(Report::new(map + &table, json!({ "region": left, "observability": seen })))
+}
+
+/// Shares of the start error that are left, by error and gain.
+fn map(
+    observer: impl Fn(f64) -> SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
+) -> (String, Vec<Value>) {
+    let mut text = format!(
+        "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
+         writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n\
+         error, m"
+    );
+    for gain in GAINS {
+        text += &format!("{:>23}", format!("gain {gain}"));
+    }
+    text.push('\n');
+    let mut left = Vec::new();
+    for error_m in ERRORS_M {
+        text += &format!("{error_m:<8}");
+        for gain in GAINS {
+            let found = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
+            let [best, worst] = found.range;
+            let fled = 100.0 * found.fled_frac;
+            let cell = format!("{:.2} ({best:.2}-{worst:.2}; {fled:.0} %)", found.median);
+            text += &format!("{cell:>23}");
+            left.push(json!({ "gain": gain, "share_left": found }));
+        }
+        text.push('\n');
+    }
+    (text, left)
+}
+
+/// Rank and worst direction of the start, from all ranges and from the observer's three outputs.
+fn observability_table(
+    uwb: &UwbOptions,
+    observer: SharedAnchorObserver,
+    path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
+) -> (String, Vec<Value>) {
+    let mut text = "\nObservability of the positions at the start, with known motion\n\n\
+                    time, s      five ranges: rank, worst    observer's three: rank, worst\n"
+        .to_owned();
+    let mut seen = Vec::new();
+    for span_s in SPANS_S {
+        let both = [Outputs::Ranges, Outputs::Three].map(|outputs| {
+            observability(&observer, outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
+        });
+        let worst = |sigma_m: f64| match sigma_m.is_finite() {
+            true => format!("{:.1} cm", 100.0 * sigma_m),
+            false => "open".to_owned(),
+        };
+        text += &format!(
+            "{span_s:<13}{:>14}{:>14}{:>18}{:>14}\n",
+            both[0].rank,
+            worst(both[0].sigmas_m[5]),
+            both[1].rank,
+            worst(both[1].sigmas_m[5])
+        );
+        seen.push(json!({ "time_s": span_s, "ranges": both[0], "three_outputs": both[1] }));
+    }
+    text.push('\n');
+    (text, seen)
+}

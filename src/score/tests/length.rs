@@ -1,0 +1,85 @@
+//! Words of one letter more or less than the photo shows.
+
+use super::*;
+
+/// Words, each with words that have a letter more or less at the beginning, in the middle or at the
+/// end; real words among them.
+const PAIRS: [(&str, &[&str]); 10] = [
+    ("PARIS", &["ARIS", "PAIS", "PARI", "SPARIS", "PARTIS", "PARISH"]),
+    ("EAR", &["AR", "ER", "EA", "NEAR", "EVAR", "EARN"]),
+    ("SEND", &["END", "SED", "SEN", "ASEND", "SEEND", "SENDS"]),
+    ("BONE", &["ONE", "BOE", "BON", "EBONE", "BORNE", "BONES"]),
+    ("PLAY", &["LAY", "PLY", "PLA", "SPLAY", "PLRAY", "PLAYS"]),
+    ("lemon", &["emon", "leon", "lemo", "ilemon", "lemmon", "lemons"]),
+    ("Emma", &["mma", "Ema", "Emm", "Gemma", "Emtma", "Emmas"]),
+    ("HELLO", &["ELLO", "HELO", "HELL", "SHELLO", "HEELLO", "HELLOS"]),
+    ("2027", &["027", "227", "202", "42027", "20627", "20273"]),
+    ("NOOR", &["OOR", "NOR", "NOO", "ANOOR", "NOTOR", "NOORS"]),
+];
+
+#[test]
+fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
+    let mut sure = 0;
+    for (shown, others) in PAIRS {
+        let shot = Shot::of(&simplex(shown));
+        let own = shot.verdict(&simplex(shown));
+        assert!(own.legible, "{own:?}");
+        for other in others {
+            let verdict = shot.verdict(&simplex(other));
+            assert!(!verdict.legible, "{shown} as {other}: {verdict:?}");
+            assert_eq!(verdict.reason, Some(Reason::OtherLength), "{shown} as {other}");
+            sure += usize::from(verdict.readability <= 0.5);
+        }
+    }
+    assert!(sure >= 57, "{sure} of 60 at 0.5 or less");
+}
+
+#[test]
+fn a_whole_word_too_many_is_seen() {
+    let both = Shot::of(&simplex("HELLO WORLD"));
+    for other in ["HELLO", "WORLD"] {
+        let verdict = both.verdict(&simplex(other));
+        assert!(!verdict.legible && verdict.is_contradicted(), "{other}: {verdict:?}");
+    }
+}
+
+#[test]
+fn equal_shapes_in_another_case_are_no_rivals() {
+    for word in ["Mia", "min", "ill", "Zoë"] {
+        let strokes = simplex(word);
+        let verdict = Shot::of(&strokes).verdict(&strokes);
+        assert!(verdict.legible && verdict.readability > 0.7, "{word}: {verdict:?}");
+        let rival = &verdict.rival.as_ref().unwrap().word;
+        assert!(!rival.eq_ignore_ascii_case(word), "{word}: rival {rival}");
+    }
+}
+
+#[test]
+fn two_lines_agree_with_their_light_as_one_does() {
+    let strokes = simplex("HELLO\nWORLD");
+    let shot = Shot::of(&strokes);
+    let reader = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
+    let view = View::from(&shot.camera);
+    let (verdict, _) = reader.explain(&shot.photo(), &view, &Known::default()).unwrap();
+    assert!(verdict.faithfulness.unwrap() > 0.97, "{verdict:?}");
+    assert_eq!(verdict.read, "HELLO\nWORLD");
+}
+
+#[test]
+fn told_the_word_it_is_as_likely_as_read_blindly() {
+    let noor = word("NOOR");
+    let photo = Shot::of(&noor).photo();
+    // A camera that looks beside the word.
+    let aside = Shot::of(&noor).shifted(0.5, 0.2);
+    let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
+    let verdict = reader.score(&photo, &(&aside.camera).into()).unwrap();
+    assert_eq!(read(&photo).unwrap().text, "NOOR");
+    assert!(verdict.legible, "{verdict:?}");
+}
+
+#[test]
+fn gaps_between_words_are_spaces() {
+    for text in ["GO ON", "WE CAN DO"] {
+        assert_eq!(read(&Shot::of(&simplex(text)).photo()).unwrap().text, text);
+    }
+}

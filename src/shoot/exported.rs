@@ -1,0 +1,64 @@
+//! Exported flights: what drones fly of a trajectory that was exported, in the place of its design.
+
+use super::planned::aim;
+use super::{Planned, Shoot, rehearse};
+use crate::error::Result;
+use crate::export::{Form, Length, flown};
+use crate::plan::{LightClock, Plan};
+
+impl Shoot {
+    /// The shoot whose plans are the flights of exported trajectories, decoded as on board, from the
+    /// command to take off on. Lights on the light's own clock are timed on these flights: a
+    /// controller that holds positions trails a trajectory, and leads its own setpoints.
+    ///
+    /// # Errors
+    ///
+    /// As [`flown`], [`rehearse`] and [`aim`].
+    pub fn as_exported(&self, form: Form, tolerance_m: f64, length: Length) -> Result<Self> {
+        let designs = self.designs().into_owned();
+        let timed = |plan: Plan| match self.scene.plan.light_clock {
+            LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
+            LightClock::Light => aim(&self.scene, &plan, &rehearse(&self.scene, &plan)?),
+        };
+        let plans = flown(&designs, form, tolerance_m, length)?.into_iter().map(timed);
+        Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
+    }
+
+    /// The plans that are exported.
+    #[must_use]
+    pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
+        match self.designs.is_empty() {
+            true => self.plans.iter().map(|planned| planned.plan.clone()).collect(),
+            false => self.designs.as_slice().into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::planned::ends;
+    use super::*;
+    use crate::plan::StrokeEnd;
+    use crate::scene::Scene;
+
+    /// Largest error of the light at the ends of strokes, m, of simulated flights of the exports.
+    #[test]
+    fn the_firmwares_pid_lights_an_exported_trajectory_where_it_is() {
+        let shoot = Shoot::new(Scene { word: "NOOR".into(), ..Scene::default() }).unwrap();
+        let worst_m =
+            |ends: &[StrokeEnd]| ends.iter().map(|e| e.streak_m.abs()).fold(0.0, f64::max);
+        for form in [Form::Compressed, Form::Poly4d] {
+            let exported = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();
+            let Planned { plan, ends: timed } = &exported.plans[0];
+            let flown = flown(&shoot.designs(), form, form.tolerance_m(), Length::OnBoard).unwrap();
+            let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
+            let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
+            let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));
+            // What is left: PID cuts corners by 16 mm on average.
+            assert!(timed_m <= 0.02, "{form:?}: {timed_m} m, {as_designed_m} m before");
+            assert!(as_designed_m > 0.06, "{form:?}: {as_designed_m} m, half a second late");
+            let again = exported.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();
+            assert_eq!(&again.plans[0].plan, plan, "the design is kept");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! What located positions leave of the ranges, link by link, and what this says of the links.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::pass::together;
+use super::{Bias, Link, Located, RangeSample};
+use crate::statistics::median;
+
+/// Standard deviation of a normal distribution over its median absolute deviation.
+pub(super) const SIGMA_PER_MAD: f64 = 1.4826;
+/// Standard error of a median over that of a mean, for a normal distribution: √(π/2).
+const MEDIAN_ERROR: f64 = 1.2533;
+/// Standard errors from which a median counts as other than zero: once in two million.
+const SURE_SIGMAS: f64 = 5.0;
+/// Least median that matters, in standard deviations of a range.
+pub(super) const LEAST_BIAS_SIGMAS: f64 = 0.25;
+/// Share of a link's ranges that strays may make up: with ultra-wideband some 2 %.
+const MOST_REFUSED_FRAC: f64 = 0.05;
+/// Bounds of the mean normalized innovation squared, where noise and motion are as assumed to some
+/// 15 %; with few ranges chance adds to it.
+const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
+
+/// What located positions leave of the ranges of a link.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkResidual {
+    /// Its name.
+    pub link: String,
+    /// Ranges of the link, and how many of them were refused.
+    pub ranges: usize,
+    /// Ranges of the link that were refused.
+    pub refused: usize,
+    /// Median of measured minus located distance, after an estimated bias.
+    pub median_m: f64,
+    /// Standard deviation about the median, from the median absolute deviation.
+    pub scatter_m: f64,
+    /// Whether more ranges are refused than strays explain, or the median is not zero.
+    pub suspect: bool,
+}
+
+/// The interval of the mean normalized innovation squared of `n` ranges.
+#[must_use]
+pub fn nis_interval(n: usize) -> [f64; 2] {
+    #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+    let chance = 3.0 * (2.0 / n.max(1) as f64).sqrt();
+    [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
+}
+
+/// Measured minus located distance of every range, after the estimated biases.
+pub(super) fn residuals_m(
+    anchors_m: &[Vector3<f64>],
+    samples: &[RangeSample],
+    position_m: &[Vec<Vector3<f64>>],
+    biases: &[Bias],
+) -> Vec<f64> {
+    let steps = together(samples).enumerate();
+    let residual = |k: usize, sample: &RangeSample| {
+        let at = |drone: usize| position_m[drone][k];
+        let distance_m = match sample.link {
+            Link::Anchor { drone, anchor } => (at(drone) - anchors_m[anchor]).norm(),
+            Link::Drones(i, j) => (at(i) - at(j)).norm(),
+        };
+        let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));
+        sample.distance_m - distance_m - covering.map(|bias| bias.bias_m).sum::<f64>()
+    };
+    steps.flat_map(|(k, step)| step.iter().map(move |sample| residual(k, sample))).collect()
+}
+
+/// Median and scatter of the residuals of each link.
+pub(super) fn spread_by_link(
+    samples: &[RangeSample],
+    residuals_m: &[f64],
+) -> BTreeMap<Link, (f64, f64, usize)> {
+    let mut by_link: BTreeMap<Link, Vec<f64>> = BTreeMap::new();
+    for (sample, residual_m) in samples.iter().zip(residuals_m) {
+        by_link.entry(sample.link).or_default().push(*residual_m);
+    }
+    let spread = |(link, residuals_m): (Link, Vec<f64>)| {
+        let median_m = median(residuals_m.iter().copied())?;
+        let away = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
+        Some((link, (median_m, SIGMA_PER_MAD * median(away)?, residuals_m.len())))
+    };
+    by_link.into_iter().filter_map(spread).collect()
+}
+
+/// The residuals of every link, where `refused` were refused and a range has `sigma_m`.
+pub(super) fn link_residuals(
+    samples: &[RangeSample],
+    residuals_m: &[f64],
+    refused: &BTreeMap<Link, usize>,
+    sigma_m: f64,
+) -> Vec<LinkResidual> {
+    let row = |(link, (median_m, scatter_m, ranges)): (Link, (f64, f64, usize))| {
+        let refused = refused.get(&link).copied().unwrap_or(0);
+        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+        let (n, n_refused) = (ranges as f64, refused as f64);
+        let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
+        let is_off = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
+        let is_refused = refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
+        let suspect = is_off || is_refused;
+        LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
+    };
+    spread_by_link(samples, residuals_m).into_iter().map(row).collect()
+}
+
+impl Located {
+    /// Notes what the located positions leave of the ranges, where `refused` were refused and a
+    /// range has `sigma_m`.
+    pub(super) fn note_residuals(
+        &mut self,
+        anchors_m: &[Vector3<f64>],
+        samples: &[RangeSample],
+        refused: &BTreeMap<Link, usize>,
+        sigma_m: f64,
+    ) {
+        let residuals_m = residuals_m(anchors_m, samples, &self.position_m, &self.biases);
+        self.links = link_residuals(samples, &residuals_m, refused, sigma_m);
+        self.ranges = samples.len();
+        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+        let refused_frac = refused.values().sum::<usize>() as f64 / samples.len().max(1) as f64;
+        self.refused_frac = refused_frac;
+    }
+
+    /// What the ranges contradict, in words.
+    pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<String> {
+        let is_out = |link: &LinkResidual| self.left_out.contains(&link.link);
+        let left_out = self.left_out.iter().map(|link| {
+            format!(
+                "{link}: left out, since no constant bias explains its ranges: an obstacle for a \
+                 time, an anchor that moved, or clocks that do not agree"
+            )
+        });
+        let suspects = self.links.iter().filter(|link| link.suspect && !is_out(link));
+        let of_link = |link: &LinkResidual| {
+            #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+            let refused = 100.0 * link.refused as f64 / link.ranges as f64;
+            let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
+            format!(
+                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} cm \
+                 and a scatter of {scatter:.1} cm: the range has an error that changes, an anchor is \
+                 not where the file says, or clocks do not agree",
+                link.link
+            )
+        };
+        left_out
+            .chain(suspects.map(of_link))
+            .chain(nis_warning(self.nis, self.ranges, sigma_m))
+            .collect()
+    }
+}
+
+/// What a mean normalized innovation squared outside its interval says.
+fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
+    let (nis, [least, most]) = (nis?, nis_interval(n));
+    let cm = 100.0 * sigma_m;
+    if nis > most {
+        Some(format!(
+            "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says; the \
+             ranges are noisier than {cm:.1} cm, links are biased, or the drones accelerate more"
+        ))
+    } else if nis < least {
+        let scatter_cm = cm * nis.sqrt();
+        Some(format!(
+            "NIS {nis:.2} is below {least:.2}: the errors are smaller than the covariance says; the \
+             ranges scatter by about {scatter_cm:.1} cm, not {cm:.1} cm"
+        ))
+    } else {
+        None
+    }
+}

@@ -1,0 +1,168 @@
+//! Growth: elements of good files repeated, nested and lengthened until a file is as large as its
+//! reader takes.
+//!
+//! [`crate::mutate`] changes small files in few places, and never asks for more than a few times the
+//! work of a seed. Here one kind of element comes to a thousand or a million, alone or with a second
+//! kind, each copy numbered or all alike.
+
+use crate::heavy;
+use crate::mutate::Random;
+use crate::readers::Seed;
+
+/// Brackets of the text formats.
+const BRACKETS: [(u8, u8); 4] = [(b'{', b'}'), (b'[', b']'), (b'(', b')'), (b'<', b'>')];
+
+/// Signs between elements.
+const SIGNS: [&[u8]; 7] = [b"", b",", b" ", b"\n", b";", b", ", b"}{"];
+
+/// The largest file of a reader that is grown, and what grows it: its text, or the program's own
+/// writer of such files.
+pub(crate) fn of(reader: &str) -> Option<(usize, Grower)> {
+    const KIB: usize = 1 << 10;
+    const MIB: usize = 1 << 20;
+    Some(match reader {
+        "scene" | "embedded" | "lighthouse" | "anchors" | "conditions" => (MIB, grown),
+        "strokes" => (4 * MIB, grown),
+        "typeface" => (64 * MIB, |_, most, random| heavy::typeface(most, random)),
+        "svg" | "handwriting" | "inkml" => (8 * MIB, grown),
+        "log-usd" => (128 * MIB, |_, most, random| heavy::log_usd(most, random)),
+        "log-json" | "log-cfclient" | "log-csv" => (128 * MIB, grown),
+        "log-folder" => (32 * MIB, grown),
+        "flight" | "plan" | "light" => (256 * MIB, grown),
+        "png" => (64 * MIB, |_, most, random| heavy::png(most, random)),
+        "store" => (320 * MIB, grown),
+        "sweep" => (64 * MIB, grown),
+        "jpeg" | "exif" => (256 * KIB, grown),
+        _ => return None,
+    })
+}
+
+/// Grows a file of a reader up to so many bytes.
+pub(crate) type Grower = fn(&[Seed], usize, &mut Random) -> Vec<u8>;
+
+/// A seed in which one or two elements have grown up to `most` bytes.
+pub(crate) fn grown(seeds: &[Seed], most: usize, random: &mut Random) -> Vec<u8> {
+    let good: Vec<&Seed> = seeds.iter().filter(|seed| seed.good).collect();
+    let mut bytes = good[random.below(good.len())].bytes.clone();
+    // As often near a kilobyte as near the largest.
+    let target = |random: &mut Random| {
+        let doublings = most.ilog2().saturating_sub(10) as usize;
+        (most >> random.below(doublings + 1)).max(1 << 10)
+    };
+    let total = target(random);
+    if random.below(2) == 0 {
+        // A second kind, which the first then multiplies or stands beside.
+        let part = (total >> (1 + random.below(10))).max(64);
+        grow(&mut bytes, part, random);
+    }
+    grow(&mut bytes, total, random);
+    bytes.truncate(most);
+    bytes
+}
+
+/// Lets an element grow until the file has so many bytes.
+fn grow(bytes: &mut Vec<u8>, target: usize, random: &mut Random) {
+    let room = target.saturating_sub(bytes.len());
+    match random.below(8) {
+        0 | 1 => repeat(bytes, line(bytes, random), b"", room, random),
+        2 | 3 => {
+            let element = element(bytes, random).unwrap_or_else(|| token(bytes, random));
+            let sign = SIGNS[random.below(SIGNS.len())];
+            repeat(bytes, element, sign, room, random);
+        }
+        4 => {
+            let sign = SIGNS[random.below(SIGNS.len())];
+            repeat(bytes, token(bytes, random), sign, room, random);
+        }
+        5 => nest(bytes, room, random),
+        6 => repeat(bytes, token(bytes, random), b"", room, random),
+        _ => {
+            let begin = random.below(bytes.len());
+            let end = (begin + 1 + random.below(64)).min(bytes.len());
+            repeat(bytes, (begin, end), b"", room, random);
+        }
+    }
+}
+
+/// A piece of a file.
+type Span = (usize, usize);
+
+/// The line at a random place.
+fn line(bytes: &[u8], random: &mut Random) -> Span {
+    let at = random.below(bytes.len());
+    let begin = bytes[..at].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+    let end = bytes[at..].iter().position(|byte| *byte == b'\n');
+    (begin, end.map_or(bytes.len(), |n| at + n + 1))
+}
+
+/// The name or number next to a random place.
+fn token(bytes: &[u8], random: &mut Random) -> Span {
+    let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_' | b'-');
+    let at = random.below(bytes.len());
+    let begin = bytes[at..].iter().position(is_part).map_or(at, |n| at + n);
+    let begin = bytes[..begin].iter().rposition(|byte| !is_part(byte)).map_or(0, |at| at + 1);
+    let end = bytes[begin..].iter().position(|byte| !is_part(byte));
+    (begin, end.map_or(bytes.len(), |n| begin + n))
+}
+
+/// What a bracket holds, from one to the other; an element of XML from its first tag to its last.
+fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
+    let at = random.below(bytes.len());
+    let is_open = |byte: &u8| BRACKETS.iter().any(|(open, _)| open == byte);
+    let begin = at + bytes[at..].iter().position(is_open)?;
+    let (open, close) = *BRACKETS.iter().find(|(open, _)| *open == bytes[begin])?;
+    let mut depth = 0_i32;
+    let length = bytes[begin..].iter().position(|byte| {
+        depth += i32::from(*byte == open) - i32::from(*byte == close);
+        depth == 0
+    })?;
+    let end = begin + length + 1;
+    if open != b'<' || bytes[end - 2] == b'/' || !bytes[begin + 1].is_ascii_alphabetic() {
+        return Some((begin, end));
+    }
+    let name = bytes[begin + 1..end].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
+    let closing = [b"</", &bytes[begin + 1..=begin + name], b">"].concat();
+    let last = bytes[end..].windows(closing.len()).position(|tag| tag == closing)?;
+    Some((begin, end + last + closing.len()))
+}
+
+/// Puts copies of a piece behind it, in half of the cases each with its number in one of its names.
+fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mut Random) {
+    let piece = bytes[span.0..span.1].to_vec();
+    if piece.is_empty() {
+        return;
+    }
+    let numbered = (random.below(2) == 0).then(|| token(&piece, random).1);
+    let mut copies = Vec::new();
+    let mut number = 0;
+    while copies.len() < room {
+        copies.extend(sign);
+        match numbered {
+            Some(at) => {
+                copies.extend(&piece[..at]);
+                copies.extend(number.to_string().as_bytes());
+                copies.extend(&piece[at..]);
+            }
+            None => copies.extend(&piece),
+        }
+        number += 1;
+    }
+    bytes.splice(span.1..span.1, copies);
+}
+
+/// Puts an element into itself, again and again, around an element of its own.
+fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
+    let Some((begin, end)) = element(bytes, random) else { return };
+    let outer = &bytes[begin..end];
+    if outer.len() < 3 {
+        return;
+    }
+    let (from, to) = element(&outer[1..], random)
+        .map_or_else(|| token(&outer[1..outer.len() - 1], random), |span| span);
+    let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
+    let times = room / (head.len() + tail.len()).max(1);
+    // Readers have limits of depth: as often a few times as to the full.
+    let times = if random.below(2) == 0 { times.min(1 + random.below(200)) } else { times };
+    bytes.splice(begin + to + 1..begin + to + 1, tail.repeat(times));
+    bytes.splice(begin..begin, head.repeat(times));
+}

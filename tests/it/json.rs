@@ -1,0 +1,83 @@
+//! docs/json.md: every key that a verb prints with `--json` is there, and each key of its tables is
+//! printed.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use crate::cli::{json, noctograph};
+
+/// Commands in an order in which each finds the files that it names; the heading is the verb's.
+const COMMANDS: [(&str, &str); 18] = [
+    ("plan", "plan I --style even"),
+    ("fly", "fly plan.csv"),
+    ("expose", "expose flight.csv --word I --backend cpu --size 320x180"),
+    ("read", "read photo.png"),
+    ("check", "check I"),
+    ("meter", "meter --flight flight.csv --word I"),
+    ("coverage", "coverage I --step 0.3"),
+    ("coverage", "coverage --scene two-drones-three-anchors -o c.svg"),
+    ("export", "export I --to cflib"),
+    ("import", "import flight.csv -o b.csv"),
+    ("compare", "compare flight.csv b.csv -o plots"),
+    ("compare-photo", "compare-photo photo.png photo.png"),
+    ("identify", "identify flight.csv --scene team"),
+    ("gains", "gains --scene team"),
+    ("rank", "rank team pid --words I:2"),
+    ("learn", "learn team I --rounds 1 --repeats 1"),
+    ("robustness", "robustness team --words I:1 --times 0,1"),
+    ("specimen", "specimen ae483"),
+];
+
+/// All keys of a value, at any depth.
+fn keys(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => {
+            found.extend(object.keys().cloned());
+            object.values().for_each(|value| keys(value, found));
+        }
+        Value::Array(values) => values.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+/// What stands between backquotes.
+fn quoted(text: &str) -> BTreeSet<String> {
+    text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// Keys in the first column of a section's tables.
+fn of_tables(section: &str) -> BTreeSet<String> {
+    let rows = section.lines().filter_map(|line| line.strip_prefix("| `"));
+    rows.flat_map(|row| quoted(&format!("`{}", row.split(" | ").next().unwrap()))).collect()
+}
+
+#[test]
+fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
+    let page = include_str!("../../docs/json.md");
+    let section = |title: &str| {
+        let (_, rest) = page.split_once(&format!("\n## {title}\n")).unwrap();
+        rest.split("\n## ").next().unwrap()
+    };
+    let shared = quoted(section("Shared objects"));
+    let folder = tempfile::tempdir().unwrap();
+    let (mut wrong, mut printed) = (Vec::new(), std::collections::BTreeMap::new());
+    for (verb, command) in COMMANDS {
+        let mut run = noctograph(folder.path());
+        let output = run.args(command.split(' ')).arg("--json").output().unwrap();
+        assert!(output.status.code() < Some(2), "{command}: {output:?}");
+        let value = json(&output.stdout);
+        let mut all = BTreeSet::new();
+        keys(&value, &mut all);
+        let documented = quoted(section(verb));
+        let unknown = all.iter().filter(|key| !documented.contains(*key) && !shared.contains(*key));
+        wrong.extend(unknown.map(|key| format!("{verb}: `{key}` is not in docs/json.md")));
+        let top = value.as_object().unwrap().keys().cloned();
+        printed.entry(verb).or_insert_with(BTreeSet::new).extend(top);
+    }
+    for (verb, printed) in printed {
+        let never = of_tables(section(verb)).into_iter().filter(|key| !printed.contains(key));
+        wrong.extend(never.map(|key| format!("{verb}: `{key}` is not printed")));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

@@ -1,0 +1,157 @@
+//! Gaps in a real flight's log: they travel with the flight and with its photo, and a stroke that is lost
+//! in one is not blamed on the lamps.
+
+use std::path::Path;
+
+use noctograph::flight::{Flight, FlightSample};
+use noctograph::letters::{LetterOptions, write};
+use noctograph::plan::{PlanOptions, plan};
+use noctograph::sim::{Drone, SimOptions, fly};
+use predicates::prelude::*;
+use serde_json::{Map, Value, json};
+
+use crate::cli::{fails, noctograph, run_json};
+
+type Variable = (&'static str, fn(&FlightSample) -> f64);
+
+/// The firmware's variables, in its units and signs.
+const VARIABLES: [Variable; 13] = [
+    ("stateEstimate.x", |s| s.position_m.x),
+    ("stateEstimate.y", |s| s.position_m.y),
+    ("stateEstimate.z", |s| s.position_m.z),
+    ("stateEstimate.yaw", |s| s.attitude.yaw_rad.to_degrees()),
+    ("stateEstimate.pitch", |s| -s.attitude.pitch_rad.to_degrees()),
+    ("stateEstimate.roll", |s| s.attitude.roll_rad.to_degrees()),
+    ("ctrltarget.x", |s| s.design_m.x),
+    ("ctrltarget.y", |s| s.design_m.y),
+    ("ctrltarget.z", |s| s.design_m.z),
+    ("motor.m1", |s| s.motors[0].round()),
+    ("motor.m2", |s| s.motors[1].round()),
+    ("motor.m3", |s| s.motors[2].round()),
+    ("motor.m4", |s| s.motors[3].round()),
+];
+
+/// A flight of NO in the letters of the preset ae483-2022.
+fn flown() -> Flight {
+    let strokes = write("NO", &LetterOptions::default()).unwrap();
+    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+    let mut options = SimOptions::default();
+    options.rates.log_hz = 100;
+    fly(&plan, &Drone::new(&options, 3), &mut |_| {}).unwrap()
+}
+
+/// Its log as JSON, without what the radio lost of the variables.
+fn log(flight: &Flight, lost: impl Fn(&str, f64) -> bool) -> String {
+    let variable = |(name, value): &Variable| {
+        let kept = || flight.samples.iter().filter(|sample| !lost(name, sample.time_s));
+        let time: Vec<f64> = kept().map(|s| (s.time_s * 1e3).round() + 40_000.0).collect();
+        let data: Vec<f64> = kept().map(value).collect();
+        ((*name).to_owned(), json!({ "time": time, "data": data }))
+    };
+    Value::Object(VARIABLES.iter().map(variable).collect::<Map<_, _>>()).to_string()
+}
+
+/// The middle of the O's bottom, which is one stroke of the square letter, in time and place.
+fn bottom_of_o(flight: &Flight) -> FlightSample {
+    let samples = flight.samples.iter().zip(&flight.lights["headlights"]);
+    let low = samples.filter(|(sample, level)| {
+        sample.letter == Some(1) && **level > 0.0 && sample.design_m.z < 0.501
+    });
+    let low: Vec<FlightSample> = low.map(|(sample, _)| *sample).collect();
+    low[low.len() / 2]
+}
+
+const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
+
+#[test]
+fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
+    let (folder, flight) = (tempfile::tempdir().unwrap(), flown());
+    let middle = bottom_of_o(&flight);
+    let [from_s, to_s] = [middle.time_s - 0.5, middle.time_s + 0.5];
+    let lost = |_: &str, time_s: f64| time_s > from_s && time_s < to_s;
+    std::fs::write(folder.path().join("log.json"), log(&flight, lost)).unwrap();
+
+    // Without a scene, the letters are found; the gap is in the flight's file.
+    let import = ["import", "log.json", "--word", "NO", "-o", "flown.csv"];
+    let run = noctograph(folder.path()).args(import).assert().success();
+    run.stderr(predicate::str::contains("letters of ae483-2022"));
+    let gaps = run_json(folder.path(), &[&import[..], &["--json"]].concat())["gaps_s"].clone();
+    let read = Flight::read_csv(&folder.path().join("flown.csv")).unwrap();
+    assert_eq!(json!(read.gaps), gaps);
+    assert!(read.gaps.len() == 1 && (read.gaps[0][0] - from_s).abs() < 0.02, "{gaps}");
+    assert!(read.samples.iter().any(|sample| sample.letter == Some(1)));
+
+    // The photo of the log names its word and its gap; so does the flight where it is named.
+    let exposed = ["expose", "log.json", "--word", "NO"];
+    noctograph(folder.path()).args(exposed).args(SMALL).assert().success();
+    for more in [&[][..], &["--flight", "log.json"], &["--flight", "flown.csv"]] {
+        let score = [&["score", "photo.png", "--json"], more].concat();
+        let output = noctograph(folder.path()).args(&score).output().unwrap();
+        let verdict = crate::cli::json(&output.stdout);
+        check_verdict(&verdict, &middle, [from_s, to_s]);
+    }
+}
+
+fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
+    assert_eq!(verdict["word"], "NO", "the photo names it");
+    let causes = verdict["causes"].as_array().unwrap();
+    let of_o = |kind: &str| {
+        let of_kind = move |cause: &&Value| cause["kind"] == *kind && cause["letter"] == 1;
+        causes.iter().filter(of_kind).collect::<Vec<_>>()
+    };
+    let [gap] = of_o("log_gap")[..] else { panic!("{causes:#?}") };
+    for (end, gap_s) in gap_s.into_iter().enumerate() {
+        let found_s = gap["log_gap_s"][end].as_f64().unwrap();
+        assert!((found_s - gap_s).abs() < 0.02, "{gap}");
+    }
+    for cause in of_o("missing_run") {
+        let [x_m, z_m] = [0, 1].map(|axis| cause["at_m"][axis].as_f64().unwrap());
+        let away_m = libm::hypot(x_m - middle.position_m.x, z_m - middle.position_m.z);
+        assert!(away_m > 0.1, "the lamp is blamed {away_m} m from the gap: {cause}");
+    }
+}
+
+/// The attitude moves the lamps by millimeters: where it alone is lost, nothing is dark.
+#[test]
+fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
+    let (folder, flight) = (tempfile::tempdir().unwrap(), flown());
+    let middle_s = bottom_of_o(&flight).time_s;
+    let import = |variable: &'static str, half_s: f64| {
+        let lost = |name: &str, time_s: f64| name == variable && (time_s - middle_s).abs() < half_s;
+        std::fs::write(folder.path().join("log.json"), log(&flight, lost)).unwrap();
+        run_json(folder.path(), &["import", "log.json", "--json"])["gaps_s"].clone()
+    };
+    assert_eq!(import("stateEstimate.roll", 0.3), json!([]));
+    assert_eq!(import("stateEstimate.roll", 0.7).as_array().unwrap().len(), 1);
+    assert_eq!(import("stateEstimate.x", 0.3).as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_log_of_other_letters_names_the_command_that_reads_it() {
+    let log = log(&flown(), |_, _| false);
+    let other = ["expose", "log.json", "--word", "QUIZ"];
+    let command = "noctograph import log.json --word QUIZ --scene SCENE.toml";
+    fails(&other, &[("log.json", &log)], &["word QUIZ", command]);
+    let nameless = ["expose", "log.json"];
+    fails(&nameless, &[("log.json", &log)], &["light.headlights", "`--word` infers lights"]);
+}
+
+#[test]
+fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| noctograph(folder.path()).args(arguments).assert();
+    run(&["plan", "I"]).success();
+    run(&["fly", "plan.csv"]).success();
+    let small = ["--backend", "cpu", "--size", "192x108"];
+    let nameless = run(&[&["expose", "flight.csv", "-o", "a.png"], &small[..]].concat());
+    nameless.success().stderr(predicate::str::contains("names no word"));
+    let score = run(&["score", "a.png"]).code(2);
+    score.stderr(predicate::str::contains("name it after the photo"));
+    run(&[&["expose", "flight.csv", "--word", "I"], &small[..]].concat()).success();
+    run(&["score", "photo.png"]).code(predicates::ord::le(1));
+    assert!(word_of(&folder.path().join("photo.png")).contains("word = \"I\""));
+}
+
+fn word_of(photo: &Path) -> String {
+    noctograph::photo::Photo::read_with_notes(photo).unwrap().0.scene_toml.unwrap()
+}
