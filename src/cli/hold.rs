@@ -130,8 +130,9 @@ fn consistency(found: &[HoldFigures]) -> String {
         }
         text += &format!("\n{:20}", "");
         for state in &f.states {
-            let interval = format!("{:.2}-{:.2}", state.error.low, state.error.high);
-            text += &format!("{interval:>10}");
+            let digits = if state.error.high < 10.0 { 2 } else { 0 };
+            let interval = format!("{:.digits$}-{:.digits$}", state.error.low, state.error.high);
+            text += &format!(" {interval:>9}");
         }
         text += "\n";
     }

@@ -28,7 +28,8 @@ settings! {
         ///
         /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹: with
         /// a walk of 0.1 the drone sinks by 6 cm meanwhile. A walk that no flight has (0.8) follows
-        /// the noise of the sensors, so that α⁰ and α¹ drift apart by more than their σ.
+        /// the noise of the sensors: α¹ is known less well than it could be, and where α⁰ is free as
+        /// well (1.4 m/s²), both drift apart by more than their σ.
         gain_walk_m_s2_sqrt_s: f64 = 0.3, in 0.0..=100.0;
         /// Random walk of the floor: flat between steps, which the step test finds.
         ranger_walk_m_sqrt_s: f64 = 0.003, in 0.0..=10.0;
