@@ -201,7 +201,7 @@ mod tests {
             seed: 0,
         };
         let found = robustness(&options, None, &|_| {}).unwrap();
-        assert_eq!(found.len(), 7);
+        assert_eq!(found.len(), Factor::ALL.len() + 1, "each, and all together");
         let at = |factor| found.iter().position(|e| e.factor == Some(factor)).unwrap();
         assert!(at(Factor::Gusts) < at(Factor::LedDelay), "{found:?}");
         let scene = found[0].levels[0];
