@@ -99,10 +99,14 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
         let of_kind = move |cause: &&Value| cause["kind"] == *kind && cause["letter"] == 1;
         causes.iter().filter(of_kind).collect::<Vec<_>>()
     };
-    let [gap] = of_o("log_gap")[..] else { panic!("{causes:#?}") };
-    for (end, gap_s) in gap_s.into_iter().enumerate() {
-        let found_s = gap["log_gap_s"][end].as_f64().unwrap();
-        assert!((found_s - gap_s).abs() < 0.02, "{gap}");
+    // A gap may leave several pieces of the stroke dark.
+    let gaps = of_o("log_gap");
+    assert!(!gaps.is_empty(), "{causes:#?}");
+    for gap in gaps {
+        for (end, gap_s) in gap_s.into_iter().enumerate() {
+            let found_s = gap["log_gap_s"][end].as_f64().unwrap();
+            assert!((found_s - gap_s).abs() < 0.02, "{gap}");
+        }
     }
     for cause in of_o("missing_run") {
         let [x_m, z_m] = [0, 1].map(|axis| cause["at_m"][axis].as_f64().unwrap());

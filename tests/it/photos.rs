@@ -177,7 +177,7 @@ fn a_render_is_found_in_a_photo_of_the_same_light() {
 fn an_exr_in_a_folder_that_is_not_there_is_refused_before_the_work() {
     let files = [("a.csv", &*streak(0.0, [1.0; 3]))];
     let arguments = ["expose", "a.csv", "--word", "NO", "-o", "nowhere/photo.exr"];
-    fails(&arguments, &files, &["nowhere/photo.exr", "writ"]);
+    fails(&arguments, &files, &["nowhere/photo.exr", "no folder nowhere"]);
 }
 
 /// The same row again and again.
@@ -206,10 +206,7 @@ fn a_billion_samples_are_refused_with_numbers_and_bounded_memory() {
     let header = &b"t,x,y,z,r,g,b\n"[..];
     let rows = Rows { left: 1_000_000_000, at: 0 };
     let error = LightTrace::parse_csv(header.chain(rows), "big.csv").unwrap_err().to_string();
-    assert!(
-        error.contains("more than 4000000 rows") && error.contains("at most 4000000"),
-        "{error}"
-    );
+    assert!(error.contains("at most 240 MiB of memory"), "{error}");
 }
 
 #[test]

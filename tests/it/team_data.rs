@@ -230,7 +230,11 @@ fn held(conditions: &Conditions) -> [Held; 2] {
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_band_of_the_room_holds_the_real_flight_nine_tenths_of_the_time() {
-    let old = Conditions { lighthouse_frame_frac: 0.0, airspeed_moment_n_s: 0.0, ..Conditions::default() };
+    let old = Conditions {
+        lighthouse_frame_frac: 0.0,
+        airspeed_moment_n_s: 0.0,
+        ..Conditions::default()
+    };
     eprintln!("before {:?}", held(&old));
     eprintln!("moment {:?}", held(&Conditions { airspeed_moment_n_s: 4.7e-4, ..old }));
     for held in held(&Conditions::default()) {
