@@ -56,13 +56,13 @@ pub struct Consistency {
     /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
     pub error: Interval,
     /// What that means.
-    pub verdict: Verdict,
+    pub verdict: HoldVerdict,
 }
 
 /// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+pub enum HoldVerdict {
     /// It is.
     Consistent,
     /// It is too small.
@@ -71,7 +71,7 @@ pub enum Verdict {
     Conservative,
 }
 
-impl Verdict {
+impl HoldVerdict {
     fn of(squared_error: f64) -> Self {
         let [least, most] = CONSISTENT;
         if squared_error < least {
@@ -227,7 +227,7 @@ fn summary(flown: &[Run], model: Model, scenario: Scenario, runs: u32) -> HoldFi
         let squares: Vec<f64> = flown.iter().map(|run| run.states[index]).collect();
         let found = bootstrap(&[squares], 0.95, |squares| mean(squares));
         let error = Interval { value: found.value, low: found.low, high: found.high };
-        Consistency { state, error, verdict: Verdict::of(error.value) }
+        Consistency { state, error, verdict: HoldVerdict::of(error.value) }
     };
     let mut figures = HoldFigures {
         scenario: scenario.name(),
@@ -283,7 +283,7 @@ impl HoldFigures {
         for Consistency { state, error, verdict } in &self.states {
             let text =
                 format!("{state} overconfident: squared error over variance {:.2}", error.value);
-            promise(*verdict != Verdict::Overconfident, text);
+            promise(*verdict != HoldVerdict::Overconfident, text);
         }
         let [found, seen] = self.steps;
         promise((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}"));
@@ -352,14 +352,14 @@ mod tests {
         };
         let unknown = found(1.4, 3.0);
         let verdicts = [2, 3].map(|index| unknown.states[index].verdict);
-        assert_eq!(verdicts, [Verdict::Overconfident; 2], "{unknown:?}");
+        assert_eq!(verdicts, [HoldVerdict::Overconfident; 2], "{unknown:?}");
         for state in ["α⁰", "α¹"] {
             let start = format!("{state} overconfident");
             assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
         }
         // With gravity known, a walk that no battery has only widens σ.
         let known = found(0.1, 1.9);
-        assert_eq!(known.states[3].verdict, Verdict::Conservative, "{known:?}");
+        assert_eq!(known.states[3].verdict, HoldVerdict::Conservative, "{known:?}");
     }
 
     #[test]

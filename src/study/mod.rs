@@ -45,8 +45,7 @@ pub use conditions::{Conditions, Factor};
 pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
 pub use hold::{
-    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, Interval, Verdict as HoldVerdict,
-    hold_figures,
+    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, Interval, hold_figures,
 };
 pub use knobs::{Knob, Turn, settings, turned};
 pub use learn::{Learned, Round, learn};
