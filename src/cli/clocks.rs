@@ -86,10 +86,12 @@ pub(super) fn statement(alignment: &Alignment) -> String {
     let file = alignment.file.display();
     let offset_s = alignment.offset_s;
     match alignment.how {
-        How::Common => format!("{file}: the clock of the first log, {offset_s:+.3} s"),
-        How::Estimated => format!("{file}: a clock of its own, estimated at {offset_s:+.3} s"),
-        How::Told => format!("{file}: {offset_s:+.3} s, with the offset that was told"),
-        How::Alone => format!("{file}: no range to another drone, so its clock decides nothing"),
+        How::Common => format!("{file}: the clock of the first log, offset {offset_s:+.3} s"),
+        How::Estimated => format!("{file}: a clock of its own, offset estimated: {offset_s:+.3} s"),
+        How::Told => format!("{file}: offset {offset_s:+.3} s, with that of --offset"),
+        How::Alone => {
+            format!("{file}: no range to another drone: the offset of its clock has no effect")
+        }
     }
 }
 

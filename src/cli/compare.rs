@@ -144,7 +144,7 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
     text += "\nRMSE, m                        x       y       z  in plane\n";
     text += &row("A against B", comparison.rmse_m);
     text += &rows(tracking, "against its design", |t| Some(row("", t.rmse_m)));
-    text += &rows(tracking, "after its lag", |t| Some(row("", t.rmse_after_lag_m)));
+    text += &rows(tracking, "without its lag", |t| Some(row("", t.rmse_after_lag_m)));
     text += &rows(tracking, "observer", |t| Some(row("", t.observer_rmse_m?)));
     if let Some(turned) = comparison.attitude_rmse {
         let Attitude { yaw_rad, pitch_rad, roll_rad } = turned;
@@ -152,7 +152,7 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
         text += &format!("{:24}{yaw_rad:8.4}{pitch_rad:8.4}{roll_rad:8.4}\n", "A against B");
     }
 
-    text += "\noff the path, m             mean     rms     p95      max   lag, s\n";
+    text += "\ncontour error, m            mean     rms     p95      max   lag, s\n";
     text += &rows(tracking, "", |t| {
         let c = t.contour;
         let (mean, rms, p95, max) = (c.mean_m, c.rms_m, c.p95_m, c.max_m);

@@ -56,7 +56,10 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
     if !shot.scene.has_strokes() {
-        message("note: ", "the photo names no word: to score it, name one (--word here, or there)");
+        message(
+            "note: ",
+            "the photo names no word: name one with --word, or after the photo in `score`",
+        );
     }
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let json = json!({

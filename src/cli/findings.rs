@@ -19,7 +19,7 @@ pub(super) fn table(findings: &[Finding], options: &PlanOptions) -> String {
         if finding.severity != Severity::Fine {
             let (wanted, change) = wanted(finding, options);
             text += &wrapped(&format!("{:23}wanted: ", ""), &wanted);
-            text += &wrapped(&format!("{:23}change: ", ""), change);
+            text += &wrapped(&format!("{:23}change: ", ""), &change);
         }
     }
     text
@@ -29,7 +29,7 @@ pub(super) fn table(findings: &[Finding], options: &PlanOptions) -> String {
 pub(super) fn json(finding: &Finding, options: &PlanOptions) -> serde_json::Value {
     let mut json = serde_json::json!(finding);
     let (wanted, change) = wanted(finding, options);
-    let change = if finding.severity == Severity::Fine { "" } else { change };
+    let change = if finding.severity == Severity::Fine { String::new() } else { change };
     (json["found"], json["wanted"], json["change"]) =
         (found(finding).into(), wanted.into(), change.into());
     json
@@ -99,7 +99,7 @@ fn found(finding: &Finding) -> String {
         Check::Separation if finding.value.is_none() => "always above each other".into(),
         Check::Separation => format!("{value:.2} m or more apart sideways, least{at}"),
         Check::Flight => detail.clone(),
-        Check::Corridor => format!("y = {value:+.2} m{at}"),
+        Check::Corridor => format!("strays to y = {value:+.2} m{at}"),
         Check::AltitudeHold => format!("precise enough for letters of {value:.2} m or more"),
         Check::Tilt => format!("{:.1}°{at}", value.to_degrees()),
         Check::Motors if value == 0.0 => "never at their limit".into(),
@@ -107,12 +107,27 @@ fn found(finding: &Finding) -> String {
         Check::Battery if is_fine => "lasts".into(),
         Check::Battery => detail.clone(),
         Check::LitTransit => lit_transit(finding),
-        Check::LitDwell if value > 0.0 => format!("{value:.2} s{at}"),
+        Check::LitDwell if value > 0.0 => {
+            format!("{:.0} ms of light two stops over the rest{at}", 1e3 * value)
+        }
         Check::LitDwell => "none".into(),
         Check::Evenness => format!("exposure varies by {value:.1} stops along the trail"),
-        Check::Coverage => format!("{:.1} % of the flight's box is seen", 100.0 * value),
+        Check::Coverage => {
+            format!("{:.1} % of the flight's box is seen by two base stations", 100.0 * value)
+        }
         Check::Picture if is_fine => "shows the word while it is written".into(),
-        Check::Picture => detail.clone(),
+        Check::Picture => of_picture(detail).0.to_owned(),
+    }
+}
+
+/// What hides the word, and its remedy, which such a text names after its last colon.
+fn of_picture(detail: &str) -> (&str, &str) {
+    match detail.rsplit_once(": ") {
+        Some(parts) => parts,
+        None if detail.contains("base stations") => {
+            (detail, "move the base stations, or the word (see `coverage`)")
+        }
+        None => (detail, "see `preview`; --camera auto frames the word"),
     }
 }
 
@@ -147,7 +162,7 @@ fn memory(finding: &Finding) -> String {
 }
 
 /// Limit, and what to change beyond it or, where it was not checked, to have it checked.
-fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
+fn wanted(finding: &Finding, options: &PlanOptions) -> (String, String) {
     let limit = finding.limit;
     let is_even = matches!(options.style, Style::Even(_));
     let (wanted, change) = match finding.check {
@@ -164,12 +179,13 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
             "write with --font ae483-fixed, or plan with --style even",
         ),
         Check::LightNeverOff => (
-            "a dark move at an end".into(),
+            "letters that begin or end in the dark".into(),
             "write with --font ae483-fixed, or plan with --style even",
         ),
-        Check::PenJump => {
-            ("moves that join".into(), "write with --font ae483-fixed, or plan with --style even")
-        }
+        Check::PenJump => (
+            "moves that begin where the last one ended".into(),
+            "write with --font ae483-fixed, or plan with --style even",
+        ),
         Check::Volume => (
             format!("inside {}", finding.detail),
             "write smaller letters or fewer (letters.canvas_m, cap_height_m, baseline_m)",
@@ -197,7 +213,7 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
             format!(
                 "{limit} bytes and {MAX_PIECES} pieces on board, 50 setpoints a second by radio"
             ),
-            "export in a form that takes it, or share the word among --drones",
+            "export it in one of those forms, or share the word (--drones 2)",
         ),
         Check::LedMemory => (
             format!("up to {limit} entries"),
@@ -205,7 +221,7 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
              with a larger LEDRING_TIME_MEM_SIZE",
         ),
         Check::Headlights => (
-            "lights that are on or off: a pin switches them".into(),
+            "on or off: headlights cannot be dimmed".into(),
             "set plan.style.exposure = \"switched\", or write with lamps that can be dimmed",
         ),
         Check::Separation => (
@@ -218,8 +234,8 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
             "take the mean error off (plan --after FLIGHT), or fly lqr-integral",
         ),
         Check::AltitudeHold => (
-            format!("up to the {limit:.2} m of the letters: twenty times the height's error"),
-            "write larger letters (letters.cap_height_m), or fly a better sensor of the height",
+            format!("error of the height up to {:.0} mm, a twentieth of the letters", 50.0 * limit),
+            "write larger letters (letters.cap_height_m), or fly a better height sensor",
         ),
         Check::Tilt => (
             format!("up to {:.0}°", limit.to_degrees()),
@@ -227,7 +243,7 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
         ),
         Check::Motors => (
             format!("up to {:.0} ms at their limit", 1e3 * limit),
-            "lower plan.style.acceleration_m_s2, or fly a lighter drone (the team's hovers at 67 %)",
+            "lower plan.style.acceleration_m_s2, or fly a drone with more thrust for its weight",
         ),
         Check::Battery => {
             ("a battery that lasts".into(), "write fewer letters, or share them (--drones 2)")
@@ -242,7 +258,7 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
             },
         ),
         Check::LitDwell => (
-            format!("below {limit} s of light two stops over the rest"),
+            format!("less than {:.0} ms of it", 1e3 * limit),
             match (is_even, options.light_clock) {
                 (true, _) => {
                     "lower plan.stroke_speed_m_s, so that the drone need not brake, or dim the \
@@ -268,10 +284,10 @@ fn wanted(finding: &Finding, options: &PlanOptions) -> (String, &'static str) {
         ),
         Check::Picture => (
             "the whole word in the picture, lit while the shutter is open".into(),
-            "what is said above; --camera auto frames the word",
+            of_picture(&finding.detail).1,
         ),
     };
-    (wanted, change)
+    (wanted, change.to_owned())
 }
 
 /// What has to be known for a check, and how to say it.
@@ -279,7 +295,7 @@ fn to_check(check: Check) -> (String, &'static str) {
     let (wanted, change) = match check {
         Check::DoubledStroke => ("the word that the plans write", "name it: --word WORD"),
         Check::AltitudeHold => {
-            ("letters, which a drawing has not", "name the word that plans write: --word WORD")
+            ("letters of a known height, not a drawing", "name the word of the plans: --word WORD")
         }
         Check::Battery => {
             ("a drone with a battery", "name a preset with one, such as `--scene cf21`")
@@ -294,7 +310,7 @@ fn to_check(check: Check) -> (String, &'static str) {
         Check::Picture => {
             ("flights that end, and letters", "mend what stops the flight; plan a word")
         }
-        _ => ("a plan that can be exported", "change what is said above"),
+        _ => ("a plan that can be exported", "change what the export refuses"),
     };
     (wanted.to_owned(), change)
 }

@@ -88,7 +88,11 @@ fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
          9 observer states, {observability_rank} observable by the position (not: {hidden})\n",
     );
     let kind = scene.controller.kind.name();
-    let own = format!("{kind}, {n_controller_states} states of its own, linearized at hover");
+    let n_own = match n_controller_states {
+        0 => "no".to_owned(),
+        n => n.to_string(),
+    };
+    let own = format!("{kind}, {n_own} states of its own, linearized at hover");
     text += &line("loop", &own);
     if let Some(k) = &design.k {
         text += "\nK         u = u_hover - K (x - x_des), transposed\n";
@@ -154,6 +158,8 @@ fn pole_lines(name: &str, poles: Option<&Vec<Complex<f64>>>) -> String {
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
     let words = upper.map(|pole| match pole.im {
         0.0 => format!("{:.2}", pole.re),
+        // A pair that is real in two decimals.
+        im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });
     wrapped(&format!("{name:14}"), &words.collect::<Vec<_>>().join("  "))

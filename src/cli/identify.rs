@@ -73,7 +73,7 @@ fn table(found: &Identified) -> String {
         "samples       {} in the air, mean commands {m1:.0} {m2:.0} {m3:.0} {m4:.0}\n\
          k_F           {:.4e} N per unit of a motor's command\n\
          torque        x {tau_x:+.2e}  y {tau_y:+.2e} N m, mean of the motors\n\
-         center        of mass: x {com_x:+.2} mm, y {com_y:+.2} mm from the motors' center\n",
+         mass center   x {com_x:+.2} mm, y {com_y:+.2} mm from the middle of the motors\n",
         found.n_samples, found.k_f_n
     );
     if let Some(reaction) = found.reaction {

@@ -101,7 +101,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     }
     let outcome = match helped {
         Some(false) => format!(
-            "nothing: no round of {} is significantly better than the design (95 %), which is kept; \
+            "nothing: none of the rounds ({}) is significantly better than the design (95 %), which is kept; \
              try more repeats, less gain, or another controller",
             rounds.json.len().saturating_sub(1)
         ),

@@ -102,7 +102,7 @@ fn table(found: &Found) -> String {
         text += &format!("{name:18}         {stops:>9}\n");
     }
     text += &format!("\nto put the middle of a lamp's trail at {target_stops:+.1} stops, one of\n");
-    text += "lamp                aperture       ISO   level now x\n";
+    text += "lamp                aperture       ISO   level times\n";
     for reading in readings {
         let advice = reading.advice(camera, *target_stops);
         let name: String = reading.name.chars().take(18).collect();
@@ -145,24 +145,24 @@ fn in_one_sentence(found: &Found) -> String {
     if let Some(Metered { f_number, iso, trail_stops, room_stops, gave_way }) = found.recommended {
         let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
         let gave_way =
-            if gave_way { "; the trail gives way so that the room stays dark" } else { "" };
+            if gave_way { ": darker than wanted, so that the room stays dark" } else { "" };
         let trail = in_stops(trail_stops);
         if (f_number, iso) == (camera.f_number, camera.iso) {
             return format!(
-                "f/{f_number}, ISO {iso} are right: the brightest trail, of {name}, is {trail}, the \
-                 room {room}{gave_way}."
+                "f/{f_number} and ISO {iso} are right: the room is {room}, the brightest trail ({name}) \
+                 {trail}{gave_way}."
             );
         }
         return format!(
-            "The brightest trail, of {name}, is {now}: set f/{f_number}, ISO {iso}. It is then \
-             {trail}, the room {room}{gave_way}."
+            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The room is then \
+             {room}, the trail {trail}{gave_way}."
         );
     }
     let wanted = in_stops(found.target_stops);
     let advice = lamp.advice(camera, found.target_stops);
     let iso = advice.iso.map_or(String::new(), |iso| format!(" or ISO {iso:.0}"));
     format!(
-        "The brightest trail, of {name}, is {now}: set f/{:.1}{iso} for {wanted}.",
+        "The brightest trail ({name}) is {now}: set f/{:.1}{iso} for {wanted}.",
         advice.f_number
     )
 }

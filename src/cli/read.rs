@@ -32,7 +32,7 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
         let report = Report::new("no writing found\n".into(), json);
         return Ok(report.with_outcome(Outcome::NotLegible));
     }
-    let mut text = format!("{}\n\nletter    p\n", reading.text);
+    let mut text = format!("{}\n\nletter    share\n", reading.text);
     for letter in &reading.letters {
         text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
     }

@@ -77,11 +77,12 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
 }
 
 fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text = "fraction of photos that are legible at multiples of the usual disturbance; a \
-                    word\nbreaks where it falls to one half; what breaks it first comes first; \
-                    factors of\nequal place cannot be told apart (intervals of 95 %)\n\n    factor    \
-                          usual (x1)  breaks at between "
-        .to_owned();
+    let mut text =
+        "fraction of legible photos at multiples of the usual disturbance; a word breaks\n\
+                    where the fraction falls to one half; factors with the same number in front\n\
+                    cannot be told apart (intervals of 95 %)\n\n    factor          usual (x1)   \
+                    breaks  interval  "
+            .to_owned();
     let shown = options.times.len().min(5);
     for times in &options.times[..shown] {
         text += &format!("{:>6}", format!("x{times}"));
@@ -93,9 +94,9 @@ fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
     for e in found {
         let at = format!("x{}", beyond(e.breaks_at));
         let [from, to] = e.breaks_between.map(beyond);
-        let between = format!("{from}-{to}");
+        let between = format!("{from} to {to}");
         text += &format!(
-            "{:>2}  {:16}{:12}{at:>9} {between:8}",
+            "{:>2}  {:16}{:12}{at:>6}  {between:10}",
             e.place,
             name(e),
             usual(&options.usual, e.factor)

@@ -18,6 +18,7 @@ const LEAST_SHARE: f64 = 0.01;
 /// The verdict: lines for the word, a row for each letter, advice.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
     let Verdict { word, read, legible, readability, .. } = verdict;
+    let [word, read] = [word, read].map(|text| in_one_line(text));
     let legible = if *legible { "legible" } else { "NOT legible" };
     let verdict_line = format!("{word} reads as {read}: {legible} (readability {readability:.2})");
     let mut text = wrapped("", &verdict_line);
@@ -25,7 +26,7 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         text += &line("because", &in_words(reason, verdict));
     }
     if let Some(rival) = verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE) {
-        text += &line("rival", &format!("{}, share {:.2}", rival.word, rival.p));
+        text += &line("rival", &format!("{}, share {:.2}", in_one_line(&rival.word), rival.p));
     }
     if let Some(faithfulness) = verdict.faithfulness {
         let scale = "(1: every stroke is lit, and nothing else)";
@@ -33,9 +34,9 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
     }
     if verdict.is_contradicted() {
         let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
-        text += &line("blind", &format!("reads {}", second.unwrap_or("nothing")));
+        text += &line("blind", &format!("reads {}", in_one_line(second.unwrap_or("nothing"))));
     }
-    text += "\nletter    best      share rivals\n";
+    text += "\nletter    share  best   rivals\n";
     for letter in &verdict.letters {
         text += row(letter).trim_end();
         text.push('\n');
@@ -48,7 +49,12 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
     text
 }
 
-/// A letter, what is seen, its share, and likely other letters.
+/// The lines of a text as one.
+fn in_one_line(text: &str) -> String {
+    text.replace('\n', " ")
+}
+
+/// A letter, its share, what is seen instead, and likely other letters.
 fn row(letter: &LetterVerdict) -> String {
     let expected = letter.expected;
     let Some(p) = letter.p else { return format!("{expected:10}not judged") };
@@ -56,7 +62,7 @@ fn row(letter: &LetterVerdict) -> String {
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
     let rivals: Vec<String> =
         rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
-    format!("{expected:10}{best:10}{p:.2}  {}", rivals.join(", "))
+    format!("{expected:10}{p:<7.2}{best:7}{}", rivals.join(", "))
 }
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
@@ -67,7 +73,7 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
         Reason::OutOfRange => "it is too far from its place, or too large or too small",
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
-            Some(rival) => return format!("{} is likelier", rival.word),
+            Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
             None => "a letter looks like another one, or like none",
         },
         Reason::Unsure => {

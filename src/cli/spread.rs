@@ -52,8 +52,8 @@ impl SpreadFlags {
         let found = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
             let text = format!(
-                "a band of 90 % needs {LEAST_FLIGHTS} flights: that of {n} reaches from the least to \
-                 the most of them"
+                "a band that holds 90 % of further flights needs {LEAST_FLIGHTS}: that of {n} has all of \
+                 them within, but holds less of further ones"
             );
             warn(&[text]);
         }

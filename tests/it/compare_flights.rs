@@ -78,7 +78,7 @@ fn compare_prints_a_table_and_writes_plots() {
         String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
     let text = compared("plots");
-    for row in ["A against B", "A against its design", "B after its lag", "B observer", "drift"] {
+    for row in ["A against B", "A against its design", "B without its lag", "B observer", "drift"] {
         assert!(text.contains(row), "no {row:?} in {text}");
     }
     let names = names_in(&folder.path().join("plots"));

@@ -195,7 +195,7 @@ fn logs_on_clocks_of_their_own_are_aligned_by_the_range_between_the_drones() {
         assert!(rmse_m(&json).iter().all(|rmse_m| *rmse_m < 0.05), "{:?}", rmse_m(&json));
     }
     let run = noctograph(apart.path()).args(arguments(2, &[])).assert().success();
-    run.stdout(contains("log-2.csv: a clock of its own, estimated at +0.7"));
+    run.stdout(contains("log-2.csv: a clock of its own, offset estimated: +0.7"));
     // Taken for one clock, they contradict each other.
     let run = noctograph(told.path()).args(arguments(2, &[])).assert().success();
     run.stderr(contains("drones 1 and 2: left out").and(contains("clocks that do")));
