@@ -112,9 +112,9 @@ def verdicts(folder, expected):
 def read_verdicts(text):
     found = {}
     for line in text.splitlines():
-        name, word, readability, ln_p, read, rival, p, faithfulness, cap, blind = line.split("\t")
+        name, word, readability, ln_p, read, rival, p, blind = line.split("\t")
         found[name] = {"word": word, "p": float(readability), "ln_p": np.array([float(x) for x in ln_p.split(",")]),
-                       "read": read, "rival": rival, "rival_p": float(p)}
+                       "read": read, "rival": rival, "rival_p": float(p), "blind": blind}
     return found
 
 

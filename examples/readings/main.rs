@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release --example readings -- verdicts FOLDER` prints a line for each photo of
 //! FOLDER/truth.json: name, expected word, readability, ln p of each letter, word by the best letters,
-//! rival and its share, faithfulness, blind reading. `-- strips FOLDER OUT` writes the strips of the
-//! photos: of each its labels, width and bytes.
+//! rival and its share, blind reading. `-- strips FOLDER OUT` writes the strips of the photos: of each
+//! its labels, width and bytes.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example's result")]
 
@@ -14,7 +14,7 @@ use noctograph::error::Result;
 use noctograph::letters::{self, Strokes};
 use noctograph::photo::Photo;
 use noctograph::scene::Scene;
-use noctograph::score::{Known, Reader, View, read};
+use noctograph::score::{Reader, View};
 
 /// What stands in the net's strips for each character; no letter is 63.
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
@@ -28,9 +28,8 @@ fn main() -> Result<()> {
     let photos = truth.as_object().expect("an object of photos");
     match args.first().map(String::as_str) {
         Some("verdicts") => {
-            let full = args.get(2).is_some_and(|arg| arg == "full");
             for (name, of) in photos {
-                verdict(folder, name, of["expected"].as_str().unwrap_or(""), full)?;
+                verdict(folder, name, of["expected"].as_str().unwrap_or(""))?;
             }
         }
         Some("strips") => {
@@ -56,7 +55,7 @@ fn open(folder: &Path, name: &str, word: &str) -> Result<(Strokes, Photo, View, 
     Ok((strokes, Photo::read(&folder.join("photos").join(format!("{name}.png")))?, view, scene))
 }
 
-fn verdict(folder: &Path, name: &str, word: &str, full: bool) -> Result<()> {
+fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {
     let (strokes, photo, view, scene) = match open(folder, name, word) {
         Ok(found) => found,
         Err(error) => {
@@ -64,13 +63,7 @@ fn verdict(folder: &Path, name: &str, word: &str, full: bool) -> Result<()> {
             return Ok(());
         }
     };
-    let reader = Reader::new(&strokes, &scene.score)?;
-    let (verdict, blind) = if full {
-        let (verdict, _) = reader.explain(&photo, &view, &Known::default())?;
-        (verdict, read(&photo)?.text.replace('\n', "/"))
-    } else {
-        (reader.score(&photo, &view)?, String::new())
-    };
+    let verdict = Reader::new(&strokes, &scene.score)?.score(&photo, &view)?;
     let ln_p: Vec<String> = verdict
         .letters
         .iter()
@@ -79,13 +72,11 @@ fn verdict(folder: &Path, name: &str, word: &str, full: bool) -> Result<()> {
         .collect();
     let (rival, p) = verdict.rival.map_or(("-".to_owned(), 0.0), |rival| (rival.word, rival.p));
     println!(
-        "{name}\t{word}\t{:.4}\t{}\t{}\t{rival}\t{p:.9}\t{:.3}\t{:.1}\t{}",
+        "{name}\t{word}\t{:.4}\t{}\t{}\t{rival}\t{p:.9}\t{}",
         verdict.readability,
         ln_p.join(","),
         verdict.read,
-        verdict.faithfulness.unwrap_or(0.0),
-        verdict.cap_height_px.unwrap_or(0.0),
-        blind,
+        verdict.second_opinion.unwrap_or_default().replace('\n', "/"),
     );
     Ok(())
 }
