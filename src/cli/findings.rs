@@ -301,7 +301,7 @@ fn to_check(check: Check) -> (String, &'static str) {
             ("a drone with a battery", "name a preset with one, such as `--scene cf21`")
         }
         Check::LitTransit | Check::LitDwell | Check::Evenness => {
-            ("light along the strokes", "check plan.lights and light.deck")
+            ("light along the strokes", "check plan.lights, light.deck and light.ring")
         }
         Check::Coverage => (
             "base stations, and a flight for them to see",

@@ -90,7 +90,8 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<String> {
     }
     match most_share {
         None => Some(
-            "no lamp that writes is lit while the shutter is open: check plan.lights and light.deck"
+            "no lamp that writes is lit while the shutter is open: check plan.lights, light.deck \
+             and light.ring"
                 .into(),
         ),
         Some(share) if share < AWAY_SHARE => Some(

@@ -7,6 +7,9 @@ use super::{FlightSample, mean};
 /// Time over which noise averages out and an error along the path does not, s: a stroke of 0.1 m.
 const SMOOTH_S: f64 = 0.5;
 
+/// Larger changes of size are no error of a positioning system: B flies another path.
+const MOST_SCALE: f64 = 0.5;
+
 /// A cause of the difference, by how much flight B is apart from A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Discrepancy {
@@ -38,7 +41,8 @@ pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     // About their means: where a flight ends elsewhere than it began, an offset is no lag.
     let drift = mean(speeds.iter().copied());
     let turns: Vec<_> = speeds.iter().map(|v| v - drift).collect();
-    let (late_s, grown) = (-fit(&centered, &turns), fit(&centered, &arms));
+    let late_s = -fit(&centered, &turns);
+    let grown = Some(fit(&centered, &arms)).filter(|by| by.abs() <= MOST_SCALE).unwrap_or(0.0);
     // What neither a shift, a lag nor a scale explains: its slow and its fast part.
     let rest: Vec<_> = centered
         .iter()
@@ -144,6 +148,9 @@ mod tests {
         let (path, share) = of(|t| square(t) + swing(2.9, t));
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
         assert!(share > 0.8, "{share}");
+        // What is no scale of a positioning system: B is half as large and turned by half a turn.
+        let (path, share) = of(|t| middle + (square(t) - middle) * -0.5);
+        assert!(matches!(path, Discrepancy::Path(_)) && share > 0.8, "{path:?}, {share}");
     }
 
     #[test]
