@@ -86,13 +86,16 @@ fn scenarios(typed: &[String]) -> Result<Vec<Scenario>> {
 }
 
 fn table(found: &[HoldFigures]) -> String {
-    let mut text = "                    estimate   hold  inside   hover       NIS: satellites,\n\
-                    scenario    model       cm     cm  95 %     throttle  ranger, barometer  steps\n"
+    let mut text = "RMS error of the estimate and of the hold, share of z inside its 95 % band, RMS\n\
+                    error of the hover throttle, NIS of satellites, ranger and barometer, steps of\n\
+                    the floor that were found of those seen, on average over the flights\n\n\
+                    scenario    model   estimate  hold inside throttle     NIS          steps\n\
+                    \x20                         cm    cm\n"
         .to_owned();
     for f in found {
         let nis = f.nis.map(|nis| nis.map_or("   -".to_owned(), |nis| format!("{nis:.2}")));
         text += &format!(
-            "{:12}{:8}{:6.2}{:7.2}{:7.3}{:11.4}     {} {:.2} of {:.2}\n",
+            "{:12}{:8}{:8.2}{:6.2}{:7.3}{:9.4} {}  {:.2} of {:.2}\n",
             f.scenario,
             f.model,
             100.0 * f.estimate_m.value,
@@ -115,8 +118,8 @@ fn table(found: &[HoldFigures]) -> String {
 fn consistency(found: &[HoldFigures]) -> String {
     let [least, most] = CONSISTENT;
     let mut text = format!(
-        "\nsquared error over variance: 1 of a filter that knows its errors, consistent from\n\
-         {least} to {most}; its 95 % interval below\n{:20}",
+        "\nmean squared error over variance of each state: 1 where the covariance holds,\n\
+         consistent from {least} to {most}; below it the 95 % interval\n{:20}",
         "scenario    model"
     );
     for name in STATE_NAMES {
@@ -142,7 +145,7 @@ fn consistency(found: &[HoldFigures]) -> String {
             out.map(|state| format!("{} {}", state.state, state.verdict.name())).collect();
         if !words.is_empty() {
             let words = format!("{}, {}: {}", f.scenario, f.model, words.join(", "));
-            text += &wrapped("out       ", &words);
+            text += &wrapped("off       ", &words);
         }
     }
     text
