@@ -99,7 +99,8 @@ fn face(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
 
 /// A whole log of the µSD card up to so many bytes, of few or many variables.
 pub(crate) fn log_usd(most: usize, random: &mut Random) -> Vec<u8> {
-    let n_variables = 1 + random.below(1 << random.below(11));
+    let most_variables = 1 << random.below(11);
+    let n_variables = 1 + random.below(most_variables);
     let mut bytes = vec![0xBC, 2, 0, 1, 0, 7, 0];
     bytes.extend(b"fixed\0");
     bytes.extend(u16::try_from(n_variables).unwrap().to_le_bytes());

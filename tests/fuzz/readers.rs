@@ -153,7 +153,7 @@ pub(crate) fn all() -> Vec<Reader> {
             "conditions",
             "conditions.toml",
             |_, b| text(b).is_some_and(|t| Conditions::parse(t, "c").is_ok()),
-            || vec![Conditions::default().to_toml().into_bytes()],
+            || vec![CONDITIONS.into()],
         ),
     ]
 }
@@ -358,6 +358,11 @@ const STORE: &str = "{\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\
     \"saturated_frac\":0.0,\"duration_s\":58.2,\"energy_j\":700.0,\"lost\":null}\n\
     {\"scene\":\"0123\",\"contender\":\"team\",\"word\":\"NOOR\",\"seed\":2,\"read\":\"????\",\"all_read\":false,\
     \"legible\":false,\"probability\":0.0,\"log_odds\":-10.0,\"similarity\":0.0,\"lost\":\"it turns over\"}\n";
+
+const CONDITIONS: &str = "# a room\nmass_frac = 0.015\ncenter_of_mass_m = 1e-4\n\
+    inertia_frac = 0.1\nmotor_lag_s = 0.05\nlighthouse_distortion_m = 0.007\n\
+    lighthouse_frame_frac = 0.01\nairspeed_moment_n_s = 4.7e-4\ngust_m_s = 0.08\n\
+    led_delay_s = 0.05\ncharge_used_frac = 0.33\n";
 
 const ANCHORS: &str = "0:\n  x: 0.99\n  y: 1.49\n  z: 1.8\n1:\n  x: 0.99\n  y: 3.29\n  z: 1.8\n";
 
