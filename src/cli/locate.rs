@@ -370,8 +370,8 @@ fn ambiguity_lines(located: &Located) -> String {
         line(if k == 0 { "ambiguous" } else { "" }, &text)
     };
     let rows: String = located.ambiguities.iter().enumerate().map(text).collect();
-    let advice = "`--within` the room where it holds one of the two places; otherwise an anchor \
-                  outside the plane of the others";
+    let advice = "name the room with `--within`, if only one of the two places is inside it; \
+                  otherwise add an anchor outside the plane of the others";
     if rows.is_empty() { rows } else { rows + &line("advice", advice) }
 }
 
