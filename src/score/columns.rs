@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::alphabet::Classes;
-use super::net::{self, COLUMN_PX, N_CLASSES};
-use super::strip::{MARGIN_PX, SIDE_PX, Strip};
+use super::net::{self, N_CLASSES};
+use super::strip::Strip;
 
 /// Least share of a class at a column: below it, shares are noise of the training.
 const LEAST: f64 = 1e-6;
@@ -14,32 +14,31 @@ const LEAST: f64 = 1e-6;
 pub(super) struct Columns(pub(super) Vec<[f64; N_CLASSES]>);
 
 impl Columns {
+    /// Shares along a strip.
+    pub(super) fn of(strip: &Strip) -> Self {
+        Self::from_logits(&net::logits(strip))
+    }
+
     /// Shares from logits.
     pub(super) fn from_logits(logits: &[[f64; N_CLASSES]]) -> Self {
         Self(logits.iter().map(shares).collect())
     }
 
-    /// Shares along the strip of an expected word. Light far beside the word is nothing unless it is a
-    /// letter: trails lead to and from every word.
-    pub(super) fn of_word(strip: &Strip) -> Self {
-        let mut dark = [LEAST; N_CLASSES];
-        dark[0] = 1.0;
-        let mut columns = Self(vec![dark; strip.width / COLUMN_PX]);
-        columns.replace(strip, 0..strip.width);
-        columns
-    }
-
-    /// Takes the shares anew that depend on some columns of the strip of an expected word.
+    /// Takes the shares anew that depend on some columns of a strip.
     pub(super) fn replace(&mut self, strip: &Strip, part: Range<usize>) {
         let (first, logits) = net::logits_around(strip, part);
-        let (n_columns, aside) = (self.0.len(), (SIDE_PX - MARGIN_PX) / COLUMN_PX);
-        for (at, logits) in (first..).zip(&logits) {
-            let mut shares = shares(logits);
-            if at < aside || at + aside >= n_columns {
-                shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;
-            }
-            self.0[at] = shares;
+        for (column, logits) in self.0[first..].iter_mut().zip(&logits) {
+            *column = shares(logits);
         }
+    }
+
+    /// The same with nothing where there is light that is no letter: trails lead to and from every
+    /// word.
+    pub(super) fn letters_alone(mut self) -> Self {
+        for shares in &mut self.0 {
+            shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;
+        }
+        self
     }
 
     /// Some of the columns.

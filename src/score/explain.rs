@@ -216,7 +216,7 @@ impl Reader {
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
             Strip::drawn(grid.width, light)
         };
-        let drawn = self.lines.iter().map(|grid| Columns::of_word(&drawn(grid)));
+        let drawn = self.lines.iter().map(|grid| Columns::of(&drawn(grid)));
         let choices = self.expected.choices(&Columns::joined(drawn));
         for (index, choice) in self.expected.indices.iter().zip(choices) {
             let letter = &verdict.letters[*index];

@@ -1,7 +1,7 @@
-//! The judgment of the columns that show a word: what is seen in the place of each letter, the likeliest other
-//! word, and the readability.
+//! The judgment of the columns that show a word: what is seen in the place of each letter, the
+//! likeliest other word, and the readability.
 
-use super::alphabet::{Classes, classes_of, in_case_of, names, seen_as, spells};
+use super::alphabet::{BLANK, Classes, NO_LETTER, classes_of, in_case_of, names, seen_as, spells};
 use super::calibration::readability;
 use super::choice::Choice;
 use super::columns::Columns;
@@ -20,6 +20,9 @@ const N_RIVALS: usize = 3;
 /// Letters to either side that decide what is seen in the place of one.
 const NEAR: usize = 4;
 
+/// Readability where a word of another length is likelier, at most: an even chance.
+const MOST_OF_OTHER_LENGTH: f64 = 0.5;
+
 /// Free readings that are tried as rivals.
 const N_FREE: usize = 2;
 
@@ -33,6 +36,8 @@ pub(super) struct Expected {
     digits: Vec<bool>,
     /// Mean of ln p over its pairs of letters.
     ln_p_of_pairs: f64,
+    /// How many judged characters are before the begin of each line and before its end.
+    line_ends: Vec<usize>,
 }
 
 /// What columns show of a word.
@@ -44,27 +49,59 @@ pub(super) struct Judgment {
 }
 
 /// Another word, and ln of its odds against the expected one.
-struct Odds {
+pub(super) struct Odds {
     word: String,
     ln_odds: f64,
+}
+
+impl Judgment {
+    /// Takes another word into account that may be likelier.
+    pub(super) fn against(mut self, other: Option<Odds>) -> Self {
+        let share =
+            |Odds { word, ln_odds }| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) };
+        let words = self.rival.take().into_iter().chain(other.map(share));
+        self.rival = words.reduce(|a, b| if b.p > a.p { b } else { a });
+        if self.has_other_length() {
+            self.readability = self.readability.min(MOST_OF_OTHER_LENGTH);
+        }
+        self
+    }
+
+    /// Whether a word of another length is likelier than the expected one.
+    pub(super) fn has_other_length(&self) -> bool {
+        let differs =
+            |rival: &RivalWord| rival.p > 0.5 && rival.word.chars().count() != self.choices.len();
+        self.rival.as_ref().is_some_and(differs)
+    }
 }
 
 impl Expected {
     pub(super) fn new(strokes: &Strokes) -> Self {
         let characters = || strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
         let known = || characters().filter_map(|(at, c)| Some((at, c, classes_of(c)?)));
+        let before = |end: usize| known().filter(|(at, ..)| *at < end).count();
+        let mut line_ends: Vec<usize> =
+            [0].into_iter().chain(strokes.lines().iter().map(|line| before(line.end))).collect();
+        line_ends.dedup();
         Self {
             indices: known().map(|(at, ..)| at).collect(),
             characters: known().map(|(_, c, _)| c).collect(),
             classes: known().map(|(.., classes)| classes).collect(),
             digits: known().map(|(_, c, _)| c.is_ascii_digit()).collect(),
             ln_p_of_pairs: pairs::mean_ln_p(&strokes.word),
+            line_ends,
         }
     }
 
-    /// What is seen in the place of each judged character.
+    /// What is seen in the place of each judged character. The time grows with the square of a word's
+    /// length if all its letters decide, so that those near by do in a long one.
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
-        columns.choices(&self.classes, &self.digits)
+        let n_letters = self.classes.len();
+        if n_letters <= 2 * NEAR + 1 {
+            return columns.choices(&self.classes, &self.digits);
+        }
+        let middles = self.middles(columns);
+        (0..n_letters).map(|place| self.choice_near(columns, &middles, place)).collect()
     }
 
     /// What is seen in the place of one judged character, by the letters around it alone: in a long
@@ -93,9 +130,29 @@ impl Expected {
         let rival = self.rival(columns, &choices);
         let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
         let readability = readability(&choices, against, self.ln_p_of_pairs);
-        let rival = rival
-            .map(|Odds { word, ln_odds }| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) });
-        Judgment { choices, rival, readability }
+        Judgment { choices, rival: None, readability }.against(rival)
+    }
+
+    /// The likeliest word of one letter more before or after a line, if it is likelier than the expected
+    /// one.
+    pub(super) fn longer(&self, columns: &Columns) -> Option<Odds> {
+        let own = columns.ln_p(&self.classes);
+        let with = |(at, set): (usize, Classes)| {
+            let mut word = self.classes.clone();
+            word.insert(at, set);
+            columns.ln_p(&word) - own
+        };
+        let any = !(BLANK | NO_LETTER);
+        let at = self.line_ends.iter().copied().filter(|at| with((*at, any)) > 0.0);
+        let names = names(0, self.digits.iter().all(|digit| *digit));
+        let words = at.flat_map(|at| names.iter().map(move |(letter, set)| (at, *letter, *set)));
+        let odds = words.map(|(at, letter, set)| {
+            let mut word = self.characters.clone();
+            word.insert(at, in_case_of(letter, word[at.saturating_sub(1)]));
+            Odds { word: word.into_iter().collect(), ln_odds: with((at, set)) }
+        });
+        let likeliest = odds.reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a });
+        likeliest.filter(|odds| odds.ln_odds > 0.0)
     }
 
     /// The likeliest other word: with one letter replaced, or as a free reading has it.

@@ -13,7 +13,7 @@ use super::page::LetterPage;
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, whole};
 use super::reading::{ReadLetter, Reading, read};
-use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, SIDE_PX, Strip};
+use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, SIDE_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
 use super::view::View;
 use super::{
@@ -67,6 +67,8 @@ pub(super) struct Seen {
     pub(super) strips: Vec<Strip>,
     /// What each of them shows.
     pub(super) columns: Vec<Columns>,
+    /// The letters of all lines, and those beside them.
+    around: Columns,
 }
 
 impl std::fmt::Debug for Reader {
@@ -156,6 +158,7 @@ impl Reader {
         let judgments = views.map(|columns| self.expected.judge(&columns));
         let better = |a: Judgment, b: Judgment| if b.readability > a.readability { b } else { a };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
+        let judgment = judgment.against(self.expected.longer(&seen.around));
         let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
         Ok(Sight { verdict, seen: Some(seen) })
     }
@@ -164,7 +167,7 @@ impl Reader {
     /// word.
     fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
-            self.lines.iter().filter_map(|grid| grid.frame(view, &seen.placed)).collect();
+            self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();
         let is_outside = |letter: &&ReadLetter| {
             let [left, top, right, bottom] = letter.box_px;
             let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
@@ -189,15 +192,22 @@ impl Reader {
         };
         let placed = self.finder.place(&bright.exposed(full_light));
         let color = color::of_brightest(&colors, whole(INK_SHARE * ink_px));
-        let cut = |grid| Strip::cut(grid, &light, view, &placed, color, full_light);
-        let mut strips: Vec<Strip> = self.lines.iter().map(cut).collect();
-        for (glyph, line) in self.strokes.glyphs.iter().zip(&self.line_of) {
-            if classes_of(glyph.character).is_none() {
-                strips[*line].darken(&self.lines[*line], lit_columns_m(glyph));
+        let strip = |(line, grid): (usize, &Grid)| {
+            let mut strip = Strip::cut(grid, &light, view, &placed, color, full_light);
+            let glyphs = self.strokes.glyphs.iter().zip(&self.line_of);
+            for (glyph, _) in glyphs.filter(|(_, of)| **of == line) {
+                if classes_of(glyph.character).is_none() {
+                    strip.darken(grid, lit_columns_m(glyph));
+                }
             }
-        }
-        let columns = strips.iter().map(Columns::of_word).collect();
-        Ok(Ok(Seen { light, placed, full_light, contrast, strips, columns }))
+            strip
+        };
+        let strips: Vec<Strip> = self.lines.iter().enumerate().map(strip).collect();
+        let columns = strips.iter().map(Columns::of).collect();
+        let around = self.lines.iter().map(around).enumerate();
+        let around = around.map(|(line, grid)| strip((line, &grid)).where_lit());
+        let around = Columns::joined(around.map(|strip| Columns::of(&strip))).letters_alone();
+        Ok(Ok(Seen { light, placed, full_light, contrast, strips, columns, around }))
     }
 
     /// Height of a capital in the photo; `None` where the photo cannot show it.
@@ -207,11 +217,13 @@ impl Reader {
 
     fn verdict(
         &self,
-        Judgment { choices, rival, readability }: Judgment,
+        judgment: Judgment,
         seen: &Seen,
         cap_height_px: Option<f64>,
         reading: &Reading,
     ) -> Verdict {
+        let has_other_length = judgment.has_other_length();
+        let Judgment { choices, rival, readability } = judgment;
         let n_judged = choices.len();
         let mut choices = choices.iter();
         let letter = |glyph: &Glyph| match classes_of(glyph.character) {
@@ -227,7 +239,7 @@ impl Reader {
         let legible = is_likeliest && readability >= self.options.legible_probability;
         let reason = match () {
             () if legible => None,
-            () if reading.is_clear() && reading.letters.len() != n_judged => {
+            () if has_other_length || (reading.is_clear() && reading.letters.len() != n_judged) => {
                 Some(Reason::OtherLength)
             }
             () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
@@ -261,6 +273,11 @@ impl Reader {
     }
 }
 
+/// Where a line is cut out with what may be beside it.
+fn around(line: &Grid) -> Grid {
+    line.widened(SIDE_PX - MARGIN_PX)
+}
+
 /// Where a line of letters is cut out of the word's plane.
 fn strip_grid(glyphs: &[Glyph]) -> Grid {
     let cell = glyphs[0].cell;
@@ -271,9 +288,9 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), [from, to]| {
             (left.min(from), right.max(to))
         });
-    let width = whole(((right - left) / pitch_m).ceil()) + 2 * SIDE_PX;
+    let width = whole(((right - left) / pitch_m).ceil()) + 2 * MARGIN_PX;
     Grid {
-        left_m: left - SIDE_PX as f64 * pitch_m,
+        left_m: left - MARGIN_PX as f64 * pitch_m,
         top_m: cell.baseline_m + cell.cap_height_m + HEAD_ROW as f64 * pitch_m,
         pitch_m,
         width: width.next_multiple_of(2),

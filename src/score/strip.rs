@@ -20,8 +20,8 @@ pub(super) const HEAD_ROW: usize = 8;
 /// Columns beside the first and the last letter, as in most strips that the net was trained on.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Columns beside the first and the last letter of an expected word: 1.5 H, so that one more letter
-/// of any width is seen.
+/// Columns beside the first and the last letter of a word where more letters are looked for: 1.5 H, so
+/// that one more of any width is seen.
 pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
@@ -40,8 +40,7 @@ pub(super) struct Strip {
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes.
     pub(super) pure: Vec<f32>,
-    /// The columns that are read, from an even one to an even one: the net knows no wide darkness, and
-    /// sees letters in it.
+    /// The columns that are read, from an even one to an even one.
     pub(super) read: Range<usize>,
 }
 
@@ -61,15 +60,19 @@ impl Strip {
             grid.resample_of(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
         let channel =
             |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
-        let (bright, pure) = (channel(0), channel(1));
-        let read = lit_columns(&bright, grid.width);
-        Self { width: grid.width, bright, pure, read }
+        Self { width: grid.width, bright: channel(0), pure: channel(1), read: 0..grid.width }
     }
 
     /// A strip of drawn light.
     pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
-        let read = lit_columns(&light, width);
-        Self { width, bright: light.clone(), pure: light, read }
+        Self { width, bright: light.clone(), pure: light, read: 0..width }
+    }
+
+    /// The same, read from the first to the last column with light alone, and the margin that the net
+    /// knows: it knows no wide darkness, and sees letters in it.
+    pub(super) fn where_lit(self) -> Self {
+        let read = lit_columns(&self.bright, self.width);
+        Self { read, ..self }
     }
 
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
