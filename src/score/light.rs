@@ -248,10 +248,9 @@ fn take_off_sky(values: &mut [Rgb], [n_columns, n_rows]: [usize; 2], block: usiz
             for channel in 0..3 {
                 let [above, below] =
                     corners.map(|[a, b]| a[channel] + share * (b[channel] - a[channel]));
-                // White stays white: a saturated pixel hides what sky there was. What is brighter
-                // than any sky is a patch of light, and no outline is left of it.
-                let sky = (above + down * (below - above)).min(max_sky);
-                value[channel] = (value[channel] - sky) / (1.0 - sky);
+                // White stays white: a saturated pixel hides what sky there was.
+                let sky = above + down * (below - above);
+                value[channel] = (value[channel] - sky) / (1.0 - sky.min(max_sky));
             }
         }
     }

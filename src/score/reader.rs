@@ -48,6 +48,10 @@ pub struct Reader {
 /// Share from which a letter that is read beside the place of the word counts as one.
 const CLEAR_SHARE: f64 = 0.6;
 
+/// Ratio of the odds of being read in the line found blindly to those in the word's place from which
+/// the two views contradict each other: the outline of a white patch is an O in the one alone.
+const CONTRADICTION: f64 = 20.0;
+
 /// A verdict, and the light that it is about.
 pub(super) struct Sight {
     pub(super) verdict: Verdict,
@@ -156,7 +160,10 @@ impl Reader {
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
         let views = [in_place, blind].into_iter().flatten();
         let judgments = views.map(|columns| self.expected.judge(&columns));
-        let better = |a: Judgment, b: Judgment| if b.readability > a.readability { b } else { a };
+        let odds = |judgment: &Judgment| judgment.readability / (1.0 - judgment.readability);
+        let better = |place: Judgment, line: Judgment| {
+            if (1.0..CONTRADICTION).contains(&(odds(&line) / odds(&place))) { line } else { place }
+        };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.longer(&seen.around));
         let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
@@ -224,7 +231,7 @@ impl Reader {
     ) -> Verdict {
         let has_other_length = judgment.has_other_length();
         let Judgment { choices, rival, readability } = judgment;
-        let n_judged = choices.len();
+        let reads_other_length = reading.is_clear() && reading.letters.len() != choices.len();
         let mut choices = choices.iter();
         let letter = |glyph: &Glyph| match classes_of(glyph.character) {
             None => LetterVerdict::not_judged(glyph.character),
@@ -239,11 +246,9 @@ impl Reader {
         let legible = is_likeliest && readability >= self.options.legible_probability;
         let reason = match () {
             () if legible => None,
-            () if has_other_length || (reading.is_clear() && reading.letters.len() != n_judged) => {
-                Some(Reason::OtherLength)
-            }
-            () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
             () if has_few_px => Some(Reason::TooSmall),
+            () if has_other_length || reads_other_length => Some(Reason::OtherLength),
+            () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
             () if is_read && is_likeliest => Some(Reason::Unsure),
             () => Some(Reason::Misread),
         };
