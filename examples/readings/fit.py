@@ -4,9 +4,10 @@
 
 READINGS.tsv has a line for each photo: name, half (choose or test), kind, word shown, word expected, and of each
 reader what was read and how surely (sure, guess, no). FOLDER is what photos.py made: its verdicts are taken with the
-example `readings`, of the expected words and of words that differ from them in one letter. OLD.tsv holds verdicts of
-another program, with the columns of `readings verdicts`. To add readers, add columns to READINGS.tsv and their names
-to READERS; to refit, run this and copy the constants into src/score/calibration.rs.
+example `readings`, of the expected words, of words that differ from them in one letter and of words of one letter
+more or less. OLD.tsv holds verdicts of another program, with the columns of `readings verdicts`. To add readers, add
+columns to READINGS.tsv and their names to READERS; to refit, run this and copy the constants into
+src/score/calibration.rs.
 """
 
 import argparse
@@ -24,8 +25,9 @@ from pairs import LETTERS, plain
 
 READERS = ["a", "b"]
 
-# Of words with one wrong letter in the fit: they are as many as the right ones, and visitors see few of them.
-WEIGHT_OF_WRONG = 0.3
+# Of words with one wrong letter, or one too many or too few, in the fit: they are twice as many as the right ones, and
+# visitors see few of them.
+WEIGHT_OF_WRONG = 0.15
 
 # Clean photographs of the default scene that two readers saw, and both read (docs/legible.md).
 CLEAN_READ = 62
@@ -95,6 +97,17 @@ def wrong_word(name, word):
         return None
     letter = rng.choice([c for c in kind if c != word[at] and not {c, word[at]} <= set("IlO01")])
     return word[:at] + letter + word[at + 1:]
+
+
+def other_length(name, word):
+    """A word of one letter more or less, at the beginning, in the middle or at the end."""
+    rng = random.Random("length " + name)
+    at = rng.choice([0, len(word) // 2, len(word)])
+    if len(word) > 2 and rng.random() < 0.5:
+        at = min(at, len(word) - 1)
+        return word[:at] + word[at + 1:]
+    kind = next((kind for kind in KINDS if word[min(at, len(word) - 1)] in kind), KINDS[0])
+    return word[:at] + rng.choice(kind) + word[at:]
 
 
 def verdicts(folder, expected):
@@ -177,9 +190,11 @@ def main():
     args = parser.parse_args()
     readings = list(csv.DictReader(open(args.readings), delimiter="\t"))
     expected = {row["photo"]: row["expected"] for row in readings if row["expected"]}
-    wrong = {row["photo"]: wrong_word(row["photo"], row["expected"]) for row in readings if row["kind"] == "photo"}
+    others = [{row["photo"]: other(row["photo"], row["expected"]) for row in readings if row["kind"] == "photo"}
+              for other in (wrong_word, other_length)]
     rows = rows_of(readings, verdicts(args.folder, expected))
-    wrong = rows_of(readings, verdicts(args.folder, {name: word for name, word in wrong.items() if word}))
+    wrong = [row for words in others
+             for row in rows_of(readings, verdicts(args.folder, {name: word for name, word in words.items() if word}))]
     of_half = lambda rows, half: [row for row in rows if row["half"] == half]
     fit = of_half(rows, "choose"), of_half(wrong, "choose")
     clean = clean_rows(args.clean) if args.clean else []

@@ -386,7 +386,7 @@ def main():
     args = parser.parse_args()
     for folder in ("raw", "photos", "scenes"):
         os.makedirs(os.path.join(args.out, folder), exist_ok=True)
-    faces = sorted(os.path.abspath(face) for face in args.faces)
+    faces = [os.path.abspath(face) for face in args.faces]
 
     def one(item):
         index, shown, expected, kind, extra = item
