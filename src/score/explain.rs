@@ -43,8 +43,8 @@ const SURE: f64 = 0.97;
 /// Gains of readability below this are no reason for advice.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Letters whose faults are taken out of a photo: those with the least shares.
-const MOST_MENDED: usize = 32;
+/// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read anew.
+const MOST_MENDED: usize = 12;
 
 /// Most sentences of advice.
 const MAX_ADVICE: usize = 3;
@@ -86,11 +86,12 @@ impl Reader {
                 *mending = None;
                 continue;
             }
-            cause.gain = Some(if in_place.choices[place].p >= SURE {
+            let before = in_place.choices[place].p;
+            cause.gain = Some(if before >= SURE {
                 0.0
             } else {
-                let p = |columns| self.expected.choice_near(columns, &middles, place).p;
-                p(&self.mended(seen, &sketches, &[(index, fault)])) - p(&columns)
+                let mended = self.mended(seen, &sketches, &[(index, fault)]);
+                self.expected.choice_near(&mended, &middles, place).p - before
             });
         }
         self.flaws_of_design(verdict, &mut found);
