@@ -133,9 +133,9 @@ impl Expected {
         Judgment { choices, rival: None, readability }.against(rival)
     }
 
-    /// The likeliest word of one letter more before or after a line, if it is likelier than the expected
-    /// one.
-    pub(super) fn longer(&self, columns: &Columns) -> Option<Odds> {
+    /// The likeliest word that has one letter more or less at an end of a line, if it is likelier than
+    /// the expected one.
+    pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let own = columns.ln_p(&self.classes);
         let with = |(at, set): (usize, Classes)| {
             let mut word = self.classes.clone();
@@ -143,15 +143,23 @@ impl Expected {
             columns.ln_p(&word) - own
         };
         let any = !(BLANK | NO_LETTER);
-        let at = self.line_ends.iter().copied().filter(|at| with((*at, any)) > 0.0);
+        let longer = self.line_ends.iter().copied().filter(|at| with((*at, any)) > 0.0);
         let names = names(0, self.digits.iter().all(|digit| *digit));
-        let words = at.flat_map(|at| names.iter().map(move |(letter, set)| (at, *letter, *set)));
-        let odds = words.map(|(at, letter, set)| {
+        let longer =
+            longer.flat_map(|at| names.iter().map(move |(letter, set)| (at, *letter, *set)));
+        let longer = longer.map(|(at, letter, set)| {
             let mut word = self.characters.clone();
             word.insert(at, in_case_of(letter, word[at.saturating_sub(1)]));
             Odds { word: word.into_iter().collect(), ln_odds: with((at, set)) }
         });
-        let likeliest = odds.reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a });
+        let ends = self.line_ends.windows(2).flat_map(|ends| [ends[0], ends[1] - 1]);
+        let shorter = ends.filter(|_| self.classes.len() > 1).map(|at| {
+            let (mut word, mut classes) = (self.characters.clone(), self.classes.clone());
+            (word.remove(at), classes.remove(at));
+            Odds { word: word.into_iter().collect(), ln_odds: columns.ln_p(&classes) - own }
+        });
+        let likeliest =
+            longer.chain(shorter).reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a });
         likeliest.filter(|odds| odds.ln_odds > 0.0)
     }
 

@@ -165,7 +165,7 @@ impl Reader {
             if (1.0..CONTRADICTION).contains(&(odds(&line) / odds(&place))) { line } else { place }
         };
         let judgment = judgments.reduce(better).expect("letters beside the word were read");
-        let judgment = judgment.against(self.expected.longer(&seen.around));
+        let judgment = judgment.against(self.expected.at_ends(&seen.around));
         let verdict = self.verdict(judgment, &seen, cap_height_px, &reading);
         Ok(Sight { verdict, seen: Some(seen) })
     }
