@@ -27,7 +27,7 @@ pub(super) enum Node {
     /// A number, a truth value.
     Number(f64),
     List(List),
-    Object(BTreeMap<String, Node>),
+    Object(BTreeMap<String, Self>),
 }
 
 /// A list of numbers, or of objects, each a row of cells.

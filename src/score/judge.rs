@@ -155,7 +155,8 @@ impl Expected {
         let ends = self.line_ends.windows(2).flat_map(|ends| [ends[0], ends[1] - 1]);
         let shorter = ends.filter(|_| self.classes.len() > 1).map(|at| {
             let (mut word, mut classes) = (self.characters.clone(), self.classes.clone());
-            (word.remove(at), classes.remove(at));
+            word.remove(at);
+            classes.remove(at);
             Odds { word: word.into_iter().collect(), ln_odds: columns.ln_p(&classes) - own }
         });
         let likeliest =

@@ -157,8 +157,8 @@ fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
     if outer.len() < 3 {
         return;
     }
-    let (from, to) = element(&outer[1..], random)
-        .map_or_else(|| token(&outer[1..outer.len() - 1], random), |span| span);
+    let (from, to) =
+        element(&outer[1..], random).unwrap_or_else(|| token(&outer[1..outer.len() - 1], random));
     let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
     let times = room / (head.len() + tail.len()).max(1);
     // Readers have limits of depth: as often a few times as to the full.

@@ -64,7 +64,7 @@ fn outline(shape: usize, n_points: usize, random: &mut Random) -> Vec<u8> {
             let turn = f64::from(k) / f64::from(n) * std::f64::consts::TAU;
             let radius = if k % 2 == 0 { 500.0 } else { 50.0 };
             #[expect(clippy::cast_possible_truncation, reason = "below 1000")]
-            [turn.cos(), turn.sin()].map(|x| (500.0 + radius * x) as i32)
+            [libm::cos(turn), libm::sin(turn)].map(|x| (500.0 + radius * x) as i32)
         }
         _ => [1000 * (k / 2) / n, 1000 * k.div_euclid(2) / n + 100 * (k % 2)],
     };

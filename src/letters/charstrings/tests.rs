@@ -104,7 +104,7 @@ fn subroutines_within_subroutines_are_refused_in_no_time() {
         let glyph = [&[139, 22, of(0), 10][..], end].concat();
         for leaf in [&[144, 144, 5][..], &[]] {
             let file = face_of(&glyph, &bomb(leaf, 10), &[], long);
-            assert!(!work(&file, 0).is_some(), "ten billion calls");
+            assert!(work(&file, 0).is_none(), "ten billion calls");
             let file = face_of(&glyph, &bomb(leaf, 2), &[], long);
             assert!(work(&file, 0).is_some(), "a thousand");
         }
@@ -117,7 +117,7 @@ fn subroutines_within_subroutines_are_refused_in_no_time() {
         );
     }
     let file = face_of(&[139, 139, 139, 200, 14], &[], &[], false);
-    assert!(!work(&file, 0).is_some(), "a letter composed of two");
+    assert!(work(&file, 0).is_none(), "a letter composed of two");
 }
 
 /// Programs by chance: whatever the parser draws has been run to its end, number for number.

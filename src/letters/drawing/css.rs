@@ -136,7 +136,7 @@ impl Elements {
             named if named.contains(['.', '#', ':']) => self.classes,
             _ => self.n + self.added,
         };
-        let last = parts().last().unwrap_or("*");
+        let last = parts().next_back().unwrap_or("*");
         let end = |text: &str| text.find(['.', '#', '[', ':']).unwrap_or(text.len());
         let tag = &last[..end(last)];
         let names = last.match_indices(['.', '#']).map(|(at, _)| {

@@ -158,7 +158,8 @@ mod tests {
     #[test]
     fn a_room_bounds_the_volume() {
         let plan = plan(&strokes("NOOR"), &PlanOptions::even()).unwrap();
-        let volume = |profile: Profile| check_plans(&[plan.clone()], &profile).swap_remove(0);
+        let volume =
+            |profile: Profile| check_plans(std::slice::from_ref(&plan), &profile).swap_remove(0);
         let inside = volume(Profile::indoor());
         assert!((inside.value.unwrap() + 1.5).abs() < 0.05, "1 m of 2.5 m high: {inside:?}");
         let small = volume(Profile::indoor().in_room([1.5, 1.5, 1.0]));

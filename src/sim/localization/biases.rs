@@ -73,7 +73,11 @@ impl Evidence {
                 let (x, p) = &last.updated;
                 let inverse = p.view((n, n), (size, size)).into_owned().try_inverse()?;
                 let vector = &inverse * x.rows(n, size);
-                let prior = DMatrix::from_diagonal_element(size, size, PRIOR_SIGMA_M.powi(-2));
+                let prior = DMatrix::from_diagonal_element(
+                    size,
+                    size,
+                    1.0 / (PRIOR_SIGMA_M * PRIOR_SIGMA_M),
+                );
                 Some((inverse - prior, vector))
             })
             .unwrap_or_else(|| (DMatrix::zeros(size, size), DVector::zeros(size)));
@@ -87,7 +91,7 @@ impl Evidence {
         });
         let right = c.transpose() * &self.vector;
         let prior = DMatrix::from_diagonal_element(chosen.len(), chosen.len(), 1.0)
-            * PRIOR_SIGMA_M.powi(-2);
+            / (PRIOR_SIGMA_M * PRIOR_SIGMA_M);
         let normal = c.transpose() * &self.information * &c + prior;
         let values = normal.cholesky().map_or_else(|| right.clone() * 0.0, |c| c.solve(&right));
         (right.dot(&values) / self.dispersion, values)
