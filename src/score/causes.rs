@@ -179,7 +179,7 @@ pub(super) fn sentence(
              in the room)."
         ),
         CauseKind::Shifted => {
-            format!("Bring {named} to its place: it is up to {most_mm:.0} mm away.")
+            format!("Bring {named} into place: up to {most_mm:.0} mm away.")
         }
         CauseKind::Glow => format!(
             "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named}."

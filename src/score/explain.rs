@@ -46,6 +46,10 @@ const LEAST_GAIN: f64 = 0.005;
 /// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read anew.
 const MOST_MENDED: usize = 12;
 
+/// Longest word, in letters, of which faults are taken out: of a longer one they are named, without
+/// their gains.
+const LONGEST_MENDED: usize = 32;
+
 /// Most sentences of advice.
 const MAX_ADVICE: usize = 3;
 
@@ -74,6 +78,9 @@ impl Reader {
                 mark(page, &seen.placed, view, sketch, (gaps, strays), &mut marks);
             },
         );
+        if self.expected.indices.len() > LONGEST_MENDED {
+            found.iter_mut().for_each(|(_, mending)| *mending = None);
+        }
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
         let middles = self.expected.middles(&columns);
