@@ -1,6 +1,8 @@
 //! The judgment of the columns that show a word: what is seen in the place of each letter, the
 //! likeliest other word, and the readability.
 
+use std::ops::Range;
+
 use super::alphabet::{BLANK, Classes, NO_LETTER, classes_of, in_case_of, names, seen_as, spells};
 use super::calibration::readability;
 use super::choice::Choice;
@@ -107,17 +109,16 @@ impl Expected {
     /// What is seen in the place of one judged character, by the letters around it alone: in a long
     /// word the others are far away. `middles` are those of [`Columns::middles`].
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
-        let letters = place.saturating_sub(NEAR)..(place + NEAR + 1).min(self.classes.len());
-        let end = |letter: usize| match (letter.checked_sub(1), middles.get(letter)) {
-            (Some(before), Some(middle)) => whole(0.5 * (middles[before] + middle)),
-            (None, _) => 0,
-            (_, None) => columns.0.len(),
-        };
-        let (from, to) = (end(letters.start), end(letters.end));
-        let part = columns.part(from..to.max(from + 1));
+        let letters = self.near(place);
+        let part = columns_of(columns, middles, &letters);
         let mut choices =
             part.choices(&self.classes[letters.clone()], &self.digits[letters.clone()]);
         choices.swap_remove(place - letters.start)
+    }
+
+    /// The letters around a place.
+    fn near(&self, place: usize) -> Range<usize> {
+        place.saturating_sub(NEAR)..(place + NEAR + 1).min(self.classes.len())
     }
 
     /// The mean column of each judged character.
@@ -134,30 +135,43 @@ impl Expected {
     }
 
     /// The likeliest word that has one letter more or less at an end of a line, if it is likelier than
-    /// the expected one.
+    /// the expected one. In a long word the letters near that end decide.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
-        let own = columns.ln_p(&self.classes);
-        let with = |(at, set): (usize, Classes)| {
-            let mut word = self.classes.clone();
-            word.insert(at, set);
-            columns.ln_p(&word) - own
-        };
-        let any = !(BLANK | NO_LETTER);
-        let longer = self.line_ends.iter().copied().filter(|at| with((*at, any)) > 0.0);
-        let names = names(0, self.digits.iter().all(|digit| *digit));
-        let longer =
-            longer.flat_map(|at| names.iter().map(move |(letter, set)| (at, *letter, *set)));
-        let longer = longer.map(|(at, letter, set)| {
-            let mut word = self.characters.clone();
-            word.insert(at, in_case_of(letter, word[at.saturating_sub(1)]));
-            Odds { word: word.into_iter().collect(), ln_odds: with((at, set)) }
+        let n_letters = self.classes.len();
+        let middles = self.middles(columns);
+        let parts = self.line_ends.iter().map(|&at| {
+            let letters = if n_letters <= 2 * NEAR + 1 {
+                0..n_letters
+            } else {
+                self.near(at.min(n_letters - 1))
+            };
+            let part = columns_of(columns, &middles, &letters);
+            let own = part.ln_p(&self.classes[letters.clone()]);
+            (at, letters, part, own)
         });
-        let ends = self.line_ends.windows(2).flat_map(|ends| [ends[0], ends[1] - 1]);
-        let shorter = ends.filter(|_| self.classes.len() > 1).map(|at| {
-            let (mut word, mut classes) = (self.characters.clone(), self.classes.clone());
-            word.remove(at);
-            classes.remove(at);
-            Odds { word: word.into_iter().collect(), ln_odds: columns.ln_p(&classes) - own }
+        let parts: Vec<_> = parts.collect();
+        let any = !(BLANK | NO_LETTER);
+        let all = names(0, self.digits.iter().all(|digit| *digit));
+        let longer = parts.iter().flat_map(|(at, letters, part, own)| {
+            let with = move |set: Classes| {
+                let mut word = self.classes[letters.clone()].to_vec();
+                word.insert(at - letters.start, set);
+                part.ln_p(&word) - own
+            };
+            let names = if with(any) > 0.0 { &all[..] } else { &[] };
+            names.iter().map(move |(letter, set)| {
+                let mut word = self.characters.clone();
+                word.insert(*at, in_case_of(*letter, word[at.saturating_sub(1)]));
+                Odds { word: word.into_iter().collect(), ln_odds: with(*set) }
+            })
+        });
+        let shorter = parts.windows(2).flat_map(|ends| [(&ends[0], 0), (&ends[1], 1)]);
+        let shorter = shorter.filter(|_| n_letters > 1).map(|((at, letters, part, own), back)| {
+            let (mut word, mut classes) =
+                (self.characters.clone(), self.classes[letters.clone()].to_vec());
+            word.remove(at - back);
+            classes.remove(at - back - letters.start);
+            Odds { word: word.into_iter().collect(), ln_odds: part.ln_p(&classes) - own }
         });
         let likeliest =
             longer.chain(shorter).reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a });
@@ -190,6 +204,17 @@ impl Expected {
         let all = by_letter.chain(free).filter(|rival| !rival.ln_odds.is_nan());
         all.reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
     }
+}
+
+/// The columns from halfway to the letter before some letters to halfway to the one behind them.
+fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Columns {
+    let end = |letter: usize| match (letter.checked_sub(1), middles.get(letter)) {
+        (Some(before), Some(middle)) => whole(0.5 * (middles[before] + middle)),
+        (None, _) => 0,
+        (_, None) => columns.0.len(),
+    };
+    let (from, to) = (end(letters.start), end(letters.end));
+    columns.part(from..to.max(from + 1))
 }
 
 /// The verdict on one letter.
