@@ -37,12 +37,14 @@
 //! | 0 | `random` | random numbers as functions of a key |
 //! | 0 | [`geometry`] | poses, frames, polylines |
 //! | 0 | [`control`] | mathematics of linear systems, with no drone in it |
+//! | 1 | [`crazyflie`] | facts of the firmware and its files |
 //! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
 //! | 1 | [`camera`] | a description without pixels: pose, lens, shutter, sensitivity |
 //! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
 //! | 2 | [`light`] | Flight → [`light::LightTrace`] |
 //! | 2 | [`logs`] | a real flight's log → Flight |
+//! | 3 | [`identify`] | Flight → parameters of its drone |
 //! | 3 | [`sim`] | Plan → Flight |
 //! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
@@ -78,6 +80,7 @@
 pub mod camera;
 pub mod cli;
 pub mod control;
+pub mod crazyflie;
 mod digest;
 pub mod error;
 pub mod export;
@@ -85,6 +88,7 @@ pub mod expose;
 mod files;
 pub mod flight;
 pub mod geometry;
+pub mod identify;
 pub mod letters;
 pub mod light;
 pub mod logs;

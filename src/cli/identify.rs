@@ -8,9 +8,9 @@ use serde_json::json;
 use super::flags::{FlightFlags, SceneFlags};
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
+use crate::identify::yaw::ReactionTorque;
+use crate::identify::{Identified, Known, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::sim::VehicleOptions;
-use crate::sim::identify::yaw::ReactionTorque;
-use crate::sim::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 
 #[derive(Debug, Args)]
 pub(super) struct IdentifyArgs {
@@ -31,12 +31,17 @@ pub(super) struct IdentifyArgs {
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let vehicle = args.scene.load(&[])?.vehicle;
+    let known = Known {
+        mass_kg: vehicle.mass_kg,
+        arm_m: vehicle.arm_m,
+        inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
+        motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
+    };
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
     let inertia_kg_m2 = inertia.transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log)).transpose()?;
-    let found =
-        flight.map(|flight| identify(&flight, &vehicle)).transpose().map_err(named(args))?;
+    let found = flight.map(|flight| identify(&flight, &known)).transpose().map_err(named(args))?;
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
     let assumed = assumed(&vehicle);
     let text = [Some(assumed), found.as_ref().map(table), inertia].into_iter().flatten().collect();

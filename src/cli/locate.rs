@@ -13,6 +13,7 @@ use super::locate_region::region;
 use super::output::OutputFolder;
 use super::report::{Outcome, Report, line};
 use super::warn;
+use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity};
@@ -21,7 +22,7 @@ use crate::scene::Scene;
 use crate::sim::localization::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
-    nis_interval, position_error, read_anchors,
+    nis_interval, position_error,
 };
 use crate::statistics::median;
 

@@ -7,10 +7,11 @@
 use serde_json::{Value, json};
 
 use super::compressed::Compressed;
-use super::lights::{Command, MAX_TIMING_ENTRIES, commands, dark, preparation, timing};
+use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, python};
 use super::pieces::Stretch;
 use super::{Job, caution, gains, stem};
+use crate::crazyflie::RING_TIMING_ENTRIES;
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 use crate::settings::settings;
@@ -68,7 +69,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
     let on_board = job.trajectory_lights(drone)?;
-    let timing = timing(plan, &on_board).filter(|t| t.entries.len() <= MAX_TIMING_ENTRIES);
+    let timing = timing(plan, &on_board).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES);
     // Notes of the changes in the log need the channel: the memory plays the ring alone.
     let timing = timing.map(|timing| {
         let entries = timing.entries.iter().map(|(lasts, [r, g, b])| json!([lasts, r, g, b]));

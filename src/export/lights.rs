@@ -9,6 +9,7 @@
 //! A ring with few changes can play them from its timing memory (`Timing`), on the clock of a
 //! trajectory on board, so that a late packet moves none of them.
 
+use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
 use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS, packed};
 use crate::plan::Plan;
@@ -119,13 +120,6 @@ pub fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
     parameters
 }
 
-/// Unit of a duration in the timing memory, s (`LEDRING_TIME_MEM_SEC`).
-const TIMING_S: f64 = 0.04;
-/// Longest duration of an entry, in that unit.
-const MAX_TIMING: u64 = u8::MAX as u64;
-/// Entries of the timing memory beside the one that ends the list (`LEDRING_TIME_MEM_SIZE`).
-pub const MAX_TIMING_ENTRIES: usize = 9;
-
 /// Entries of the timing memory that the lights of a flight take, of those that light a ring alone;
 /// `None` of others.
 ///
@@ -154,14 +148,14 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     }
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
-        changes.push((first.time_s + TIMING_S * played as f64, command.level));
-        let until_s = commands.get(index + 1).map_or(command.time_s + TIMING_S, |c| c.time_s);
+        changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
+        let until_s = commands.get(index + 1).map_or(command.time_s + RING_TIMING_S, |c| c.time_s);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
-        let until = ((until_s - first.time_s) / TIMING_S).round() as u64;
+        let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
         let until = until.max(played + 1);
         while played < until {
-            let lasts = (until - played).min(MAX_TIMING);
+            let lasts = (until - played).min(MAX_RING_TIMING);
             entries.push((u8::try_from(lasts).expect("at most 255"), rgb(command)));
             played += lasts;
         }
@@ -246,12 +240,15 @@ mod tests {
         assert_eq!(found.entries, [(51, on), (25, off), (25, half), (1, off)]);
         let times: Vec<f64> = found.changes.iter().map(|(time_s, _)| *time_s).collect();
         for (found, want) in times.iter().zip([1.01, 3.03, 4.04, 5.05]) {
-            assert!((found - want).abs() <= TIMING_S / 2.0 + 1e-9, "{found} instead of {want}");
+            assert!(
+                (found - want).abs() <= RING_TIMING_S / 2.0 + 1e-9,
+                "{found} instead of {want}"
+            );
         }
         let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;
         assert_eq!(long, [(255, on), (255, on), (115, on), (1, off)], "10.2 s each at most");
         let many: Vec<f64> = (0..11).map(|row| f64::from(row % 2)).collect();
-        assert_eq!(timing("ring", &many, 1.0).unwrap().entries.len(), MAX_TIMING_ENTRIES + 1);
+        assert_eq!(timing("ring", &many, 1.0).unwrap().entries.len(), RING_TIMING_ENTRIES + 1);
         assert_eq!(timing("ring", &many[..10], 1.0), None, "still lit at the end");
         assert_eq!(timing("ring", &many[..9], 1.0).unwrap().entries.len(), 8);
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");

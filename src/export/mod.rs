@@ -8,6 +8,7 @@
 //! such a flight, decoded from what was exported.
 
 use crate::camera::Camera;
+use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::Result;
 use crate::light::LightOptions;
 use crate::plan::Plan;
@@ -185,7 +186,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
 /// What a plan takes of the trajectory memory on board, and how it can be sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
-    /// Bytes as a compressed trajectory, of [`compressed::MEMORY_BYTES`].
+    /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
     /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
@@ -206,7 +207,7 @@ pub fn memory(plan: &Plan) -> Result<Memory> {
     let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
     let pieces = all.n_pieces();
     let fits = [
-        (Format::Compressed, bytes <= compressed::MEMORY_BYTES),
+        (Format::Compressed, bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];

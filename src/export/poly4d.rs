@@ -11,15 +11,16 @@
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::compressed::{Compressed, MEMORY_BYTES};
+use super::compressed::Compressed;
 use super::pieces::{Polynomial, Polynomials, Stretch, motion, pieces};
+use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::Result;
 use crate::plan::Plan;
 
 /// Bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
-pub const MAX_PIECES: usize = MEMORY_BYTES / PIECE_BYTES;
+pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
 /// Header of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -48,7 +49,7 @@ impl Poly4d {
         let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let found = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
         let hint = format!(
-            "export it compressed ({compressed} of {MEMORY_BYTES} bytes), or accept a larger \
+            "export it compressed ({compressed} of {TRAJECTORY_MEMORY_BYTES} bytes), or accept a larger \
              distance from the design"
         );
         Err(stretch.too_long(until_s, &found, &hint))

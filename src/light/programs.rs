@@ -6,6 +6,7 @@ use super::chance::Chance;
 use super::radio::{Change, Timer, arrivals, arrivals_of};
 use super::ring::{Frame, byte, frames};
 use super::{ColorLedLevels, Drive, Fixture, LightOptions, Pwm};
+use crate::crazyflie::COLOR_LED_TICK_S;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 
@@ -24,9 +25,6 @@ pub(super) struct Programs<'a> {
 
 /// Time over which flicker is averaged.
 const FLICKER_S: f64 = 0.1;
-
-/// Period of the task of the color LED deck (`color_led_deck.c`).
-const COLOR_LED_TICK_S: f64 = 0.01;
 
 /// Channel of the plan that switches the color LED deck; without it the deck is on.
 pub(super) const COLOR_LED_CHANNEL: &str = "color-led";

@@ -7,10 +7,8 @@ use super::chance::Chance;
 use super::fixture::RING_LEDS;
 use super::radio::{Change, Timer, arrivals};
 use super::{LightOptions, RingColor, RingEffect, RingFade};
+use crate::crazyflie::RING_TICK_S;
 use crate::flight::Flight;
-
-/// Period of the timer of the ring where the scene has none.
-const TICK_S: f64 = 0.05;
 
 /// Red, green, blue of every LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
@@ -34,7 +32,7 @@ pub(super) fn frames(
     let (Some(first), Some(last)) = (flight.samples.first(), flight.samples.last()) else {
         return Vec::new();
     };
-    let period_s = if options.tick_s == 0.0 { TICK_S } else { options.tick_s };
+    let period_s = if options.tick_s == 0.0 { RING_TICK_S } else { options.tick_s };
     let timer = Timer { period_s, phase_s: options.tick_phase_s };
     let mut ring = Ring::at_start(flight, options);
     let mut commands = commands(flight, options, chance).into_iter().peekable();

@@ -11,11 +11,10 @@ use super::motion::{Motion, State};
 use super::pen::PenStroke;
 use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
+use crate::crazyflie::RING_TICK_S;
 use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 
-/// Period of the lamps' timer in the firmware (`ledring12.c`).
-pub(super) const TICK_S: f64 = 0.05;
 /// Steps of a dimmed light: finer ones are not visible, and each one is a command.
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
@@ -116,14 +115,14 @@ impl Course<'_> {
     }
 
     fn motion(&self, stroke: &PenStroke) -> Motion {
-        Motion::new(&stroke.points_m, self.options.stroke_speed_m_s, self.style, TICK_S)
+        Motion::new(&stroke.points_m, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
     }
 
     /// A transit to a state.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
-        let transit = Transit::new(&self.at, to, self.style, TICK_S)
-            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), self.style, TICK_S));
+        let transit = Transit::new(&self.at, to, self.style, RING_TICK_S)
+            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), self.style, RING_TICK_S));
         let transit = transit.ok_or_else(|| Error::Infeasible {
             what: format!("no transit was found after {:.2} s", self.end_s),
             hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
@@ -134,7 +133,7 @@ impl Course<'_> {
     }
 
     fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) {
-        let lasts_s = (lasts_s / TICK_S - 1e-6).ceil() * TICK_S;
+        let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
         self.at = path.at(lasts_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += lasts_s;

@@ -177,9 +177,6 @@ impl Setpoint {
     }
 }
 
-/// Longest flight that is planned: an hour, twelve times a Crazyflie's battery.
-const MAX_DURATION_S: f64 = 3600.0;
-
 /// Plans the flight of one drone that writes all strokes, in the style of the options.
 ///
 /// # Errors

@@ -7,8 +7,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Extent, MAX_DURATION_S, Plan, PlanOptions, Setpoint, TeamStyle};
+use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
 use crate::error::{Error, Result};
+use crate::flight::table::MAX_DURATION_S;
 use crate::flight::table::on_grid;
 use crate::geometry::polyline_length_m;
 use crate::letters::{Glyph, Strokes};

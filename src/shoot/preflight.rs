@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 
 use super::planned::ends;
 use super::{Lighting, Recording, Shoot, obstacles};
+use crate::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
 use crate::error::{Error, Result};
-use crate::export::compressed::MEMORY_BYTES;
-use crate::export::lights::{MAX_TIMING_ENTRIES, timing_entries};
+use crate::export::lights::timing_entries;
 use crate::export::{Form, Length, memory};
 use crate::expose::meter::{LampReading, meter};
 use crate::flight::Flight;
@@ -181,7 +181,7 @@ impl Shoot {
         #[expect(clippy::cast_precision_loss, reason = "a few kilobytes")]
         match memory(&self.designs()[drone]) {
             Ok(memory) => {
-                let (bytes, limit) = (memory.bytes as f64, MEMORY_BYTES as f64);
+                let (bytes, limit) = (memory.bytes as f64, TRAJECTORY_MEMORY_BYTES as f64);
                 let fits = memory.fits_all;
                 let finding = Finding::new(Check::Memory, fits, Severity::Warning, bytes, limit);
                 let detail = memory.formats.join(", ");
@@ -204,11 +204,11 @@ impl Shoot {
             false => Ok(None),
         };
         #[expect(clippy::cast_precision_loss, reason = "entries")]
-        let limit = MAX_TIMING_ENTRIES as f64;
+        let limit = RING_TIMING_ENTRIES as f64;
         match entries {
             Ok(None) => Finding::without_value(Check::LedMemory, Severity::Fine, limit),
             Ok(Some(n)) => {
-                let (good, bad) = (n <= MAX_TIMING_ENTRIES, Severity::Warning);
+                let (good, bad) = (n <= RING_TIMING_ENTRIES, Severity::Warning);
                 #[expect(clippy::cast_precision_loss, reason = "entries")]
                 Finding::new(Check::LedMemory, good, bad, n as f64, limit)
             }

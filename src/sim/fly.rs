@@ -10,10 +10,9 @@ use super::recorder::Recorder;
 use super::vehicle::Plant;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::flight::table::MAX_DURATION_S;
 use crate::plan::{Plan, Setpoint};
 
-/// Longest plan that is flown. A battery lasts for a tenth of it.
-const MAX_DURATION_S: f64 = 3600.0;
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
 

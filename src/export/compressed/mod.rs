@@ -8,6 +8,7 @@
 use nalgebra::Vector3;
 
 use super::pieces::{Rounding, Stretch, motion, pieces};
+use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::{Error, Result};
 use crate::plan::Plan;
 
@@ -15,9 +16,6 @@ mod form;
 
 use form::{Axis, END, Piece};
 
-/// Bytes of the trajectory memory (firmware `crtp_commander_high_level.h`,
-/// `TRAJECTORY_MEMORY_SIZE`).
-pub const MEMORY_BYTES: usize = 4096;
 /// Longest piece: the largest uint16, in s.
 const MAX_PIECE_S: f64 = 65.535;
 /// Largest coordinate: the largest int16, in m.
@@ -46,19 +44,20 @@ impl Compressed {
         let stretch = Stretch::new(plan)?;
         let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
         let bytes = trajectory.to_bytes().len();
-        if bytes <= MEMORY_BYTES {
+        if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
         // Bytes and time as the pieces end; a run-out of one more piece ends each part.
         let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
-            if used > MEMORY_BYTES {
+            if used > TRAJECTORY_MEMORY_BYTES {
                 break;
             }
             until_s += piece.polynomials().duration_s;
         }
-        let found = format!("{bytes} bytes compressed, the drone's memory holds {MEMORY_BYTES}");
+        let found =
+            format!("{bytes} bytes compressed, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}");
         let hint = "share the word among more drones, accept a larger distance from the design, or \
                     send setpoints over the radio (script for cflib)";
         Err(stretch.too_long(until_s, &found, hint))

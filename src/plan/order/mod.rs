@@ -11,12 +11,13 @@
 
 use nalgebra::Vector2;
 
-use super::even::TICK_S;
 use super::motion::State;
 use super::pen::{PenStroke, Way, pen_strokes};
 use super::transit::Transit;
-use super::{EvenStyle, MAX_DURATION_S, Order};
+use super::{EvenStyle, Order};
+use crate::crazyflie::RING_TICK_S;
 use crate::error::{Error, Result};
+use crate::flight::table::MAX_DURATION_S;
 use crate::letters::{StrokeOrder, Strokes};
 
 mod search;
@@ -118,7 +119,7 @@ impl Tour<'_> {
                 ..State::default()
             };
             let (from, to) = (state(Vector2::zeros(), from), state(way_m, to));
-            let transit = Transit::new(&from, &to, self.style, TICK_S);
+            let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
         let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;

@@ -6,7 +6,6 @@
 //!
 //! The filter that flies is the estimator `cooperative`.
 
-mod anchors;
 mod bias;
 mod biases;
 mod clocks;
@@ -27,7 +26,6 @@ mod start;
 
 use nalgebra::{DVector, Vector3};
 
-pub use anchors::read_anchors;
 pub use bias::{Bias, BiasOf};
 pub use clocks::{log_offset_s, reference_offset_s};
 pub use enlarged::Enlarged;

@@ -3,19 +3,8 @@
 use nalgebra::{Matrix4, Vector4};
 
 use super::model::Wrench;
+use crate::crazyflie::MOTOR_SIGNS;
 use crate::sim::options::VehicleOptions;
-
-/// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
-///
-/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
-/// m3 back left, m4 front left. m1 and m3 turn counter-clockwise, m2 and m4 clockwise; each pushes
-/// the body the other way.
-pub(in crate::sim) const SIGNS: Matrix4<f64> = Matrix4::new(
-    -1.0, -1.0, 1.0, 1.0, //
-    -1.0, 1.0, 1.0, -1.0, //
-    -1.0, 1.0, -1.0, 1.0, //
-    1.0, 1.0, 1.0, 1.0,
-);
 
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
@@ -29,10 +18,10 @@ impl Mixer {
     pub(in crate::sim) fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // The rows of SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
+        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
         Self {
-            wrench_from_motors: Matrix4::from_diagonal(&scale) * SIGNS,
-            motors_from_wrench: SIGNS.transpose()
+            wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
+            motors_from_wrench: MOTOR_SIGNS.transpose()
                 * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
             motor_max: options.motor_max,
         }
@@ -60,7 +49,7 @@ impl Mixer {
         &self,
         commands: &Vector4<f64>,
     ) -> (Vector4<f64>, bool) {
-        let wanted = SIGNS.transpose() * commands;
+        let wanted = MOTOR_SIGNS.transpose() * commands;
         let excess = (wanted.max() - self.motor_max).max(0.0);
         let motors = wanted.map(|m| (m - excess).max(0.0));
         (motors, motors != wanted)

@@ -24,7 +24,7 @@ mod plant;
 mod rotors;
 
 pub use self::body::RigidBody;
-pub(super) use self::mixer::{Mixer, SIGNS};
+pub(super) use self::mixer::Mixer;
 pub(super) use self::model::{
     Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate, velocity,
 };

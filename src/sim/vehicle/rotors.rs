@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector4};
 
-use super::mixer::SIGNS;
+use crate::crazyflie::MOTOR_SIGNS;
 use crate::sim::options::VehicleOptions;
 
 /// Action of the rotors on the body at one instant.
@@ -109,9 +109,9 @@ impl Rotors {
     fn load_at(&self, speed: &Vector4<f64>, change: &Vector4<f64>, ground: f64) -> Load {
         let scale = self.thrust_n_s2 * ground;
         let [roll, pitch, yaw, thrust_n] =
-            (SIGNS * speed.map(|speed| scale * speed * speed)).into();
+            (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
         // A rotor pushes the body against its own rotation.
-        let (spin, spin_up) = (-(SIGNS * speed).z, -(SIGNS * change).z);
+        let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
         let [x, y] = self.center_of_mass_m;
         Load {
             thrust_n,

@@ -1,6 +1,6 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and the known data of the vehicle. Out: [`Identified`]. Method, as the
+//! In: a [`Flight`] and what is [`Known`] of the drone. Out: [`Identified`]. Method, as the
 //! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
 //! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
 //! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
@@ -15,9 +15,7 @@ pub mod yaw;
 use nalgebra::{SVector, Vector3, Vector4};
 
 use self::yaw::ReactionTorque;
-use super::options::VehicleOptions;
-use super::vehicle::GRAVITY_M_S2;
-use super::vehicle::SIGNS;
+use crate::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
 use crate::error::{Error, Result, within};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
 
@@ -31,6 +29,19 @@ const ACCELERATION: &str = "ae483log.a_z";
 
 /// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
+
+/// What a flight does not tell of its drone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// Mass, which thrust is proportional to.
+    pub mass_kg: f64,
+    /// Distance of a motor from the body's x and y axis, which torque is proportional to.
+    pub arm_m: f64,
+    /// Moment of inertia about body z.
+    pub inertia_z_kg_m2: f64,
+    /// Time in which a motor follows its command: 63 % of a step.
+    pub motor_lag_s: f64,
+}
 
 /// Properties of a drone, estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,12 +109,12 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     Err(Error::input("pendulum_period_s", period_s, wanted, hint))
 }
 
-/// Identifies a drone from a flight, given its mass and arm.
+/// Identifies a drone from a flight.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
-pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified> {
+pub fn identify(flight: &Flight, known: &Known) -> Result<Identified> {
     let logged = |quantity| !flight.unlogged.contains(&quantity);
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !logged(Quantity::Motors) {
@@ -121,8 +132,8 @@ pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified>
     let accelerations = column(ACCELERATION);
 
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let k_f_n = thrust_per_command_n(samples, accelerations, vehicle.mass_kg);
-    let torque = SIGNS * mean_motors * (k_f_n * vehicle.arm_m);
+    let k_f_n = thrust_per_command_n(samples, accelerations, known.mass_kg);
+    let torque = MOTOR_SIGNS * mean_motors * (k_f_n * known.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
     let lighthouse = LIGHTHOUSE.map(column);
     let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
@@ -133,7 +144,7 @@ pub fn identify(flight: &Flight, vehicle: &VehicleOptions) -> Result<Identified>
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, vehicle)).flatten(),
+        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, known)).flatten(),
         measurement_sigma_m: match lighthouse {
             [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
             _ => None,
@@ -224,6 +235,16 @@ mod tests {
     use crate::plan::{PlanOptions, plan};
     use crate::sim::{Drone, SimOptions, fly};
 
+    pub(super) fn known_of(options: &SimOptions) -> Known {
+        let vehicle = &options.vehicle;
+        Known {
+            mass_kg: vehicle.mass_kg,
+            arm_m: vehicle.arm_m,
+            inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
+            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
+        }
+    }
+
     #[test]
     fn spreads_of_the_team_give_the_weights_of_the_team() {
         let identified = Identified {
@@ -261,7 +282,7 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();
         let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
-        let found = identify(&flight, &options.vehicle).unwrap();
+        let found = identify(&flight, &known_of(&options)).unwrap();
         let off = |found: f64, true_: f64| (found / true_ - 1.0).abs();
         assert!(off(found.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", found.k_f_n);
         for axis in 0..2 {
@@ -274,11 +295,11 @@ mod tests {
 
     #[test]
     fn a_flight_without_motors_or_air_is_refused() {
-        let vehicle = VehicleOptions::default();
-        let grounded = identify(&Flight::default(), &vehicle).unwrap_err().to_string();
+        let known = known_of(&SimOptions::default());
+        let grounded = identify(&Flight::default(), &known).unwrap_err().to_string();
         assert!(grounded.contains("0 samples in the air"), "{grounded}");
         let unlogged = [Quantity::Motors].into();
-        let silent = identify(&Flight { unlogged, ..Flight::default() }, &vehicle).unwrap_err();
+        let silent = identify(&Flight { unlogged, ..Flight::default() }, &known).unwrap_err();
         assert!(silent.to_string().contains("no motor commands"), "{silent}");
     }
 }

@@ -5,10 +5,9 @@
 //! stretch of the flight after the other (jackknife over groups: Efron, Stein 1981), which gusts
 //! that last from span to span do not deceive.
 
-use super::{ends_at_hole, mean};
+use super::{Known, ends_at_hole, mean};
+use crate::crazyflie::MOTOR_SIGNS;
 use crate::flight::{Flight, FlightSample};
-use crate::sim::options::VehicleOptions;
-use crate::sim::vehicle::SIGNS;
 
 /// Length of a span: short against a regulator's answer in yaw (0.1 to 0.3 s), long against the
 /// 10 to 20 ms between two samples of a radio log.
@@ -46,9 +45,9 @@ impl ReactionTorque {
 pub(super) fn reaction(
     flight: &Flight,
     samples: &[FlightSample],
-    vehicle: &VehicleOptions,
+    known: &Known,
 ) -> Option<ReactionTorque> {
-    let spans = spans(flight, samples, vehicle);
+    let spans = spans(flight, samples, known);
     if spans.len() < FEWEST_SPANS {
         return None;
     }
@@ -64,7 +63,7 @@ pub(super) fn reaction(
     let middle = slopes.iter().sum::<f64>() / n;
     let square: f64 = slopes.iter().map(|slope| (slope - middle) * (slope - middle)).sum();
     let sigma = (square * (n - 1.0) / n).sqrt();
-    let j_z = vehicle.inertia_kg_m2[2];
+    let j_z = known.inertia_z_kg_m2;
     Some(ReactionTorque {
         k_m_n_m: j_z * all.slope,
         half_width_n_m: j_z * T_95 * sigma,
@@ -73,10 +72,10 @@ pub(super) fn reaction(
 }
 
 /// Mean of `−m1 + m2 − m3 + m4`, and yaw acceleration, over each span without a hole.
-fn spans(flight: &Flight, samples: &[FlightSample], vehicle: &VehicleOptions) -> Vec<[f64; 2]> {
-    let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
+fn spans(flight: &Flight, samples: &[FlightSample], known: &Known) -> Vec<[f64; 2]> {
+    let lag_s = known.motor_lag_s;
     let asked = |sample: &FlightSample| -> f64 {
-        (0..4).map(|motor| SIGNS[(2, motor)] * sample.motors[motor]).sum()
+        (0..4).map(|motor| MOTOR_SIGNS[(2, motor)] * sample.motors[motor]).sum()
     };
     let mut spans = Vec::new();
     let Some(mut from) = samples.first() else { return spans };
@@ -128,7 +127,8 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::sim::identify::identify;
+    use crate::identify::identify;
+    use crate::identify::tests::known_of;
     use crate::sim::noise::Noise;
     use crate::sim::{Plant, SimOptions};
 
@@ -141,7 +141,7 @@ mod tests {
         let mut gyro = Noise::new(3, 0, "gyro of a log");
         let sample = |i: u32| {
             let push = if (i / 25).is_multiple_of(2) { amplitude } else { -amplitude };
-            let motors = [0, 1, 2, 3].map(|motor| hover + push * SIGNS[(2, motor)]);
+            let motors = [0, 1, 2, 3].map(|motor| hover + push * MOTOR_SIGNS[(2, motor)]);
             let body = plant.body();
             (0..10).for_each(|_| plant.advance(&motors));
             FlightSample {
@@ -168,7 +168,7 @@ mod tests {
         (lagging.vehicle.motor_rise_s, lagging.vehicle.motor_fall_s) = (0.07, 0.07);
         for options in [balanced(SimOptions::default()), lagging] {
             let flight = pushed(&options, 500.0);
-            let found = identify(&flight, &options.vehicle).unwrap().reaction.unwrap();
+            let found = identify(&flight, &known_of(&options)).unwrap().reaction.unwrap();
             let want = options.vehicle.k_m_n_m;
             assert!((found.k_m_n_m / want - 1.0).abs() < 0.03, "{found:?} for {want}");
             assert!((found.k_m_n_m - want).abs() < found.half_width_n_m, "{found:?} for {want}");
@@ -181,7 +181,7 @@ mod tests {
         let options = balanced(SimOptions::default());
         for amplitude in [0.0, 2.0] {
             let flight = pushed(&options, amplitude);
-            let found = identify(&flight, &options.vehicle).unwrap().reaction.unwrap();
+            let found = identify(&flight, &known_of(&options)).unwrap().reaction.unwrap();
             assert!(!found.is_identifiable(), "{amplitude}: {found:?}");
             assert!(found.correlation.abs() < 0.3, "{amplitude}: {found:?}");
         }
