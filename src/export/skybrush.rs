@@ -4,6 +4,7 @@
 //! for each drone) and the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are
 //! ours in meters; lights are programs of Skybrush's light player in steps of 20 ms.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
@@ -11,7 +12,7 @@ use super::compressed::Compressed;
 use super::lights::{Command, commands, rgb};
 use super::on_board::{Timeline, earliest_s};
 use super::pieces::Stretch;
-use super::zip::{base64, zip};
+use super::zip::zip;
 use super::{File, Job, stem};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -91,7 +92,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
             "home": place(home_m),
             "landAt": place(timeline.after[1].1),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
-            "lights": { "version": 1, "data": base64(&program(&commands(&job.flown[index], job.light)?)) },
+            "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&commands(&job.flown[index], job.light)?)) },
         },
     }))
 }

@@ -1,7 +1,5 @@
-//! Archives and texts of bytes: zip without compression, base64.
-//!
-//! Zip: PKWARE's APPNOTE 6.3, stored entries with the date of 1980 (the same files make the same
-//! bytes). Base64: RFC 4648.
+//! Zip archives without compression: PKWARE's APPNOTE 6.3, stored entries with the date of 1980 (the same files make the same
+//! bytes).
 
 /// An archive of files: names and contents.
 pub(super) fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
@@ -37,27 +35,9 @@ fn length(n: usize) -> u32 {
     u32::try_from(n).expect("an archive below 4 GiB")
 }
 
-/// Bytes as base64 with padding.
-pub(super) fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let four = |chunk: &[u8]| {
-        let byte = |k: usize| u32::from(chunk.get(k).copied().unwrap_or(0));
-        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
-        let digit = |k: usize| char::from(DIGITS[(word >> (18 - 6 * k) & 63) as usize]);
-        [0, 1, 2, 3].map(|k| if k > chunk.len() { '=' } else { digit(k) })
-    };
-    bytes.chunks(3).flat_map(four).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_is_that_of_the_standard() {
-        let found = ["", "f", "fo", "foo", "foob"].map(|text| base64(text.as_bytes()));
-        assert_eq!(found, ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="], "RFC 4648, section 10");
-    }
 
     #[test]
     fn an_archive_names_its_files_twice() {

@@ -35,8 +35,10 @@ impl Limit {
     /// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is larger.
     pub(crate) fn read(self, path: &Path) -> Result<Vec<u8>> {
         let unreadable = |source| Error::read(path, source);
-        let mut bytes = Vec::new();
         let file = File::open(path).map_err(unreadable)?;
+        // A vector that doubles holds three times the file while it grows for the last time.
+        let expected = file.metadata().map_or(0, |metadata| metadata.len().min(self.bytes));
+        let mut bytes = Vec::with_capacity(usize::try_from(expected).unwrap_or(0) + 1);
         file.take(self.bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         self.check(&bytes, path).map(|()| bytes)
     }

@@ -145,7 +145,7 @@ impl Reader {
     /// The word is looked for in its place and in the lines that blind recognition finds: two views of
     /// the same light, of which the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
-        let reading = read(photo)?;
+        let reading = read(photo);
         let cap_height_px = self.cap_height_px(view);
         let seen = match self.see(photo, view)? {
             Ok(seen) => seen,

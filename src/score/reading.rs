@@ -12,7 +12,6 @@ use super::line::{InkColor, InkRule, Line};
 use super::net;
 use super::search::{Symbols, search};
 use super::strip::CAP_PX;
-use crate::error::Result;
 use crate::photo::Photo;
 
 /// Sizes at which a line is tried: cap height by the height of most letters. Small letters are two
@@ -82,11 +81,8 @@ struct ReadLine {
 }
 
 /// Reads a photo.
-///
-/// # Errors
-///
-/// None so far.
-pub fn read(photo: &Photo) -> Result<Reading> {
+#[must_use]
+pub fn read(photo: &Photo) -> Reading {
     let rules = [0.95, 0.6].into_iter().flat_map(|full_rank| {
         [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank })
     });
@@ -115,7 +111,7 @@ pub fn read(photo: &Photo) -> Result<Reading> {
     let (letters, columns): (Vec<_>, Vec<_>) =
         lines.into_iter().map(|line| (line.letters, line.columns)).unzip();
     let (letters, columns) = (letters.concat(), Columns::joined(columns));
-    Ok(Reading { text, letters, columns })
+    Reading { text, letters, columns }
 }
 
 /// Reads a line at the size at which it is clearest; `None` where it has no letters, or more columns

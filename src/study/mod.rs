@@ -11,11 +11,6 @@
 //!    interrupted study continues with the numbers of an uninterrupted one, on any number of threads
 //!    and machines.
 //!
-//! Measured, in CPU time on a machine under load: 43 ms for a flight of NOOR, flown and read; 62 ms over
-//! 20 words and NOOR. The team's scene writes NOOR legibly at a cap height of 0.5 m and not at 0.4 m
-//! (read with probability 0.37), the tuned one at 0.2 m (0.85) and not at 0.15 m (0.49; learned 0.66),
-//! all with the template reader of version 0.1.
-//!
 //! Sources: common random numbers and paired comparison, Law, "Simulation Modeling and Analysis"
 //! (2015), chapter 11; bootstrap intervals, Efron, Tibshirani (1993).
 //!

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::files::{Limit, files_in};
 
 /// Largest plan file that is read.
-const LIMIT: Limit = Limit { bytes: 64 << 20, what: "a sweep's plan", hint: REPLAN };
+const LIMIT: Limit = Limit { bytes: 20 << 20, what: "a sweep's plan", hint: REPLAN };
 /// Most times that shards may hold a flight, on the mean: some lie within others.
 const MAX_TIMES: usize = 4;
 

@@ -169,7 +169,7 @@ fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
         let Taken(shot) = on_cpu(word, change);
         let verdict = shot.verdict.unwrap();
         assert_eq!(verdict.read, *word, "{font}: {verdict:#?}");
-        ((*word).to_owned(), verdict.readability, score::read(&shot.photo).unwrap().text)
+        ((*word).to_owned(), verdict.readability, score::read(&shot.photo).text)
     };
     words.iter().map(one).collect()
 }
