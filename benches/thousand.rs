@@ -9,6 +9,7 @@
 //! 14 ms (beams, observer). Drones that shared the widest registers took 0.67 to 0.85 of that, which
 //! saved 3 % of a study and was not worth its code.
 
+#![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
 
 use std::sync::atomic::{AtomicU64, Ordering};

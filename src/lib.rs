@@ -76,6 +76,7 @@
 //! its name.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 pub mod camera;
 pub mod cli;

@@ -5,6 +5,7 @@
 //! rival and its share, blind reading. `-- strips FOLDER OUT` writes the strips of the photos: of each
 //! its labels, width and bytes.
 
+#![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example's result")]
 
 use std::io::Write;

@@ -28,6 +28,7 @@ const FOLDERS: [&str; 3] =
     ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
 
 /// The backend to expose on: the processor in place of a driver that hangs or crashes.
+#[expect(clippy::disallowed_methods, reason = "what this program remembers in its own folder")]
 pub(super) fn tried(choice: BackendChoice) -> BackendChoice {
     if choice != BackendChoice::Auto {
         return choice;
@@ -75,6 +76,7 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
 }
 
 /// The file that remembers the result for the present drivers.
+#[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn memory() -> Option<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = variable("XDG_CACHE_HOME").map(PathBuf::from);

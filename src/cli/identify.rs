@@ -9,7 +9,7 @@ use super::flags::{FlightFlags, SceneFlags};
 use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
-use crate::identify::{Identified, Known, MODEL_STATES, identify, pendulum_inertia_kg_m2};
+use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::sim::VehicleOptions;
 
 #[derive(Debug, Args)]
@@ -31,7 +31,7 @@ pub(super) struct IdentifyArgs {
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let vehicle = args.scene.load(&[])?.vehicle;
-    let known = Known {
+    let of_the_scene = Assumed {
         mass_kg: vehicle.mass_kg,
         arm_m: vehicle.arm_m,
         inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
@@ -41,7 +41,8 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
     let inertia_kg_m2 = inertia.transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log)).transpose()?;
-    let found = flight.map(|flight| identify(&flight, &known)).transpose().map_err(named(args))?;
+    let found =
+        flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
     let assumed = assumed(&vehicle);
     let text = [Some(assumed), found.as_ref().map(table), inertia].into_iter().flatten().collect();

@@ -267,6 +267,7 @@ const MAX_THREADS: usize = 1024;
 pub const STACK: usize = 8 << 20;
 
 /// The limit of the main thread's stack in bytes, where the system tells it.
+#[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn main_stack() -> Option<usize> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
     let line = limits.lines().find_map(|line| line.strip_prefix("Max stack size"))?;

@@ -178,6 +178,7 @@ pub(super) fn rgb(command: &Command) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::crazyflie::RING_TIMING_ENTRIES;
     use crate::light::{RingColor, RingEffect};
     use crate::plan::Setpoint;
     use nalgebra::Vector3;

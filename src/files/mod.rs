@@ -6,10 +6,13 @@
 //! [`OutputFolder`].
 
 mod budget;
+#[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
 mod folder;
+#[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
 mod input;
 mod lines;
 mod output;
+#[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
 
 pub(crate) use budget::{Budget, push};

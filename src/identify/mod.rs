@@ -1,6 +1,6 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and what is [`Known`] of the drone. Out: [`Identified`]. Method, as the
+//! In: a [`Flight`] and what is [`Assumed`] of the drone. Out: [`Identified`]. Method, as the
 //! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while airborne,
 //! of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x + B u)`, with ẋ
 //! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
@@ -32,7 +32,7 @@ const FEWEST_SAMPLES: usize = 100;
 
 /// What a flight does not tell of its drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
+pub struct Assumed {
     /// Mass, which thrust is proportional to.
     pub mass_kg: f64,
     /// Distance of a motor from the body's x and y axis, which torque is proportional to.
@@ -114,7 +114,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 /// # Errors
 ///
 /// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
-pub fn identify(flight: &Flight, known: &Known) -> Result<Identified> {
+pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
     let logged = |quantity| !flight.unlogged.contains(&quantity);
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !logged(Quantity::Motors) {
@@ -132,8 +132,8 @@ pub fn identify(flight: &Flight, known: &Known) -> Result<Identified> {
     let accelerations = column(ACCELERATION);
 
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let k_f_n = thrust_per_command_n(samples, accelerations, known.mass_kg);
-    let torque = MOTOR_SIGNS * mean_motors * (k_f_n * known.arm_m);
+    let k_f_n = thrust_per_command_n(samples, accelerations, assumed.mass_kg);
+    let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
     let lighthouse = LIGHTHOUSE.map(column);
     let moves = [Quantity::Attitude, Quantity::Velocity, Quantity::Rate].into_iter().all(logged);
@@ -144,7 +144,7 @@ pub fn identify(flight: &Flight, known: &Known) -> Result<Identified> {
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
-        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, known)).flatten(),
+        reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, assumed)).flatten(),
         measurement_sigma_m: match lighthouse {
             [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
             _ => None,
@@ -235,9 +235,9 @@ mod tests {
     use crate::plan::{PlanOptions, plan};
     use crate::sim::{Drone, SimOptions, fly};
 
-    pub(super) fn known_of(options: &SimOptions) -> Known {
+    pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
         let vehicle = &options.vehicle;
-        Known {
+        Assumed {
             mass_kg: vehicle.mass_kg,
             arm_m: vehicle.arm_m,
             inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
@@ -282,7 +282,7 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();
         let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
-        let found = identify(&flight, &known_of(&options)).unwrap();
+        let found = identify(&flight, &assumed_of(&options)).unwrap();
         let off = |found: f64, true_: f64| (found / true_ - 1.0).abs();
         assert!(off(found.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", found.k_f_n);
         for axis in 0..2 {
@@ -295,11 +295,11 @@ mod tests {
 
     #[test]
     fn a_flight_without_motors_or_air_is_refused() {
-        let known = known_of(&SimOptions::default());
-        let grounded = identify(&Flight::default(), &known).unwrap_err().to_string();
+        let assumed = assumed_of(&SimOptions::default());
+        let grounded = identify(&Flight::default(), &assumed).unwrap_err().to_string();
         assert!(grounded.contains("0 samples in the air"), "{grounded}");
         let unlogged = [Quantity::Motors].into();
-        let silent = identify(&Flight { unlogged, ..Flight::default() }, &known).unwrap_err();
+        let silent = identify(&Flight { unlogged, ..Flight::default() }, &assumed).unwrap_err();
         assert!(silent.to_string().contains("no motor commands"), "{silent}");
     }
 }

@@ -5,7 +5,7 @@
 //! stretch of the flight after the other (jackknife over groups: Efron, Stein 1981), which gusts
 //! that last from span to span do not deceive.
 
-use super::{Known, ends_at_hole, mean};
+use super::{Assumed, ends_at_hole, mean};
 use crate::crazyflie::MOTOR_SIGNS;
 use crate::flight::{Flight, FlightSample};
 
@@ -45,9 +45,9 @@ impl ReactionTorque {
 pub(super) fn reaction(
     flight: &Flight,
     samples: &[FlightSample],
-    known: &Known,
+    assumed: &Assumed,
 ) -> Option<ReactionTorque> {
-    let spans = spans(flight, samples, known);
+    let spans = spans(flight, samples, assumed);
     if spans.len() < FEWEST_SPANS {
         return None;
     }
@@ -63,7 +63,7 @@ pub(super) fn reaction(
     let middle = slopes.iter().sum::<f64>() / n;
     let square: f64 = slopes.iter().map(|slope| (slope - middle) * (slope - middle)).sum();
     let sigma = (square * (n - 1.0) / n).sqrt();
-    let j_z = known.inertia_z_kg_m2;
+    let j_z = assumed.inertia_z_kg_m2;
     Some(ReactionTorque {
         k_m_n_m: j_z * all.slope,
         half_width_n_m: j_z * T_95 * sigma,
@@ -72,8 +72,8 @@ pub(super) fn reaction(
 }
 
 /// Mean of `−m1 + m2 − m3 + m4`, and yaw acceleration, over each span without a hole.
-fn spans(flight: &Flight, samples: &[FlightSample], known: &Known) -> Vec<[f64; 2]> {
-    let lag_s = known.motor_lag_s;
+fn spans(flight: &Flight, samples: &[FlightSample], assumed: &Assumed) -> Vec<[f64; 2]> {
+    let lag_s = assumed.motor_lag_s;
     let asked = |sample: &FlightSample| -> f64 {
         (0..4).map(|motor| MOTOR_SIGNS[(2, motor)] * sample.motors[motor]).sum()
     };
@@ -128,8 +128,8 @@ mod tests {
 
     use super::*;
     use crate::identify::identify;
-    use crate::identify::tests::known_of;
-    use crate::sim::noise::Noise;
+    use crate::identify::tests::assumed_of;
+    use crate::random::split_mix;
     use crate::sim::{Plant, SimOptions};
 
     /// Half a minute of hovering while the yaw is pushed to and fro, logged at 100 Hz with a
@@ -138,7 +138,15 @@ mod tests {
         let vehicle = &options.vehicle;
         let hover = vehicle.mass_kg * 9.81 / (4.0 * vehicle.k_f_n);
         let mut plant = Plant::new(options, 0.001, 1, 0, Vector3::z() * 2.0);
-        let mut gyro = Noise::new(3, 0, "gyro of a log");
+        let mut key = 3;
+        // The sum of twelve uniform numbers is nearly normal.
+        let mut normal = || {
+            let twelve = std::iter::repeat_with(|| {
+                key = split_mix(key);
+                f64::from(u32::try_from(key >> 32).unwrap()) / f64::from(u32::MAX)
+            });
+            twelve.take(12).sum::<f64>() - 6.0
+        };
         let sample = |i: u32| {
             let push = if (i / 25).is_multiple_of(2) { amplitude } else { -amplitude };
             let motors = [0, 1, 2, 3].map(|motor| hover + push * MOTOR_SIGNS[(2, motor)]);
@@ -147,7 +155,7 @@ mod tests {
             FlightSample {
                 time_s: f64::from(i) * 0.01,
                 position_m: body.position_m,
-                rate_body_rad_s: body.rate_rad_s + gyro.normals() * 0.003,
+                rate_body_rad_s: body.rate_rad_s + Vector3::from_fn(|_, _| normal()) * 0.003,
                 estimate_m: body.position_m,
                 motors,
                 ..FlightSample::default()
@@ -168,7 +176,7 @@ mod tests {
         (lagging.vehicle.motor_rise_s, lagging.vehicle.motor_fall_s) = (0.07, 0.07);
         for options in [balanced(SimOptions::default()), lagging] {
             let flight = pushed(&options, 500.0);
-            let found = identify(&flight, &known_of(&options)).unwrap().reaction.unwrap();
+            let found = identify(&flight, &assumed_of(&options)).unwrap().reaction.unwrap();
             let want = options.vehicle.k_m_n_m;
             assert!((found.k_m_n_m / want - 1.0).abs() < 0.03, "{found:?} for {want}");
             assert!((found.k_m_n_m - want).abs() < found.half_width_n_m, "{found:?} for {want}");
@@ -181,7 +189,7 @@ mod tests {
         let options = balanced(SimOptions::default());
         for amplitude in [0.0, 2.0] {
             let flight = pushed(&options, amplitude);
-            let found = identify(&flight, &known_of(&options)).unwrap().reaction.unwrap();
+            let found = identify(&flight, &assumed_of(&options)).unwrap().reaction.unwrap();
             assert!(!found.is_identifiable(), "{amplitude}: {found:?}");
             assert!(found.correlation.abs() < 0.3, "{amplitude}: {found:?}");
         }

@@ -29,7 +29,7 @@ mod drone;
 mod estimator;
 mod fly;
 pub mod localization;
-pub(crate) mod noise;
+mod noise;
 mod options;
 mod peers;
 mod presets;

@@ -8,6 +8,7 @@
 //! reader is the same bytes on every machine. A failure leaves its input under `target/`; give it a
 //! name in `tests/fuzz/seeds/READER/` when the fault is mended.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -3,6 +3,7 @@
 //! Two environment variables matter: `NOCTOGRAPH_REQUIRE_GPU` makes a missing graphics device a
 //! failure, `NOCTOGRAPH_BLESS` writes the golden files anew.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
 mod camera;
 mod cli;

@@ -34,7 +34,7 @@ fn the_teams_faults_leave_the_word_recognizable() {
 #[test]
 fn nothing_is_read_where_nothing_is_written() {
     let shot = Shot::of(&word("NOOR"));
-    assert_eq!(read(&shot.showing(Vec::new()).photo()).unwrap().text, "");
+    assert_eq!(read(&shot.showing(Vec::new()).photo()).text, "");
     for [width_px, height_px] in [[1, 1], [1, 500], [7, 3]] {
         for level in [0, 255] {
             let rgb8 = vec![level; 3 * width_px as usize * height_px as usize];
@@ -69,6 +69,6 @@ fn a_photo_taken_at_an_angle_is_turned_square_on() {
 #[test]
 fn two_lines_small_letters_and_accents_are_read_blindly() {
     for (shown, text) in [("HELLO\nWORLD", "HELLO\nWORLD"), ("lemon", "lemon"), ("René", "Rene")] {
-        assert_eq!(read(&Shot::of(&simplex(shown)).photo()).unwrap().text, text);
+        assert_eq!(read(&Shot::of(&simplex(shown)).photo()).text, text);
     }
 }
