@@ -44,8 +44,9 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let sheet = Specimen::new(&font, &shown);
     font.check_work()?;
-    let path = output.keep(|out| {
-        if svg { out.write_all(sheet.svg().as_bytes()) } else { write_png(&sheet, out) }
+    let path = output.keep(|out| match svg {
+        true => out.write_all(sheet.svg().as_bytes()),
+        false => sheet.pixels().write_png(out, None, &[]),
     })?;
     let (n, all) = (shown.chars().count(), visible.len());
     let mut text = line("font", &format!("{}: {n} of {all} characters", font.name()));
@@ -56,13 +57,4 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     let json =
         json!({ "font": font.name(), "characters": shown, "asked": all, "lost_stroke": lost });
     Ok(Report::new(text, json).with_files(&[path]))
-}
-
-fn write_png(sheet: &Specimen, out: &mut impl Write) -> std::io::Result<()> {
-    let (width, height, rgb) = sheet.pixels();
-    let mut encoder = png::Encoder::new(out, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header()?.write_image_data(&rgb)?;
-    Ok(())
 }

@@ -1,9 +1,8 @@
 //! The bound of estimated positions as SVG: the word colored by it, and the room from above.
 
-use std::fmt::Write;
-
 use nalgebra::Vector3;
 
+use super::canvas::{Anchor, Canvas, Pen, Rgb};
 use super::coverage::viridis;
 use crate::plan::Plan;
 use crate::sim::{Bound, UwbOptions};
@@ -12,6 +11,10 @@ use crate::sim::{Bound, UwbOptions};
 const VIEW_PX: f64 = 420.0;
 const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
+/// Height of capitals.
+const CAP_PX: f64 = 9.0;
+const BLUE: Rgb = [0, 114, 178];
+const VERMILION: Rgb = [213, 94, 0];
 /// Between two points of the drawn path.
 const STEP_S: f64 = 0.05;
 
@@ -46,8 +49,8 @@ impl View {
     }
 
     /// The end at which a label is anchored so that it stays within the view.
-    fn text_anchor(&self, x_px: f64) -> &'static str {
-        if x_px > self.left_px + 0.5 * VIEW_PX { "end" } else { "start" }
+    fn anchor(&self, x_px: f64) -> Anchor {
+        if x_px > self.left_px + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
     }
 }
 
@@ -71,25 +74,24 @@ pub fn bound_map(
 
     let width = 3.0 * MARGIN_PX + 2.0 * VIEW_PX + LEGEND_PX;
     let height = 2.0 * MARGIN_PX + VIEW_PX;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
-         font-family=\"sans-serif\" font-size=\"13\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-    );
-    svg += &label(MARGIN_PX, 30.0, "best possible estimate along the strokes, seen from the front");
-    svg += &label(above.left_px, 30.0, "anchors and flight, seen from above");
+    let mut canvas = Canvas::white([width, height]);
+    let title = "best possible estimate along the strokes, seen from the front";
+    label(&mut canvas, [MARGIN_PX, 30.0], title);
+    label(&mut canvas, [above.left_px, 30.0], "anchors and flight, seen from above");
     let scale = Scale::new(bounds);
     for (plan, bound) in plans.iter().zip(bounds) {
-        draw_strokes(&mut svg, &front, plan, bound, &scale);
+        draw_strokes(&mut canvas, &front, plan, bound, &scale);
         let points = plan.setpoints.iter().map(|s| above.px([s.position_m.x, s.position_m.y]));
-        let points: Vec<String> = points.map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-        let points = points.join(" ");
-        let _ = writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"#888888\"/>");
+        canvas.line(points, Pen::new([136; 3], 1.0));
     }
-    draw_anchors(&mut svg, &above, uwb, plans.len());
-    draw_one_more(&mut svg, &above, one_more_m);
-    draw_legend(&mut svg, &scale);
-    svg + "</svg>\n"
+    draw_anchors(&mut canvas, &above, uwb, plans.len());
+    let [x_m, y_m, z_m] = one_more_m;
+    let [x, y] = above.px([x_m, y_m]);
+    canvas.ring([x, y], 7.0, Pen::new(VERMILION, 3.0));
+    let text = format!("one more here: z {z_m:.1} m");
+    canvas.text(text, [x, y + 22.0], above.anchor(x), CAP_PX, VERMILION);
+    draw_legend(&mut canvas, &scale);
+    canvas.svg()
 }
 
 /// Colors from the least to the greatest bound of a lit stroke.
@@ -109,17 +111,17 @@ impl Scale {
         if least_m > most_m { Self { least_m: 0.0, most_m: 1.0 } } else { Self { least_m, most_m } }
     }
 
-    fn color(&self, sigma_m: f64) -> String {
+    fn color(&self, sigma_m: f64) -> Rgb {
         viridis((sigma_m - self.least_m) / (self.most_m - self.least_m).max(1e-6))
     }
 }
 
-fn label(x: f64, y: f64, text: &str) -> String {
-    format!("<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>\n")
+fn label(canvas: &mut Canvas<'_>, at: [f64; 2], text: &str) {
+    canvas.text(text, at, Anchor::Start, CAP_PX, [0; 3]);
 }
 
 /// A drone's way from the front: lit strokes in the color of their bound, the rest thin.
-fn draw_strokes(svg: &mut String, front: &View, plan: &Plan, bound: &Bound, scale: &Scale) {
+fn draw_strokes(canvas: &mut Canvas<'_>, front: &View, plan: &Plan, bound: &Bound, scale: &Scale) {
     let mut shown_s = f64::NEG_INFINITY;
     let mut before: Option<[f64; 2]> = None;
     for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
@@ -130,23 +132,18 @@ fn draw_strokes(svg: &mut String, front: &View, plan: &Plan, bound: &Bound, scal
         let place_m = plan.design_m(*time_s);
         let at = front.px([place_m.x, place_m.z]);
         if let Some(from) = before {
-            let (stroke, width_px) = match letter {
-                Some(_) => (scale.color(*sigma_m), 6.0),
-                None => ("#dddddd".to_owned(), 1.0),
+            let pen = match letter {
+                Some(_) => Pen::new(scale.color(*sigma_m), 6.0),
+                None => Pen::new([221; 3], 1.0),
             };
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{stroke}\" \
-                 stroke-width=\"{width_px}\" stroke-linecap=\"round\"/>",
-                from[0], from[1], at[0], at[1]
-            );
+            canvas.line([from, at], pen);
         }
         before = Some(at);
     }
 }
 
 /// The anchors from above, each with its height and the number of drones that hear it.
-fn draw_anchors(svg: &mut String, above: &View, uwb: &UwbOptions, n_drones: usize) {
+fn draw_anchors(canvas: &mut Canvas<'_>, above: &View, uwb: &UwbOptions, n_drones: usize) {
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
         let [x, y] = above.px([*x_m, *y_m]);
         let hears = |list: &&Vec<usize>| list.contains(&index);
@@ -162,42 +159,20 @@ fn draw_anchors(svg: &mut String, above: &View, uwb: &UwbOptions, n_drones: usiz
         let line = uwb.anchors_m[..index].iter().filter(near).count();
         #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
-        let _ = writeln!(
-            svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"#0072b2\"/>\n\
-             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"{}\">{index}: z {z_m:.1} m, heard by \
-             {by}</text>",
-            y + down_px,
-            above.text_anchor(x)
-        );
+        canvas.dot([x, y], 6.0, BLUE);
+        let text = format!("{index}: z {z_m:.1} m, heard by {by}");
+        canvas.text(text, [x, y + down_px], above.anchor(x), CAP_PX, [0; 3]);
     }
 }
 
-/// The best place of one more anchor, from above.
-fn draw_one_more(svg: &mut String, above: &View, [x_m, y_m, z_m]: [f64; 3]) {
-    let [x, y] = above.px([x_m, y_m]);
-    let _ = writeln!(
-        svg,
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" fill=\"none\" stroke=\"#d55e00\" \
-         stroke-width=\"3\"/>\n<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"#d55e00\" \
-         text-anchor=\"{}\">one more here: z {z_m:.1} m</text>",
-        y + 22.0,
-        above.text_anchor(x)
-    );
-}
-
-fn draw_legend(svg: &mut String, scale: &Scale) {
+fn draw_legend(canvas: &mut Canvas<'_>, scale: &Scale) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
-    *svg += &label(x, MARGIN_PX, "1 \u{3c3} over 3 axes");
+    label(canvas, [x, MARGIN_PX], "1 \u{3c3} over 3 axes");
     for step in 0..=5 {
         let share = f64::from(step) / 5.0;
         let y = MARGIN_PX + 14.0 + 20.0 * f64::from(step);
         let sigma_m = scale.least_m + share * (scale.most_m - scale.least_m);
-        let color = viridis(share);
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"20\" fill=\"{color}\"/>"
-        );
-        *svg += &label(x + 26.0, y + 15.0, &format!("{:.1} cm", 100.0 * sigma_m));
+        canvas.cell([x, y, x + 18.0, y + 20.0], viridis(share));
+        label(canvas, [x + 26.0, y + 15.0], &format!("{:.1} cm", 100.0 * sigma_m));
     }
 }

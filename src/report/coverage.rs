@@ -1,15 +1,16 @@
 //! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
 
-use std::fmt::Write;
-
-use crate::sim::Coverage;
+use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use crate::sim::{Coverage, Place};
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
 /// Margins for axes (left), title (above), axes (below) and legend (right), pixels.
-const MARGINS_PX: [f64; 4] = [60.0, 44.0, 52.0, 190.0];
+const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
 /// Least width of the whole: that of its title.
 const TITLE_PX: f64 = 580.0;
+/// Height of capitals.
+const CAP_PX: f64 = 9.0;
 /// Five stops of the viridis map (van der Walt, Smith 2015), small to large error.
 const VIRIDIS: [[f64; 3]; 5] = [
     [68.0, 1.0, 84.0],
@@ -18,13 +19,34 @@ const VIRIDIS: [[f64; 3]; 5] = [
     [94.0, 201.0, 98.0],
     [253.0, 231.0, 37.0],
 ];
-const ONE_STATION: &str = "#b8b8b8";
-const NO_STATION: &str = "#5a5a5a";
+const ONE_STATION: Rgb = [184; 3];
+const NO_STATION: Rgb = [90; 3];
+const BLACK: Rgb = [0; 3];
 
 /// Draws a coverage, with a frame around the word if there is one.
 #[must_use]
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
-    Map::new(grid).draw(word_m)
+    let map = Map::new(grid);
+    let [left, above, below, beside] = MARGINS_PX;
+    let [right, bottom] = map.px([grid.x_m[grid.x_m.len() - 1], grid.z_m[0]]);
+    // The legend may be higher than the map.
+    let size_px = [(right + beside).max(TITLE_PX), (bottom + below).max(above + 220.0)];
+    let mut canvas = Canvas::white(size_px);
+    let title = format!(
+        "Lighthouse coverage at y = {:.2} m: {:.1} % seen by two or more",
+        grid.y_m,
+        100.0 * grid.seen_frac()
+    );
+    canvas.text(title, [left, 26.0], Anchor::Start, 11.0, BLACK);
+    map.draw_cells(&mut canvas);
+    if let Some([l, b, r, t]) = word_m {
+        let ([left, top], [right, bottom]) = (map.px([l, t]), map.px([r, b]));
+        let pen = Pen { color: [255; 3], width_px: 2.0, dashed: true };
+        canvas.frame([left, top, right, bottom], pen);
+    }
+    map.draw_axes(&mut canvas, [left, above, right, bottom]);
+    map.draw_legend(&mut canvas, right + 24.0, above);
+    canvas.svg()
 }
 
 struct Map<'a> {
@@ -33,95 +55,49 @@ struct Map<'a> {
     /// Errors of the first and the last color: the smallest, and the 95th percentile, so that a few
     /// distant places do not use up the colors.
     errors_m: [f64; 2],
-    text: String,
 }
 
 impl<'a> Map<'a> {
     fn new(grid: &'a Coverage) -> Self {
-        let [width_m, height_m] = [&grid.x_m, &grid.z_m].map(|places| span(places));
+        let span = |places_m: &[f64]| places_m[places_m.len() - 1] - places_m[0];
         let errors_m = grid.errors_m();
         let ends = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
         Self {
             grid,
-            px_per_m: SIDE_PX / width_m.max(height_m),
+            px_per_m: SIDE_PX / span(&grid.x_m).max(span(&grid.z_m)),
             errors_m: ends.map_or([0.0, 1.0], |(least, most)| [*least, *most]),
-            text: String::new(),
         }
     }
 
-    fn draw(mut self, word_m: Option<[f64; 4]>) -> String {
-        let [left, above, below, beside] = MARGINS_PX;
-        let [width, height] =
-            [&self.grid.x_m, &self.grid.z_m].map(|places| span(places) * self.px_per_m);
-        let whole_width = (left + width + beside).max(TITLE_PX);
-        // The legend may be higher than the map.
-        let whole_height = (above + height + below).max(above + 220.0);
-        self.put(&format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{whole_width:.0}\" \
-             height=\"{whole_height:.0}\" font-family=\"sans-serif\" font-size=\"13\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-             <text x=\"{left}\" y=\"26\" font-size=\"16\">Lighthouse coverage at y = {:.2} m: \
-             {:.1} % seen by two or more</text>",
-            self.grid.y_m,
-            100.0 * self.grid.seen_frac(),
-        ));
-        self.cells();
-        if let Some([l, b, r, t]) = word_m {
-            let (x, y) = (self.x_px(l), self.y_px(t));
-            let (w, h) = ((r - l) * self.px_per_m, (t - b) * self.px_per_m);
-            self.put(&format!(
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" height=\"{h:.1}\" fill=\"none\" \
-                 stroke=\"white\" stroke-width=\"2\" stroke-dasharray=\"6 4\"/>"
-            ));
-        }
-        self.axes(width, height);
-        self.legend(left + width + 24.0, above);
-        self.put("</svg>");
-        self.text
-    }
-
-    fn put(&mut self, line: &str) {
-        self.text.push_str(line);
-        self.text.push('\n');
-    }
-
-    fn x_px(&self, x_m: f64) -> f64 {
-        MARGINS_PX[0] + (x_m - self.grid.x_m[0]) * self.px_per_m
-    }
-
-    fn y_px(&self, z_m: f64) -> f64 {
-        let top_m = self.grid.z_m.last().expect("a grid has rows");
-        MARGINS_PX[1] + (top_m - z_m) * self.px_per_m
+    fn px(&self, [x_m, z_m]: [f64; 2]) -> [f64; 2] {
+        let top_m = self.grid.z_m[self.grid.z_m.len() - 1];
+        [
+            MARGINS_PX[0] + (x_m - self.grid.x_m[0]) * self.px_per_m,
+            MARGINS_PX[1] + (top_m - z_m) * self.px_per_m,
+        ]
     }
 
     /// One rectangle per run of places of one color in a row, from midway to midway.
-    fn cells(&mut self) {
+    fn draw_cells(&self, canvas: &mut Canvas<'_>) {
         let grid = self.grid;
-        self.put("<g shape-rendering=\"crispEdges\">");
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
-            let colors: Vec<String> = colors.iter().map(|place| self.color(place)).collect();
-            let [low, high] = edges_m(&grid.z_m, row, row);
-            let (y, height) = (self.y_px(high), (high - low) * self.px_per_m);
+            let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
+            let [low_m, high_m] = edges_m(&grid.z_m, row, row);
             let mut from = 0;
             for run in colors.chunk_by(|a, b| a == b) {
-                let [start, end] = edges_m(&grid.x_m, from, from + run.len() - 1);
-                let (x, width) = (self.x_px(start), (end - start) * self.px_per_m);
-                let _ = writeln!(
-                    self.text,
-                    "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
-                     fill=\"{}\"/>",
-                    run[0]
-                );
+                let [start_m, end_m] = edges_m(&grid.x_m, from, from + run.len() - 1);
+                let ([left, top], [right, bottom]) =
+                    (self.px([start_m, high_m]), self.px([end_m, low_m]));
+                canvas.cell([left, top, right, bottom], run[0]);
                 from += run.len();
             }
         }
-        self.put("</g>");
     }
 
-    fn color(&self, place: &crate::sim::Place) -> String {
+    fn color(&self, place: &Place) -> Rgb {
         match (place.n_stations, place.error_m) {
-            (0, _) => NO_STATION.to_owned(),
-            (1, _) | (_, None) => ONE_STATION.to_owned(),
+            (0, _) => NO_STATION,
+            (1, _) | (_, None) => ONE_STATION,
             (_, Some(error_m)) => {
                 let [least, most] = self.errors_m;
                 viridis((error_m - least) / (most - least).max(f64::MIN_POSITIVE))
@@ -129,63 +105,41 @@ impl<'a> Map<'a> {
         }
     }
 
-    fn axes(&mut self, width: f64, height: f64) {
-        let grid = self.grid;
-        let [left, above, ..] = MARGINS_PX;
-        let bottom = above + height;
-        self.put(&format!(
-            "<rect x=\"{left}\" y=\"{above}\" width=\"{width:.1}\" height=\"{height:.1}\" \
-             fill=\"none\" stroke=\"black\"/>"
-        ));
-        for x_m in ticks(&grid.x_m) {
-            let (x, end, label) = (self.x_px(x_m), bottom + 5.0, bottom + 19.0);
-            self.put(&format!(
-                "<path d=\"M{x:.1} {bottom:.1}V{end:.1}\" stroke=\"black\"/><text x=\"{x:.1}\" \
-                 y=\"{label:.1}\" text-anchor=\"middle\">{x_m:.1}</text>"
-            ));
+    fn draw_axes(&self, canvas: &mut Canvas<'_>, [left, above, right, bottom]: [f64; 4]) {
+        let pen = Pen::new(BLACK, 1.0);
+        canvas.frame([left, above, right, bottom], pen);
+        for x_m in ticks(&self.grid.x_m) {
+            let [x, _] = self.px([x_m, 0.0]);
+            canvas.line([[x, bottom], [x, bottom + 5.0]], pen);
+            canvas.text(format!("{x_m:.1}"), [x, bottom + 19.0], Anchor::Middle, CAP_PX, BLACK);
         }
-        for z_m in ticks(&grid.z_m) {
-            let (y, end, label) = (self.y_px(z_m), left - 5.0, left - 9.0);
-            self.put(&format!(
-                "<path d=\"M{left} {y:.1}H{end}\" stroke=\"black\"/><text x=\"{label}\" \
-                 y=\"{:.1}\" text-anchor=\"end\">{z_m:.1}</text>",
-                y + 4.5
-            ));
+        for z_m in ticks(&self.grid.z_m) {
+            let [_, y] = self.px([0.0, z_m]);
+            canvas.line([[left, y], [left - 5.0, y]], pen);
+            canvas.text(format!("{z_m:.1}"), [left - 9.0, y + 4.5], Anchor::End, CAP_PX, BLACK);
         }
-        let (x, y) = (left + 0.5 * width, bottom + 40.0);
-        self.put(&format!(
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">x (m)</text><text x=\"16\" \
-             y=\"{0:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 16 {0:.1})\">z (m)</text>",
-            above + 0.5 * height
-        ));
+        let middle = 0.5 * (left + right);
+        canvas.text("x (m)", [middle, bottom + 40.0], Anchor::Middle, CAP_PX, BLACK);
+        canvas.text("z (m)", [left - 9.0, above - 12.0], Anchor::End, CAP_PX, BLACK);
     }
 
-    fn legend(&mut self, x: f64, above: f64) {
-        let swatch = |y: f64, color: &str, text: &str| {
-            format!(
-                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"18\" height=\"18\" fill=\"{color}\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\">{text}</text>",
-                x + 26.0,
-                y + 14.0
-            )
+    fn draw_legend(&self, canvas: &mut Canvas<'_>, x: f64, above: f64) {
+        canvas.text("error, 1 σ", [x, above + 12.0], Anchor::Start, CAP_PX, BLACK);
+        let mut swatch = |y: f64, color: Rgb, text: String| {
+            canvas.cell([x, y, x + 18.0, y + 18.0], color);
+            canvas.text(text, [x + 26.0, y + 14.0], Anchor::Start, CAP_PX, BLACK);
         };
-        self.put(&format!("<text x=\"{x:.1}\" y=\"{:.1}\">error, 1 σ</text>", above + 12.0));
         let [least, most] = self.errors_m;
         for step in 0..=6 {
             let share = f64::from(step) / 6.0;
             let error_mm = 1e3 * (least + share * (most - least));
             let and_more = if step == 6 { " and more" } else { "" };
             let y = above + 22.0 + 18.0 * f64::from(step);
-            self.put(&swatch(y, &viridis(share), &format!("{error_mm:.1} mm{and_more}")));
+            swatch(y, viridis(share), format!("{error_mm:.1} mm{and_more}"));
         }
-        self.put(&swatch(above + 160.0, ONE_STATION, "one station"));
-        self.put(&swatch(above + 184.0, NO_STATION, "no station"));
+        swatch(above + 160.0, ONE_STATION, "one station".into());
+        swatch(above + 184.0, NO_STATION, "no station".into());
     }
-}
-
-/// From first to last.
-fn span(places_m: &[f64]) -> f64 {
-    places_m[places_m.len() - 1] - places_m[0]
 }
 
 /// Where the cells from `first` to `last` begin and end: midway to their neighbors.
@@ -205,20 +159,14 @@ fn ticks(places_m: &[f64]) -> Vec<f64> {
 }
 
 /// A color from dark (0) to light (1).
-pub(super) fn viridis(fraction: f64) -> String {
+pub(super) fn viridis(fraction: f64) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
     let i = (place as usize).min(3);
     #[expect(clippy::cast_precision_loss, reason = "0 to 3")]
     let part = place - i as f64;
-    let [r, g, b] = [0, 1, 2].map(|c| VIRIDIS[i][c] + part * (VIRIDIS[i + 1][c] - VIRIDIS[i][c]));
-    format!("#{:02x}{:02x}{:02x}", byte(r), byte(g), byte(b))
-}
-
-fn byte(value: f64) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let byte = value.round() as u8;
-    byte
+    [0, 1, 2].map(|c| (VIRIDIS[i][c] + part * (VIRIDIS[i + 1][c] - VIRIDIS[i][c])).round() as u8)
 }
 
 #[cfg(test)]
@@ -237,12 +185,14 @@ mod tests {
             };
             value("width") * value("height")
         };
-        let (_, cells) = map.split_once("crispEdges\">").unwrap();
-        let (cells, _) = cells.split_once("</g>").unwrap();
-        let filled: f64 = cells.lines().filter(|line| line.starts_with("<rect")).map(area).sum();
+        // Those of the legend are 18 pixels wide.
+        let cells = map.lines().filter(|line| line.contains("crispEdges"));
+        let cells: Vec<&str> = cells.filter(|line| !line.contains("width=\"18.0\"")).collect();
+        let filled: f64 = cells.iter().map(|line| area(line)).sum();
         assert!((filled / (720.0 * 360.0) - 1.0).abs() < 1e-3, "{filled} of {}", 720.0 * 360.0);
-        assert!(cells.contains(NO_STATION), "above the stations nothing is seen");
-        assert!(cells.contains("#440154") && cells.contains("#fde725"), "best and worst");
+        let has = |color: &str| cells.iter().any(|cell| cell.contains(color));
+        assert!(has("#5a5a5a"), "above the stations nothing is seen");
+        assert!(has("#440154") && has("#fde725"), "best and worst");
         assert!(map.contains("stroke-dasharray"), "the word's frame");
         assert_eq!(map, coverage_map(&grid, Some([-0.5, 0.5, 0.5, 1.0])), "same grid, same bytes");
     }

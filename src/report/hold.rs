@@ -115,7 +115,7 @@ fn sigmas(reading: &Measurement) -> f64 {
 
 /// A page that shows a table, and figures two in a row.
 pub fn hold_page(table: &str, figures: &[String]) -> String {
-    let escaped = table.replace('&', "&amp;").replace('<', "&lt;");
+    let escaped = super::canvas::escaped(table);
     let mut page = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <title>Altitude hold</title>\n\

@@ -1,11 +1,9 @@
 //! Labels on a photo: a name beside what it names, with a line to it.
 
-use tiny_skia::{LineCap, Paint, PathBuilder, PixmapMut, Stroke, Transform};
-
-use super::text;
+use super::canvas::{Anchor, Canvas, Pen, right_end};
 use crate::photo::Photo;
 
-const INK: [u8; 3] = [255, 232, 150];
+const PEN: Pen = Pen { color: [255, 232, 150], width_px: 1.3, dashed: false };
 /// Height of capitals.
 const CAP_PX: f64 = 11.0;
 /// Radius of the ring about what is named.
@@ -25,14 +23,11 @@ pub struct Label {
 /// The photo with its labels.
 #[must_use]
 pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
-    let pixels = photo.rgb8.as_chunks::<3>().0.iter();
-    let mut rgba: Vec<u8> = pixels.flat_map(|&[r, g, b]| [r, g, b, 255]).collect();
-    let mut canvas = PixmapMut::from_bytes(&mut rgba, photo.width_px, photo.height_px)
-        .expect("a photo has pixels");
-    let pen = text::pen();
+    let mut canvas = Canvas::over(photo);
     for label in labels {
         let [left, baseline] = label.text_px;
-        let (mut lines, right) = text::lines(&pen, &label.text, label.text_px, CAP_PX);
+        canvas.text(&*label.text, label.text_px, Anchor::Start, CAP_PX, PEN.color);
+        let right = right_end(&label.text, left, CAP_PX);
         let [x, y] = label.named_px;
         // From the nearest place beside the text, over it or below it, to the ring.
         let above = y > baseline;
@@ -46,37 +41,11 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
         let away = [from[0] - x, from[1] - y];
         let far = libm::hypot(away[0], away[1]);
         if far > RING_PX {
-            lines.push(vec![from, [x + away[0] * RING_PX / far, y + away[1] * RING_PX / far]]);
+            canvas.line([from, [x + away[0] * RING_PX / far, y + away[1] * RING_PX / far]], PEN);
         }
-        lines.push(ring(label.named_px));
-        for line in lines {
-            draw(&mut canvas, &line);
-        }
+        canvas.ring(label.named_px, RING_PX, PEN);
     }
-    let rgb8 = rgba.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-    Photo { rgb8, scene_toml: None, ..*photo }
-}
-
-fn ring([x, y]: [f64; 2]) -> Vec<[f64; 2]> {
-    let corner = |i: u32| {
-        let (sin, cos) = libm::sincos(f64::from(i) * std::f64::consts::TAU / 24.0);
-        [x + RING_PX * cos, y + RING_PX * sin]
-    };
-    (0..=24).map(corner).collect()
-}
-
-fn draw(canvas: &mut PixmapMut<'_>, line: &[[f64; 2]]) {
-    let mut builder = PathBuilder::new();
-    for (index, point) in line.iter().enumerate() {
-        #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo")]
-        let [x, y] = point.map(|px| px as f32);
-        if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
-    }
-    let Some(path) = builder.finish() else { return };
-    let mut paint = Paint::default();
-    paint.set_color_rgba8(INK[0], INK[1], INK[2], 255);
-    let stroke = Stroke { width: 1.3, line_cap: LineCap::Round, ..Stroke::default() };
-    canvas.stroke_path(&path, &paint, &stroke, Transform::identity(), None);
+    canvas.pixels()
 }
 
 #[cfg(test)]

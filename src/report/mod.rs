@@ -14,6 +14,7 @@
 //! Studies come as sheets of photos ([`study_sheet`]) and as plots of their figures.
 
 mod bound;
+mod canvas;
 mod coverage;
 mod figure;
 mod flights;
@@ -26,7 +27,6 @@ mod sheet;
 pub mod specimen;
 mod spread;
 mod studies;
-mod text;
 
 pub use bound::bound_map;
 pub use coverage::coverage_map;

@@ -1,171 +1,71 @@
 //! A verdict on its photo: intended strokes, what is missing, what is too much, and each letter's
-//! share in the choice, as PNG or SVG.
+//! share in the choice, as SVG or as a photo.
 
-use std::fmt::Write as _;
-
-use base64::prelude::{BASE64_STANDARD, Engine};
-use tiny_skia::{LineCap, Paint, Path, PathBuilder, PixmapMut, Stroke, Transform};
-
-use crate::letters::{Cell, Font, Trace};
+use super::canvas::{Anchor, Canvas, Pen, Rgb};
 use crate::photo::Photo;
 use crate::score::{LetterVerdict, Marks, Verdict};
 
 /// Colors that no lamp of a Crazyflie has: these are white, blue and red.
-const INTENDED: [u8; 3] = [0, 200, 120];
-const MISSING: [u8; 3] = [255, 80, 200];
-const STRAY: [u8; 3] = [240, 228, 66];
-const CELL: [u8; 3] = [150, 150, 150];
+const INTENDED: Rgb = [0, 200, 120];
+const MISSING: Rgb = [255, 80, 200];
+const STRAY: Rgb = [240, 228, 66];
+const CELL: Rgb = [150, 150, 150];
 
 /// Height of a label by the width of its cell: seven characters fill it.
-const LABEL_SHARE: f64 = 0.16;
+const LABEL_SHARE: f64 = 0.13;
 
-/// Lines of one kind.
-struct Layer<'a> {
-    name: &'static str,
-    lines: &'a [Vec<[f64; 2]>],
-    color: [u8; 3],
-    width_px: f64,
-    look: Look,
-}
-
-/// How points become a line.
-#[derive(Clone, Copy, PartialEq)]
-enum Look {
-    Open,
-    Closed,
-    Dots,
-}
-
-/// The overlay as an SVG file's text, with the photo inside.
+/// The overlay as an SVG file's text, with the photo inside and a layer for each kind of mark.
 #[must_use]
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
-    let mut png = Vec::new();
-    photo.write_png(&mut png, None, &[]).expect("a photo fits into a PNG in memory");
-    let (width, height) = (photo.width_px, photo.height_px);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\">\n<image width=\"{width}\" height=\"{height}\" \
-         href=\"data:image/png;base64,{}\"/>\n",
-        BASE64_STANDARD.encode(&png)
-    );
-    for layer in layers(marks, photo) {
-        let [r, g, b] = layer.color;
-        let path: String = layer.lines.iter().map(|line| outline(line, layer.look)).collect();
-        let _ = writeln!(
-            svg,
-            "<path id=\"{}\" fill=\"none\" stroke=\"rgb({r},{g},{b})\" stroke-width=\"{:.2}\" \
-             stroke-linecap=\"round\" d=\"{path}\"/>",
-            layer.name, layer.width_px
-        );
-    }
-    for (text, [x, y], size_px) in labels(marks, verdict) {
-        let _ = writeln!(
-            svg,
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size_px:.1}\" \
-             font-family=\"sans-serif\" fill=\"white\">{text}</text>"
-        );
-    }
-    svg + "</svg>\n"
+    overlay(photo, marks, verdict).svg()
 }
 
 /// The overlay as a photo.
 #[must_use]
 pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
-    let pixels = photo.rgb8.as_chunks::<3>().0.iter();
-    let mut rgba: Vec<u8> = pixels.flat_map(|&[r, g, b]| [r, g, b, 255]).collect();
-    let mut canvas = PixmapMut::from_bytes(&mut rgba, photo.width_px, photo.height_px)
-        .expect("a photo has pixels");
-    for layer in layers(marks, photo) {
-        for path in layer.lines.iter().filter_map(|line| path_of(line, layer.look)) {
-            draw(&mut canvas, &path, layer.color, layer.width_px);
-        }
-    }
-    let font = Font::open("simplex", Trace::CenterLine).expect("a font of ours");
-    for (text, [x, y], size_px) in labels(marks, verdict) {
-        let mut left = x;
-        for character in text.chars() {
-            let wide = font.aspect(character).unwrap_or(0.6) * size_px;
-            let cell = Cell { left_m: left, baseline_m: -y, width_m: wide, cap_height_m: size_px };
-            let moves = font.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
-            for step in moves.iter().filter(|step| step.lit) {
-                let line = [step.from_m, step.to_m].map(|[x, up]| [x, -up]);
-                if let Some(path) = path_of(&line, Look::Open) {
-                    draw(&mut canvas, &path, [255; 3], (0.12 * size_px).max(1.0));
-                }
-            }
-            left += wide + 0.25 * size_px;
-        }
-    }
-    let rgb8 = rgba.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-    Photo { rgb8, scene_toml: None, ..*photo }
+    overlay(photo, marks, verdict).pixels()
 }
 
-fn layers<'a>(marks: &'a Marks, photo: &Photo) -> [Layer<'a>; 4] {
+fn overlay<'a>(photo: &'a Photo, marks: &Marks, verdict: &Verdict) -> Canvas<'a> {
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
-    let layer = |name, lines, color, width_px, look| Layer { name, lines, color, width_px, look };
-    [
-        layer("cells", &marks.cells[..], CELL, 0.7 * pen_px, Look::Closed),
-        layer("intended", &marks.intended[..], INTENDED, pen_px, Look::Open),
-        layer("stray", &marks.stray[..], STRAY, 2.0 * pen_px, Look::Dots),
-        layer("missing", &marks.missing[..], MISSING, 3.0 * pen_px, Look::Open),
-    ]
-}
-
-/// What stands above each cell, where, and how large: the letter and its share, over its first rival
-/// and its; as narrow as the cell.
-fn labels(marks: &Marks, verdict: &Verdict) -> Vec<(String, [f64; 2], f64)> {
+    let mut canvas = Canvas::over(photo);
+    canvas.layer("cells");
+    for corners in &marks.cells {
+        let rim = corners.iter().chain(corners.first()).copied();
+        canvas.line(rim, Pen::new(CELL, 0.7 * pen_px));
+    }
+    canvas.layer("intended");
+    for line in &marks.intended {
+        canvas.line(line.iter().copied(), Pen::new(INTENDED, pen_px));
+    }
+    canvas.layer("stray");
+    for point in marks.stray.iter().flatten() {
+        canvas.dot(*point, pen_px, STRAY);
+    }
+    canvas.layer("missing");
+    for line in &marks.missing {
+        canvas.line(line.iter().copied(), Pen::new(MISSING, 3.0 * pen_px));
+    }
+    canvas.layer("labels");
     let seen = verdict.letters.iter().filter(|letter| letter.recall.is_some());
-    let label = |(corners, letter): (&Vec<[f64; 2]>, &LetterVerdict)| {
-        let ([left, top], [right, _]) = (*corners.first()?, *corners.get(1)?);
-        let size_px = LABEL_SHARE * (right - left);
-        let row = |above: f64| [left, top - above * size_px];
-        let own = (format!("{} {:.2}", letter.expected, letter.p?), row(2.0), size_px);
-        let rival = letter.rivals.first();
-        let rival = rival
-            .map(|rival| (format!("{}? {:.2}", rival.letter, rival.p), row(0.4), 0.85 * size_px));
-        Some([Some(own), rival])
+    for (corners, letter) in marks.cells.iter().zip(seen) {
+        label(&mut canvas, corners, letter);
+    }
+    canvas
+}
+
+/// Writes above a cell: the letter and its share, over its first rival and its; as narrow as the cell.
+fn label(canvas: &mut Canvas<'_>, corners: &[[f64; 2]], letter: &LetterVerdict) {
+    let (&[[left, top], [right, _], ..], Some(p)) = (corners, letter.p) else { return };
+    let cap_px = LABEL_SHARE * (right - left);
+    let mut write = |text: String, above: f64, size: f64| {
+        let at = [left, top - above * cap_px];
+        canvas.text(text, at, Anchor::Start, size * cap_px, [255; 3]);
     };
-    marks.cells.iter().zip(seen).filter_map(label).flatten().flatten().collect()
-}
-
-fn outline(line: &[[f64; 2]], look: Look) -> String {
-    let mut path = String::new();
-    for (index, [x, y]) in line.iter().enumerate() {
-        let step = if index == 0 || look == Look::Dots { 'M' } else { 'L' };
-        let _ = write!(path, "{step}{x:.1},{y:.1}");
-        if look == Look::Dots {
-            path += "h.1";
-        }
+    write(format!("{} {p:.2}", letter.expected), 2.0, 1.0);
+    if let Some(rival) = letter.rivals.first() {
+        write(format!("{}? {:.2}", rival.letter, rival.p), 0.4, 0.85);
     }
-    if look == Look::Closed { path + "Z" } else { path }
-}
-
-fn path_of(line: &[[f64; 2]], look: Look) -> Option<Path> {
-    let mut builder = PathBuilder::new();
-    for (index, point) in line.iter().enumerate() {
-        #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo")]
-        let [x, y] = point.map(|px| px as f32);
-        if index == 0 || look == Look::Dots {
-            builder.move_to(x, y);
-        } else {
-            builder.line_to(x, y);
-        }
-        if look == Look::Dots {
-            builder.line_to(x + 0.1, y);
-        }
-    }
-    if look == Look::Closed {
-        builder.close();
-    }
-    builder.finish()
-}
-
-fn draw(canvas: &mut PixmapMut<'_>, path: &Path, [r, g, b]: [u8; 3], width_px: f64) {
-    let mut paint = Paint::default();
-    paint.set_color_rgba8(r, g, b, 255);
-    #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo")]
-    let stroke = Stroke { width: width_px as f32, line_cap: LineCap::Round, ..Stroke::default() };
-    canvas.stroke_path(path, &paint, &stroke, Transform::identity(), None);
 }
 
 #[cfg(test)]
