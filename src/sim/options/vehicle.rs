@@ -3,8 +3,7 @@
 use crate::error::{Error, Result};
 use crate::settings::settings;
 
-/// Standard gravity as the reference flight's model has it.
-pub(in crate::sim) const GRAVITY_M_S2: f64 = 9.81;
+pub(in crate::sim) use crate::estimate::GRAVITY_M_S2;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
