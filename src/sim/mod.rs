@@ -29,7 +29,6 @@ mod drone;
 mod estimator;
 mod fly;
 pub mod identify;
-pub mod localization;
 mod noise;
 mod options;
 mod peers;

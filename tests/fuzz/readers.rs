@@ -10,7 +10,7 @@ use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{NamedScene, Scene};
-use noctograph::sim::localization::read_anchors;
+use noctograph::estimate::locate::read_anchors;
 use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
 use noctograph::study::{Conditions, Store, Study, Sweep};
 

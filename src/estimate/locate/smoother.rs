@@ -212,7 +212,7 @@ pub(super) fn checked(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::tests::Random;
+    use crate::estimate::locate::tests::Random;
 
     fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
         let all = [
