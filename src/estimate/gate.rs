@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use super::normal::{Innovation, Normal, Part};
+use super::normal::{Innovation, Measurement, Normal, Part};
 
 /// Refusals in a row after which a source is believed again.
 const MOST_REFUSALS: u32 = 5;
@@ -35,25 +35,21 @@ impl<K: Ord> Gate<K> {
         &mut self,
         normal: &mut Normal,
         source: K,
-        slope: &[Part],
-        value: f64,
-        variance: f64,
+        measurement: &Measurement<'_>,
     ) -> Option<Innovation> {
         let refused = self.refused.entry(source).or_default();
-        let is_locked_out = *refused >= MOST_REFUSALS;
-        let variance = if is_locked_out { variance.max(value * value) } else { variance };
+        let mut measurement = *measurement;
+        if *refused >= MOST_REFUSALS {
+            let left = normal.innovation(&measurement).value;
+            measurement.variance = measurement.variance.max(left * left);
+        }
         let mut found = None;
-        normal.correct(slope, value, variance, |innovation| {
+        normal.correct(&measurement, |innovation| {
             found = (!innovation.is_beyond(self.sq)).then_some(*innovation);
             found.is_some()
         });
         *refused = if found.is_some() { 0 } else { *refused + 1 };
         found
-    }
-
-    /// Notes that a measurement of a source was refused for another reason.
-    pub fn refuse(&mut self, source: K) {
-        *self.refused.entry(source).or_default() += 1;
     }
 }
 
@@ -96,18 +92,16 @@ impl StepTest {
     pub fn correct(
         &mut self,
         normal: &mut Normal,
-        slope: &[Part],
-        value: f64,
-        variance: f64,
+        measurement: &Measurement<'_>,
         gate_sq: f64,
     ) -> Floor {
         let mut floor = Floor::Still;
-        normal.correct(slope, value, variance, |innovation| {
+        normal.correct(measurement, |innovation| {
             floor = self.look(innovation);
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
         if let Floor::Stepped(farther_m) = floor {
-            let Some(Part::One(state, per_m)) = slope.last() else { panic!("the floor is last") };
+            let Some(Part::One(state, per_m)) = measurement.slope.last() else { panic!("the floor is last") };
             normal.mean[*state] += farther_m / per_m;
             normal.covariance[(*state, *state)] += self.sigma_m * self.sigma_m;
         }
@@ -140,7 +134,8 @@ mod tests {
         let mut gate = Gate::new(4.0);
         let mut taken = |source, value| {
             let mut normal = Normal::independent(&[0.1]);
-            gate.correct(&mut normal, source, &[Part::One(0, 1.0)], value, 0.01)
+            let slope = &[Part::One(0, 1.0)];
+            gate.correct(&mut normal, source, &Measurement { slope, value, variance: 0.01 })
         };
         for refusals in 0..5 {
             assert_eq!(taken(1, 3.0), None, "after {refusals}");

@@ -205,7 +205,7 @@ impl Normal {
 mod tests {
     use nalgebra::DMatrix;
 
-    use super::super::normal::Part;
+    use super::super::normal::{Measurement, Part};
     use super::*;
 
     #[test]
@@ -242,7 +242,8 @@ mod tests {
             assert!(off < 1e-13, "{off}");
             // What the drones and the floor have in common.
             let slope = [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
-            assert!(normal.correct(&slope, 0.0, 0.01, |_| true));
+            let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };
+            assert!(normal.correct(&measurement, |_| true));
             p.copy_from(&normal.covariance);
         }
     }

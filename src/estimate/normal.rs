@@ -1,9 +1,8 @@
 //! A normal distribution of states, and the one correction by a measurement.
 //!
-//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement with the slope `h` over the
-//! states and a noise of variance `r` differs from its prediction by the innovation ν, of variance
-//! `s = hᵀ P h + r`; with the gain `k = P h / √s` it corrects `x ← x + k ν / √s` and
-//! `P ← P − k kᵀ`. A scalar correction subtracts one square from a matrix that stays exactly
+//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of variance
+//! `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`; with the gain `k = P h / √s` it
+//! corrects `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction subtracts one square from a matrix that stays exactly
 //! symmetric, which at the ratios of variance that occur here (1e-6 and more) is as safe as Joseph's
 //! form and half the work. Independent measurements are taken in one after the other, which is the
 //! same as at once.
@@ -34,6 +33,17 @@ pub enum Part {
     One(usize, f64),
     /// Over three states from an index on.
     Three(usize, Vector3<f64>),
+}
+
+/// A scalar measurement `y = hᵀ x + noise`, or what it becomes linearized.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement<'a> {
+    /// h, each state in one part at most.
+    pub slope: &'a [Part],
+    /// y: measured less what is expected where all states are zero.
+    pub value: f64,
+    /// Variance of its noise.
+    pub variance: f64,
 }
 
 /// An entry of a sparse matrix: row, column and value.
@@ -129,36 +139,38 @@ impl Normal {
         }
     }
 
-    /// The innovation of a measurement that differs by `value` from its prediction at the mean.
+    /// The innovation of a measurement.
     #[inline(always)]
-    pub fn innovation(&mut self, slope: &[Part], value: f64, variance: f64) -> Innovation {
+    pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
+        let Measurement { slope, value, variance } = *measurement;
         let p = self.covariance.as_slice();
         match self.gain.len() {
             9 => spread(p, slope, &mut self.gain, 9),
             n => spread(p, slope, &mut self.gain, n),
         }
-        // Rounding may leave less than nothing where a measurement is far sharper than the rest.
-        Innovation { value, variance: along(slope, &self.gain).max(0.0) + variance }
+        Innovation {
+            value: value - along(slope, self.mean.as_slice()),
+            // Rounding may leave less than nothing where a measurement is far sharper than the rest.
+            variance: along(slope, &self.gain).max(0.0) + variance,
+        }
     }
 
-    /// Corrects by a measurement that differs by `value` from its prediction at the mean, unless the
-    /// gate, which is shown the innovation, refuses it; says whether it was taken.
+    /// Corrects by a measurement unless the gate, which is shown its innovation, refuses it; says
+    /// whether it was taken.
     #[inline(always)]
     pub fn correct(
         &mut self,
-        slope: &[Part],
-        value: f64,
-        variance: f64,
+        measurement: &Measurement<'_>,
         gate: impl FnOnce(&Innovation) -> bool,
     ) -> bool {
-        let innovation = self.innovation(slope, value, variance);
+        let innovation = self.innovation(measurement);
         if !gate(&innovation) {
             return false;
         }
         let scale = 1.0 / innovation.variance.sqrt();
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
-        states.zip(&self.gain).for_each(|(x, gain)| *x += gain * (value * scale));
+        states.zip(&self.gain).for_each(|(x, gain)| *x += gain * (innovation.value * scale));
         // The same loops unrolled for the nine errors of a drone, which is half of their time.
         let p = self.covariance.as_mut_slice();
         match self.gain.len() {
@@ -237,25 +249,25 @@ mod tests {
     }
 
     /// Joseph's form, the whole matrix.
-    fn joseph(
-        before: &Normal,
-        slope: &[Part],
-        value: f64,
-        variance: f64,
-    ) -> (DVector<f64>, DMatrix<f64>) {
+    fn joseph(before: &Normal, measurement: &Measurement<'_>) -> (DVector<f64>, DMatrix<f64>) {
+        let Measurement { slope, value, variance } = *measurement;
         let n = before.mean.len();
         let (h, p) = (column(slope, n), &before.covariance);
         let gain = p * &h / (h.dot(&(p * &h)) + variance);
         let left = DMatrix::identity(n, n) - &gain * h.transpose();
         let covariance = &left * p * left.transpose() + &gain * gain.transpose() * variance;
-        (&before.mean + gain * value, covariance)
+        (&before.mean + gain * (value - h.dot(&before.mean)), covariance)
+    }
+
+    fn of(slope: &[Part], value: f64, variance: f64) -> Measurement<'_> {
+        Measurement { slope, value, variance }
     }
 
     fn some() -> Normal {
         let mut normal = Normal::independent(&[0.3, 0.2, 0.1, 0.4, 0.5]);
         for i in 0..4 {
             let part = Part::Three(i % 3, Vector3::new(0.3, -0.8, 0.5));
-            normal.correct(&[part], 0.1, 0.02, |_| true);
+            normal.correct(&of(&[part], 0.1, 0.02), |_| true);
         }
         normal
     }
@@ -264,8 +276,9 @@ mod tests {
     fn a_correction_is_that_of_joseph() {
         let mut normal = some();
         let slope = [Part::Three(0, Vector3::new(1.0, 0.5, -0.2)), Part::One(4, -0.7)];
-        let (mean, covariance) = joseph(&normal, &slope, 0.02, 0.01);
-        assert!(normal.correct(&slope, 0.02, 0.01, |_| true));
+        let measurement = of(&slope, 0.02, 0.01);
+        let (mean, covariance) = joseph(&normal, &measurement);
+        assert!(normal.correct(&measurement, |_| true));
         assert!((&normal.covariance - &covariance).norm() < 1e-14 * covariance.norm());
         assert!((&normal.mean - &mean).norm() < 1e-14, "{}", normal.mean);
         assert_eq!(normal.covariance, normal.covariance.transpose(), "exactly symmetric");
@@ -292,8 +305,7 @@ mod tests {
     fn a_constant_is_estimated_as_the_weighted_mean_of_its_measurements() {
         let mut filter = Normal::independent(&[1e4]);
         for (measured, variance) in [(2.0, 1.0), (5.0, 0.5), (3.0, 0.25)] {
-            let value = measured - filter.mean[0];
-            filter.correct(&[Part::One(0, 1.0)], value, variance, |_| true);
+            filter.correct(&of(&[Part::One(0, 1.0)], measured, variance), |_| true);
         }
         let mean = (2.0 / 1.0 + 5.0 / 0.5 + 3.0 / 0.25) / 7.0;
         assert!((filter.mean[0] - mean).abs() < 1e-7, "{}", filter.mean[0]);
@@ -309,11 +321,11 @@ mod tests {
         let mut filter = Normal::independent(&[1.0, 1.0]);
         for _ in 0..2000 {
             filter.predict(&transition, &noise);
-            filter.correct(&h, 0.0, r, |_| true);
+            filter.correct(&of(&h, 0.0, r), |_| true);
         }
         let mut next = filter.clone();
         next.predict(&transition, &noise);
-        let (_, steady) = joseph(&next, &h, 0.0, r);
+        let (_, steady) = joseph(&next, &of(&h, 0.0, r));
         let residual = steady - &filter.covariance;
         assert!(residual.norm() < 1e-12 && filter.covariance[(0, 0)] < r, "{residual}");
     }
@@ -328,7 +340,8 @@ mod tests {
             let angle = f64::from(i);
             let place = Vector3::new(libm::sin(angle), libm::cos(angle), libm::sin(0.7 * angle));
             let turn = place.cross(&Vector3::x()) * 0.015;
-            normal.correct(&[Part::Three(0, place), Part::Three(3, turn)], 0.0, 1e-8, |_| true);
+            let slope = [Part::Three(0, place), Part::Three(3, turn)];
+            normal.correct(&of(&slope, 0.0, 1e-8), |_| true);
         }
         let scale = normal.covariance.diagonal().map(|d| 1.0 / d.sqrt());
         let correlation =
@@ -342,15 +355,16 @@ mod tests {
         let slope = [Part::One(0, 1.0)];
         let sigma = (before.covariance[(0, 0)] + 0.01).sqrt();
         let gate = |innovation: &Innovation| !innovation.is_beyond(9.0);
-        assert!(!normal.correct(&slope, 3.01 * sigma, 0.01, gate), "beyond");
+        let off = |sigmas: f64| before.mean[0] + sigmas * sigma;
+        assert!(!normal.correct(&of(&slope, off(3.01), 0.01), gate), "beyond");
         assert_eq!((&normal.mean, &normal.covariance), (&before.mean, &before.covariance));
-        assert!(normal.correct(&slope, 2.99 * sigma, 0.01, gate), "within");
+        assert!(normal.correct(&of(&slope, off(2.99), 0.01), gate), "within");
     }
 
     #[test]
     fn an_innovation_knows_its_own_spread() {
         let mut normal = Normal::independent(&[3.0_f64.sqrt()]);
-        let innovation = normal.innovation(&[Part::One(0, 2.0)], 4.0, 4.0);
+        let innovation = normal.innovation(&of(&[Part::One(0, 2.0)], 4.0, 4.0));
         assert!((innovation.variance - 16.0).abs() < 1e-14);
         assert_eq!(Innovation { value: 4.0, variance: 16.0 }.sigmas(), 1.0);
         assert_eq!(Innovation { value: 4.0, variance: 16.0 }.nis(), 1.0);

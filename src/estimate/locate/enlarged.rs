@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::positions::Positions;
 use super::{Link, Room};
-use crate::estimate::{Normal, Part, along};
+use crate::estimate::{Measurement, Normal, Part};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
@@ -123,11 +123,11 @@ impl Enlarged {
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance = sigma_m * sigma_m;
-        let mut measured = distance_m * distance_m - variance;
+        let mut value = distance_m * distance_m - variance;
         let slope = match link {
             Link::Anchor { drone, anchor } => {
                 let a = self.anchors_m[anchor];
-                measured -= a.norm_squared();
+                value -= a.norm_squared();
                 vec![Part::Three(3 * drone, a * -2.0), Part::One(3 * n + drone, 1.0)]
             }
             Link::Drones(i, j) => vec![
@@ -136,9 +136,8 @@ impl Enlarged {
                 Part::One(product(n, i, j), -2.0),
             ],
         };
-        let noise = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
-        let left = measured - along(&slope, self.normal.mean.as_slice());
-        self.normal.correct(&slope, left, noise, |_| true);
+        let variance = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
+        self.normal.correct(&Measurement { slope: &slope, value, variance }, |_| true);
     }
 
     /// Place of a drone, and its covariance.

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::positions::slope;
 use super::{BiasOf, Link, LocateOptions, RangeSample};
-use crate::estimate::{Entry, Gate, Normal, Part, Step, along};
+use crate::estimate::{Entry, Gate, Measurement, Normal, Part, Step, along};
 
 /// States of a drone.
 pub(super) const STATES: usize = 6;
@@ -125,15 +125,13 @@ impl<'a> Model<'a> {
             let predicted = normal.clone();
             let here = about.and_then(|about| about.get(steps.len()));
             for sample in step {
-                let at = here.map_or(&normal.mean, |about| &about.mean);
-                let (slope, expected_m) = self.slope(sample.link, at.as_slice());
-                let since = along(&slope, (&normal.mean - at).as_slice());
-                let left_m = sample.distance_m - expected_m - since;
+                let at = here.map_or(&normal.mean, |about| &about.mean).as_slice();
+                let (slope, expected_m) = self.slope(sample.link, at);
+                let value = sample.distance_m - expected_m + along(&slope, at);
+                let measurement = Measurement { slope: &slope, value, variance };
                 let is_stray = left_out.next().is_some_and(|stray| *stray);
-                let taken = (!is_stray)
-                    .then(|| gate.correct(&mut normal, sample.link, &slope, left_m, variance))
-                    .flatten();
-                match taken {
+                let mut corrected = || gate.correct(&mut normal, sample.link, &measurement);
+                match if is_stray { None } else { corrected() } {
                     Some(innovation) => {
                         (found.sum, found.taken) = (found.sum + innovation.nis(), found.taken + 1);
                     }

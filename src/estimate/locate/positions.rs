@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
-use crate::estimate::{Gate, Normal, Part, toward};
+use crate::estimate::{Gate, Measurement, Normal, Part, along, toward};
 
 /// Positions of N drones with their covariance: an extended Kalman filter on ranges.
 #[derive(Clone, Debug)]
@@ -51,9 +51,11 @@ impl Positions {
     /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that is
     /// refused five times in a row is believed again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
-        let (slope, expected_m) = slope(link, &self.anchors_m, self.normal.mean.as_slice(), 3);
-        let (left_m, variance) = (distance_m - expected_m, sigma_m * sigma_m);
-        let found = self.gate.correct(&mut self.normal, link, &slope, left_m, variance);
+        let at = self.normal.mean.as_slice();
+        let (slope, expected_m) = slope(link, &self.anchors_m, at, 3);
+        let value = distance_m - expected_m + along(&slope, at);
+        let measurement = Measurement { slope: &slope, value, variance: sigma_m * sigma_m };
+        let found = self.gate.correct(&mut self.normal, link, &measurement);
         found.map(|innovation| innovation.nis())
     }
 }

@@ -5,7 +5,7 @@
 //! controller that answers a correlated innovation would make the throttle correlated with it, and
 //! the filter would read a thrust map from that which is not there.
 
-use crate::estimate::{Floor, Innovation, Normal, Part, StepTest, along};
+use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest};
 use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
 use crate::sim::vehicle::GRAVITY_M_S2;
@@ -46,7 +46,7 @@ const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 
 /// A reading against its prediction.
 #[derive(Clone, Copy, Debug)]
-pub struct Measurement {
+pub struct Reading {
     /// What measured it.
     pub sensor: Sensor,
     /// What it measured.
@@ -63,7 +63,7 @@ pub struct AltitudeFilter {
     options: AltitudeOptions,
     normal: Normal,
     /// Readings since the last prediction.
-    readings: Vec<Measurement>,
+    readings: Vec<Reading>,
     test: StepTest,
     steps: u32,
 }
@@ -157,18 +157,17 @@ impl AltitudeFilter {
         let of = |state: State| Part::One(state as usize, 1.0);
         let slope = [of(State::Altitude), of(bias.unwrap_or(State::Altitude))];
         let slope = &slope[..if bias.is_some() { 2 } else { 1 }];
-        let (value, variance) =
-            (measured_m - along(slope, self.normal.mean.as_slice()), sigma_m * sigma_m);
-        let innovation = self.normal.innovation(slope, value, variance);
+        let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
+        let innovation = self.normal.innovation(&measurement);
         let floor = if sensor == Sensor::TimeOfFlight {
-            self.test.correct(&mut self.normal, slope, value, variance, f64::INFINITY)
+            self.test.correct(&mut self.normal, &measurement, f64::INFINITY)
         } else {
-            self.normal.correct(slope, value, variance, |_| true);
+            self.normal.correct(&measurement, |_| true);
             Floor::Still
         };
         self.steps += u32::from(matches!(floor, Floor::Stepped(_)));
         let taken = floor == Floor::Still;
-        self.readings.push(Measurement { sensor, measured_m, innovation, taken });
+        self.readings.push(Reading { sensor, measured_m, innovation, taken });
     }
 
     /// Estimate of a state.
@@ -191,7 +190,7 @@ impl AltitudeFilter {
 
     /// Readings since the last prediction, in the order in which they came.
     #[must_use]
-    pub fn readings(&self) -> &[Measurement] {
+    pub fn readings(&self) -> &[Reading] {
         &self.readings
     }
 

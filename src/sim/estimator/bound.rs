@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::ekf::START;
 use crate::error::{Error, Result};
-use crate::estimate::{Density, ERRORS, Normal, Part, Span, toward};
+use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward};
 use crate::plan::Plan;
 use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SensorOptions, SimOptions};
 use crate::sim::sensors::time_of_flight_sigma_m;
@@ -162,28 +162,33 @@ impl<'a> Fleet<'a> {
             Turn::Anchor { drone, anchor, minus } => {
                 let minus = minus.map_or(Vector3::zeros(), |minus| from(drone, minus));
                 let slope = Part::Three(ERRORS * drone, from(drone, anchor) - minus);
-                self.normal.correct(&[slope], 0.0, variance, |_| true);
+                self.correct(&[slope], variance);
             }
             Turn::Drones(i, j) => {
                 let (unit, _) = toward(&(self.places_m[i] - self.places_m[j]));
                 let slope = [Part::Three(ERRORS * i, unit), Part::Three(ERRORS * j, -unit)];
-                self.normal.correct(&slope, 0.0, variance, |_| true);
+                self.correct(&slope, variance);
             }
         }
     }
 
     /// Measures the height of every drone.
     fn height(&mut self, sensor: HeightSensor) {
-        for (drone, place_m) in self.places_m.iter().enumerate() {
+        for drone in 0..self.places_m.len() {
             let sigma_m = match sensor {
                 HeightSensor::TimeOfFlight => {
-                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, place_m.z)
+                    let height_m = self.places_m[drone].z;
+                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, height_m)
                 }
                 HeightSensor::Barometer => self.sensors.barometer.noise_m.max(LEAST_SIGMA_M),
             };
-            let slope = [Part::One(ERRORS * drone + 2, 1.0)];
-            self.normal.correct(&slope, 0.0, square(sigma_m), |_| true);
+            self.correct(&[Part::One(ERRORS * drone + 2, 1.0)], square(sigma_m));
         }
+    }
+
+    /// At the truth, every measurement is what was expected.
+    fn correct(&mut self, slope: &[Part], variance: f64) {
+        self.normal.correct(&Measurement { slope, value: 0.0, variance }, |_| true);
     }
 }
 

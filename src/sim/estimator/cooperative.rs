@@ -23,11 +23,11 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::ekf::{Model, Residual, START};
+use super::ekf::{Model, START};
 use super::past::{Past, interpolated, past};
 use super::{Estimator, state_at};
-use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Normal, Part, Span, along, toward};
-use crate::sim::options::{ObserverOptions, SensorOptions, Share};
+use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
+use crate::sim::options::{EkfOptions, ObserverOptions, SensorOptions, Share};
 use crate::sim::peers::{Fleet, Leg, Message, Reckoning, Target, ToldHeight, ToldRange};
 use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
 use crate::sim::vehicle::State;
@@ -98,7 +98,8 @@ impl Cooperative {
             alone: Inertial::at(Vector3::zeros()),
             reckoned: Reckoning::default(),
             normal: Normal::of_drones(fleet.members.len(), sigmas, &[]),
-            model: Model::new(&options.ekf, sensors),
+            // The floor is level.
+            model: Model::new(&EkfOptions { floor_steps: false, ..options.ekf.clone() }, sensors),
             peers: others.map(peer).collect(),
             place: fleet.place,
             share: start.share,
@@ -175,9 +176,9 @@ impl Cooperative {
     }
 
     /// A scalar measurement on a link, through the gate.
-    fn correct(&mut self, link: (usize, Target), slope: &[Part], residual: f64, variance: f64) {
-        let left = residual - along(slope, self.normal.mean.as_slice());
-        self.gate.correct(&mut self.normal, link, slope, left, variance);
+    fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
+        let measurement = Measurement { slope, value, variance };
+        self.gate.correct(&mut self.normal, link, &measurement);
     }
 
     /// Place of another drone at a time up to its last message.
@@ -304,14 +305,9 @@ impl Estimator for Cooperative {
             return;
         }
         let Self { own, normal, model, gate, place, .. } = self;
-        model.residuals(own, readings, |&Residual { mut slope, value, variance, target }| {
+        model.measurements(own, readings, |target, measurement| {
             let target = target.expect("ranges and heights only");
-            if target == Target::Floor {
-                // The floor is level.
-                slope = &slope[..2];
-            }
-            let left = value - along(slope, normal.mean.as_slice());
-            gate.correct(normal, (*place, target), slope, left, variance);
+            gate.correct(normal, (*place, target), measurement);
         });
         self.settle();
     }

@@ -14,7 +14,7 @@
 use nalgebra::Vector3;
 
 use super::{Estimator, state_at};
-use crate::estimate::{Density, Inertial, Normal, Part, StepTest, TURN, along, toward};
+use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
 use crate::sim::options::{EkfOptions, Generation, SensorOptions};
 use crate::sim::peers::Target;
 use crate::sim::sensors::{
@@ -55,6 +55,8 @@ pub(super) struct Model {
     pub(super) anchors_m: Vec<Vector3<f64>>,
     /// Height of the floor below the drone.
     floor_m: f64,
+    /// Whether that is one of the states.
+    floor_steps: bool,
     pub(super) density: Density,
     /// Variance of an angle of a station of the first and of the second generation.
     sweep: [f64; 2],
@@ -67,16 +69,6 @@ pub(super) struct Model {
     pub(super) gate_sigmas: f64,
     /// Standard deviation of a near range to the floor.
     pub(super) ranger_m: f64,
-}
-
-/// A measurement of one drone against its prediction.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Residual<'a> {
-    pub(super) slope: &'a [Part],
-    pub(super) value: f64,
-    pub(super) variance: f64,
-    /// What was measured to, where that is one thing.
-    pub(super) target: Option<Target>,
 }
 
 impl Ekf {
@@ -106,6 +98,7 @@ impl Model {
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
             anchors_m: sensors.uwb.anchors(),
             floor_m: 0.0,
+            floor_steps: options.floor_steps,
             density: Density {
                 acceleration: [level, level, upright].map(|density| 0.5 * square(density)),
                 rate: 0.5 * square(options.rate_noise_rad_s_sqrt_hz),
@@ -119,14 +112,14 @@ impl Model {
         }
     }
 
-    /// Passes on every measurement of the first drone of a filter. The last part of the slope of a
-    /// range to the floor is over the floor's height.
+    /// Passes on every measurement of the first drone of a filter, with what was measured to where that
+    /// is one thing.
     #[inline(always)]
-    pub(super) fn residuals(
+    pub(super) fn measurements(
         &self,
         motion: &Inertial,
         readings: &Readings<'_>,
-        mut each: impl FnMut(&Residual<'_>),
+        mut each: impl FnMut(Option<Target>, &Measurement<'_>),
     ) {
         readings.sweeps.iter().for_each(|sweep| self.sweep(motion, sweep, &mut each));
         readings.ranges.iter().for_each(|range| self.range(motion, range, &mut each));
@@ -134,7 +127,7 @@ impl Model {
             let left_m = position_m - motion.position_m;
             for axis in 0..3 {
                 let (value, variance) = (left_m[axis], self.position);
-                each(&Residual { slope: &[Part::One(axis, 1.0)], value, variance, target: None });
+                each(None, &Measurement { slope: &[Part::One(axis, 1.0)], value, variance });
             }
         }
         if let Some(distance_m) = readings.time_of_flight_m {
@@ -142,13 +135,13 @@ impl Model {
         }
         if let Some(height_m) = readings.barometer_m {
             let (value, variance) = (height_m - motion.position_m.z, self.barometer);
-            let target = Some(Target::Air);
-            each(&Residual { slope: &[Part::One(2, 1.0)], value, variance, target });
+            let slope = &[Part::One(2, 1.0)];
+            each(Some(Target::Air), &Measurement { slope, value, variance });
         }
     }
 
     #[inline(always)]
-    fn sweep(&self, motion: &Inertial, sweep: &Sweep, each: &mut impl FnMut(&Residual<'_>)) {
+    fn sweep(&self, motion: &Inertial, sweep: &Sweep, each: &mut impl FnMut(Option<Target>, &Measurement<'_>)) {
         let station = &self.stations[sweep.station];
         let variance = self.sweep[usize::from(station.generation == Generation::V2)];
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
@@ -158,11 +151,11 @@ impl Model {
             let turn = lever.cross(&motion.world_from_body.tr_mul(&position));
             let slope = &[Part::Three(0, position), Part::Three(TURN, turn)];
             let value = angle_rad - crossing.angle_rad;
-            each(&Residual { slope, value, variance, target: None });
+            each(None, &Measurement { slope, value, variance });
         }
     }
 
-    fn range(&self, motion: &Inertial, range: &Range, each: &mut impl FnMut(&Residual<'_>)) {
+    fn range(&self, motion: &Inertial, range: &Range, each: &mut impl FnMut(Option<Target>, &Measurement<'_>)) {
         let from = |anchor: usize| toward(&(motion.position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from(range.anchor);
         if let Some(other) = range.minus {
@@ -170,19 +163,19 @@ impl Model {
             expected_m -= distance_m;
             direction -= unit;
         }
-        each(&Residual {
+        let measurement = Measurement {
             slope: &[Part::Three(0, direction)],
             value: range.distance_m - expected_m,
             variance: self.range[usize::from(range.minus.is_none())],
-            target: Some(Target::Anchor(range.anchor)),
-        });
+        };
+        each(Some(Target::Anchor(range.anchor)), &measurement);
     }
 
     fn distance(
         &self,
         motion: &Inertial,
         distance_m: f64,
-        each: &mut impl FnMut(&Residual<'_>),
+        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
     ) {
         let r = &motion.world_from_body;
         let cos_tilt = r[(2, 2)];
@@ -193,12 +186,14 @@ impl Model {
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
         let sigma_m = time_of_flight_sigma_m(self.ranger_m, distance_m);
         let per_m = 1.0 / cos_tilt;
-        each(&Residual {
-            slope: &[Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)],
+        let slope =
+            [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
+        let measurement = Measurement {
+            slope: &slope[..if self.floor_steps { 3 } else { 2 }],
             value: distance_m - expected_m,
             variance: sigma_m * sigma_m,
-            target: Some(Target::Floor),
-        });
+        };
+        each(Some(Target::Floor), &measurement);
     }
 }
 
@@ -221,20 +216,12 @@ impl Estimator for Ekf {
             return;
         }
         let gate_sq = model.gate_sigmas * model.gate_sigmas;
-        model.residuals(motion, readings, |residual| {
-            let Residual { mut slope, value, variance, target } = *residual;
-            let is_floor = target == Some(Target::Floor);
-            if is_floor && step_test.is_none() {
-                slope = &slope[..2];
+        model.measurements(motion, readings, |target, measurement| match step_test {
+            Some(test) if target == Some(Target::Floor) => {
+                test.correct(normal, measurement, gate_sq);
             }
-            let left = value - along(slope, normal.mean.as_slice());
-            match step_test {
-                Some(test) if is_floor => {
-                    test.correct(normal, slope, left, variance, gate_sq);
-                }
-                _ => {
-                    normal.correct(slope, left, variance, |found| !found.is_beyond(gate_sq));
-                }
+            _ => {
+                normal.correct(measurement, |found| !found.is_beyond(gate_sq));
             }
         });
         motion.settle(normal, 0);
