@@ -111,8 +111,8 @@ impl Normal {
         self.covariance[(state, state)].max(0.0).sqrt()
     }
 
-    /// Propagates by a transition `Φ`, given as the entries of `Φ − 1` on and above its diagonal, row
-    /// after row, and the upper triangle of a covariance `Q` of noise.
+    /// Propagates by a transition `Φ`, given as the entries of `Φ − 1` in an order in which no row is
+    /// changed before another that it enters, and by the upper triangle of a covariance `Q` of noise.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
@@ -189,13 +189,13 @@ fn spread(p: &[f64], slope: &[Part], a: &mut [f64], n: usize) {
     for part in slope {
         match *part {
             Part::One(at, h) => {
-                let column = &p[at * n..][..n];
-                (0..n).for_each(|i| a[i] += column[i] * h);
+                a.iter_mut().zip(&p[at * n..][..n]).for_each(|(sum, x)| *sum += x * h);
             }
             Part::Three(at, h) => {
-                let columns = &p[at * n..][..3 * n];
-                for i in 0..n {
-                    a[i] += columns[i] * h.x + columns[n + i] * h.y + columns[2 * n + i] * h.z;
+                let (x, rest) = p[at * n..][..3 * n].split_at(n);
+                let (y, z) = rest.split_at(n);
+                for ((sum, x), (y, z)) in a.iter_mut().zip(x).zip(y.iter().zip(z)) {
+                    *sum += x * h.x + y * h.y + z * h.z;
                 }
             }
         }
@@ -207,7 +207,7 @@ fn spread(p: &[f64], slope: &[Part], a: &mut [f64], n: usize) {
 fn reduce(p: &mut [f64], k: &[f64], n: usize) {
     let k = &k[..n];
     for (column, by) in p.chunks_exact_mut(n).zip(k) {
-        (0..n).for_each(|i| column[i] -= k[i] * by);
+        column.iter_mut().zip(k).for_each(|(p, k)| *p -= k * by);
     }
 }
 

@@ -90,7 +90,7 @@ impl Enlarged {
     /// Moves the drones by known displacements, each axis with a variance.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, size) = (self.n, self.normal.mean.len());
-        let mut a = DMatrix::identity(size, size);
+        let mut transition = Vec::new();
         let mut by = DMatrix::zeros(size, 3 * n);
         let mut add = DVector::zeros(size);
         let place = |i: usize| self.normal.three(3 * i) + moved_m[i];
@@ -99,7 +99,7 @@ impl Enlarged {
             add.fixed_rows_mut::<3>(3 * i).copy_from(&d);
             add[3 * n + i] = d.norm_squared() + 3.0 * variance_m2;
             for axis in 0..3 {
-                a[(3 * n + i, 3 * i + axis)] = 2.0 * d[axis];
+                transition.push((3 * n + i, 3 * i + axis, 2.0 * d[axis]));
                 by[(3 * i + axis, 3 * i + axis)] = 1.0;
                 by[(3 * n + i, 3 * i + axis)] = 2.0 * place(i)[axis];
             }
@@ -107,16 +107,16 @@ impl Enlarged {
                 let z = product(n, i, j);
                 add[z] = d.dot(&moved_m[j]);
                 for axis in 0..3 {
-                    a[(z, 3 * i + axis)] = moved_m[j][axis];
-                    a[(z, 3 * j + axis)] = d[axis];
+                    transition.push((z, 3 * i + axis, moved_m[j][axis]));
+                    transition.push((z, 3 * j + axis, d[axis]));
                     by[(z, 3 * i + axis)] = place(j)[axis];
                     by[(z, 3 * j + axis)] = place(i)[axis];
                 }
             }
         }
-        self.normal.mean = &a * &self.normal.mean + add;
-        self.normal.covariance =
-            &a * &self.normal.covariance * a.transpose() + &by * by.transpose() * variance_m2;
+        self.normal.predict(&transition, &[]);
+        self.normal.mean += add;
+        self.normal.covariance += &by * by.transpose() * variance_m2;
     }
 
     /// Takes a range in.

@@ -226,10 +226,7 @@ mod tests {
         let tracks = [track(0), track(1)];
         let sample = |k: u32| {
             let (time_s, link) = (f64::from(k) * 0.005, FIVE_LINKS[k as usize % 5]);
-            let true_m = match link {
-                Link::Anchor { drone, anchor } => (place(drone, time_s) - anchors_m[anchor]).norm(),
-                Link::Drones(i, j) => (place(i, time_s) - place(j, time_s)).norm(),
-            };
+            let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
         };
         (anchors_m, tracks, (0..4000).map(sample).collect())

@@ -69,16 +69,9 @@ pub(super) fn slope(
     stride: usize,
 ) -> (Vec<Part>, f64) {
     let at = |drone: usize| Vector3::from_column_slice(&states[stride * drone..][..3]);
-    match link {
-        Link::Anchor { drone, anchor } => {
-            let (direction, length_m) = toward(&(at(drone) - anchors_m[anchor]));
-            (vec![Part::Three(stride * drone, direction)], length_m)
-        }
-        Link::Drones(i, j) => {
-            let (direction, length_m) = toward(&(at(i) - at(j)));
-            let slope =
-                vec![Part::Three(stride * i, direction), Part::Three(stride * j, -direction)];
-            (slope, length_m)
-        }
-    }
+    let (direction, length_m) = toward(&link.away_m(anchors_m, at));
+    let (first, second) = link.drones();
+    let mut slope = vec![Part::Three(stride * first, direction)];
+    slope.extend(second.map(|second| Part::Three(stride * second, -direction)));
+    (slope, length_m)
 }

@@ -23,11 +23,11 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::ekf::{Model, START};
+use super::Estimator;
+use super::ekf::{Ekf, START};
 use super::past::{Past, interpolated, past};
-use super::{Estimator, state_at};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
-use crate::sim::options::{EkfOptions, ObserverOptions, SensorOptions, Share};
+use crate::sim::options::{ObserverOptions, SensorOptions, Share};
 use crate::sim::peers::{Fleet, Leg, Message, Reckoning, Target, ToldHeight, ToldRange};
 use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
 use crate::sim::vehicle::State;
@@ -44,14 +44,12 @@ const RANGES_KEPT: usize = 256;
 /// The filter.
 #[derive(Debug)]
 pub(super) struct Cooperative {
-    own: Inertial,
+    /// Of all drones, this one first and the others in the order of `peers`.
+    own: Ekf,
     /// The attitude, velocity and position by inertial sensors alone, which the others are told.
     alone: Inertial,
     /// Velocity and position by inertial sensors with the estimated attitude.
     reckoned: Reckoning,
-    /// Of this drone (0) and of the others in the order of `peers`.
-    normal: Normal,
-    model: Model,
     peers: Vec<Peer>,
     place: usize,
     share: Share,
@@ -94,12 +92,14 @@ impl Cooperative {
         let start = &options.cooperative;
         let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
         Self {
-            own: Inertial::at(own_m),
+            own: Ekf::of_fleet(
+                &options.ekf,
+                sensors,
+                own_m,
+                Normal::of_drones(fleet.members.len(), sigmas, &[]),
+            ),
             alone: Inertial::at(Vector3::zeros()),
             reckoned: Reckoning::default(),
-            normal: Normal::of_drones(fleet.members.len(), sigmas, &[]),
-            // The floor is level.
-            model: Model::new(&EkfOptions { floor_steps: false, ..options.ekf.clone() }, sensors),
             peers: others.map(peer).collect(),
             place: fleet.place,
             share: start.share,
@@ -114,17 +114,10 @@ impl Cooperative {
         }
     }
 
-    /// Carries the covariance of this drone to the present.
-    fn carry_own(&mut self) {
-        let span = self.own.span(&self.force_m_s2);
-        self.normal.carry(0, &span, &self.model.density);
-    }
-
-    /// Applies the corrections to all drones.
-    fn settle(&mut self) {
-        self.own.settle(&mut self.normal, 0);
+    /// Applies the corrections to the other drones.
+    fn settle_peers(&mut self) {
         for (k, peer) in self.peers.iter_mut().enumerate() {
-            let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(k + 1);
+            let [position_m, velocity_m_s, turn_rad] = self.own.normal.take_errors(k + 1);
             peer.position_m += position_m;
             peer.velocity_m_s += velocity_m_s;
             peer.tilt_rad += turn_rad;
@@ -146,13 +139,13 @@ impl Cooperative {
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         if let Some(distance_m) = readings.time_of_flight_m {
             let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
-            let sigma_m = time_of_flight_sigma_m(self.model.ranger_m, distance_m) * cos_tilt;
+            let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, distance_m) * cos_tilt;
             let height_m = distance_m * cos_tilt;
             let (target, variance) = (Target::Floor, sigma_m * sigma_m);
             self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
         if let Some(height_m) = readings.barometer_m {
-            let variance = self.model.barometer;
+            let variance = self.own.model.barometer;
             let target = Target::Air;
             self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
@@ -172,13 +165,13 @@ impl Cooperative {
         }
         let lever = -force_m_s.cross_matrix() / span_s;
         let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
-        self.normal.carry(k + 1, &span, &self.model.density);
+        self.own.normal.carry(k + 1, &span, &self.own.model.density);
     }
 
     /// A scalar measurement on a link, through the gate.
     fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
         let measurement = Measurement { slope, value, variance };
-        self.gate.correct(&mut self.normal, link, &measurement);
+        self.gate.correct(&mut self.own.normal, link, &measurement);
     }
 
     /// Place of another drone at a time up to its last message.
@@ -192,10 +185,10 @@ impl Cooperative {
     /// Takes in a range of another drone to an anchor, or a height.
     fn correct_peer(&mut self, k: usize, told: &Message) {
         let drone = k + 1;
-        let range_variance = self.model.range[TWO_WAY];
+        let range_variance = self.own.model.range[TWO_WAY];
         for range in &told.ranges {
             let Target::Anchor(anchor) = range.target else { continue };
-            let anchor_m = self.model.anchors_m.get(anchor).copied();
+            let anchor_m = self.own.model.anchors_m.get(anchor).copied();
             let past = self.past_of_peer(k, range.time_s);
             let Some((anchor_m, past)) = anchor_m.zip(past) else { continue };
             let (direction, expected_m) = toward(&(past.position_m - anchor_m));
@@ -221,12 +214,12 @@ impl Cooperative {
                 self.waiting.push((place, distance_m, then));
                 continue;
             }
-            let own = &self.own;
+            let own = &self.own.motion;
             let no_tilt = Vector3::zeros();
             let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.reckoned, &then);
             let world_from_body = own.world_from_body;
             let link = (self.place, Target::Drone(place));
-            let variance = self.model.range[TWO_WAY];
+            let variance = self.own.model.range[TWO_WAY];
             if self.share == Share::Estimates {
                 let (position_m, velocity_m_s, covariance) = told.estimate;
                 let there_m = position_m - velocity_m_s * (told.motion.time_s - then.time_s);
@@ -276,7 +269,7 @@ impl Cooperative {
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
             let slope = [one.slope(i + 1, direction, None), two.slope(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
-            let variance = self.model.range[TWO_WAY];
+            let variance = self.own.model.range[TWO_WAY];
             self.correct(link, slope.as_flattened(), range.distance_m - expected_m, variance);
         }
     }
@@ -286,7 +279,12 @@ impl Estimator for Cooperative {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
-        let acceleration = self.own.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        let Self { own, gate, place, .. } = self;
+        let acceleration = own.advance(readings, tick_s, |normal, target, measurement| {
+            let target = target.expect("ranges and heights only");
+            gate.correct(normal, (*place, target), measurement);
+        });
+        self.settle_peers();
         self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
         let reckoned = &mut self.reckoned;
         reckoned.time_s = f64::from(self.ticks) * tick_s;
@@ -296,38 +294,24 @@ impl Estimator for Cooperative {
         if !self.peers.is_empty() {
             self.note(readings);
         }
-        let measured = readings.measures_place();
-        if !self.own.is_due(measured) {
-            return;
-        }
-        self.carry_own();
-        if !measured {
-            return;
-        }
-        let Self { own, normal, model, gate, place, .. } = self;
-        model.measurements(own, readings, |target, measurement| {
-            let target = target.expect("ranges and heights only");
-            gate.correct(normal, (*place, target), measurement);
-        });
-        self.settle();
     }
 
     /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
     /// the drone that has landed.
     fn rest(&mut self) {
         if !self.peers.is_empty() {
-            let stopped_m_s = std::mem::take(&mut self.own.velocity_m_s);
+            let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
             self.alone.velocity_m_s -= stopped_m_s;
             self.reckoned.velocity_m_s -= stopped_m_s;
         }
     }
 
     fn state(&self) -> State {
-        state_at(&self.own, &self.own.velocity_m_s)
+        self.own.state()
     }
 
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
-        Some(self.normal.block(0, 0))
+        Some(self.own.normal.block(0, 0))
     }
 
     fn tell(&mut self) -> Option<Message> {
@@ -343,7 +327,11 @@ impl Estimator for Cooperative {
             },
             ranges: std::mem::take(&mut self.ranges),
             heights: std::mem::take(&mut self.heights),
-            estimate: (self.own.position_m, self.own.velocity_m_s, self.normal.block(0, 0)),
+            estimate: (
+                self.own.motion.position_m,
+                self.own.motion.velocity_m_s,
+                self.own.normal.block(0, 0),
+            ),
         })
     }
 
@@ -353,13 +341,15 @@ impl Estimator for Cooperative {
         if told.motion.time_s <= last_s {
             return;
         }
-        self.carry_own();
+        self.own.carry(&self.force_m_s2);
         if self.share == Share::Measurements {
             self.carry_peer(k, told.motion);
             self.correct_peer(k, told);
             self.correct_between(told);
         }
         self.correct_waiting(k, told);
-        self.settle();
+        let Ekf { motion, normal, .. } = &mut self.own;
+        motion.settle(normal, 0);
+        self.settle_peers();
     }
 }

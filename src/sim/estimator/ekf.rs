@@ -44,7 +44,7 @@ pub(super) struct Ekf {
     pub(super) motion: Inertial,
     /// Nine errors and, where the floor may have steps, its height.
     pub(super) normal: Normal,
-    model: Model,
+    pub(super) model: Model,
     step_test: Option<StepTest>,
 }
 
@@ -79,18 +79,68 @@ impl Ekf {
         position_m: Vector3<f64>,
     ) -> Self {
         let floor = [FLOOR_START_M];
+        let floor = &floor[..usize::from(options.floor_steps)];
         let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
         Self {
             motion: Inertial::at(position_m),
-            normal: Normal::of_drones(1, START, &floor[..usize::from(options.floor_steps)]),
+            normal: Normal::of_drones(1, START, floor),
             model: Model::new(options, sensors),
             step_test: options.floor_steps.then_some(step_test),
+        }
+    }
+
+    /// A filter over the errors of a fleet, this drone's first, over a level floor.
+    pub(super) fn of_fleet(
+        options: &EkfOptions,
+        sensors: &SensorOptions,
+        position_m: Vector3<f64>,
+        normal: Normal,
+    ) -> Self {
+        let options = EkfOptions { floor_steps: false, ..options.clone() };
+        Self { normal, ..Self::new(&options, sensors, position_m) }
+    }
+
+    /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
+    /// acceleration.
+    #[inline(always)]
+    pub(super) fn advance(
+        &mut self,
+        readings: &Readings<'_>,
+        tick_s: f64,
+        mut correct: impl FnMut(&mut Normal, Option<Target>, &Measurement<'_>),
+    ) -> Vector3<f64> {
+        let force_m_s2 = &readings.specific_force_m_s2;
+        let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
+        let measured = readings.measures_place();
+        if self.motion.is_due(measured) {
+            self.carry(force_m_s2);
+        }
+        if measured {
+            let Self { motion, normal, model, .. } = self;
+            model.measurements(motion, readings, |target, measurement| {
+                correct(normal, target, measurement);
+            });
+            motion.settle(normal, 0);
+            if model.floor_steps {
+                model.floor_m += std::mem::take(&mut normal.mean[FLOOR]);
+            }
+        }
+        acceleration
+    }
+
+    /// Carries the covariance to the present.
+    pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
+        let span = self.motion.span(force_m_s2);
+        self.normal.carry(0, &span, &self.model.density);
+        if self.model.floor_steps {
+            let walk = FLOOR_WALK_M_SQRT_S * FLOOR_WALK_M_SQRT_S * span.span_s;
+            self.normal.covariance[(FLOOR, FLOOR)] += walk;
         }
     }
 }
 
 impl Model {
-    pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
+    fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
         let square = |sigma: f64| sigma * sigma;
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
@@ -115,7 +165,7 @@ impl Model {
     /// Passes on every measurement of the first drone of a filter, with what was measured to where that
     /// is one thing.
     #[inline(always)]
-    pub(super) fn measurements(
+    fn measurements(
         &self,
         motion: &Inertial,
         readings: &Readings<'_>,
@@ -199,24 +249,9 @@ impl Model {
 
 impl Estimator for Ekf {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let Self { motion, normal, model, step_test } = self;
-        let force_m_s2 = &readings.specific_force_m_s2;
-        motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
-        let measured = readings.measures_place();
-        if !motion.is_due(measured) {
-            return;
-        }
-        let span = motion.span(force_m_s2);
-        normal.carry(0, &span, &model.density);
-        if step_test.is_some() {
-            let walk = FLOOR_WALK_M_SQRT_S * FLOOR_WALK_M_SQRT_S * span.span_s;
-            normal.covariance[(FLOOR, FLOOR)] += walk;
-        }
-        if !measured {
-            return;
-        }
-        let gate_sq = model.gate_sigmas * model.gate_sigmas;
-        model.measurements(motion, readings, |target, measurement| match step_test {
+        let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
+        let mut step_test = self.step_test.take();
+        self.advance(readings, tick_s, |normal, target, measurement| match &mut step_test {
             Some(test) if target == Some(Target::Floor) => {
                 test.correct(normal, measurement, gate_sq);
             }
@@ -224,10 +259,7 @@ impl Estimator for Ekf {
                 normal.correct(measurement, |found| !found.is_beyond(gate_sq));
             }
         });
-        motion.settle(normal, 0);
-        if step_test.is_some() {
-            model.floor_m += std::mem::take(&mut normal.mean[FLOOR]);
-        }
+        self.step_test = step_test;
     }
 
     fn state(&self) -> State {
