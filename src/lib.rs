@@ -41,6 +41,7 @@
 //! | 1 | [`letters`] | word or drawing → [`letters::Strokes`] |
 //! | 1 | [`camera`] | a description without pixels: pose, lens, shutter, sensitivity |
 //! | 1 | [`flight`] | [`flight::Flight`], its tracking errors, its file |
+//! | 2 | [`estimate`] | measurements → states: one filter, its gates, its bound |
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
 //! | 2 | [`light`] | Flight → [`light::LightTrace`] |
 //! | 2 | [`logs`] | a real flight's log → Flight |
@@ -84,6 +85,7 @@ pub mod control;
 pub mod crazyflie;
 mod digest;
 pub mod error;
+pub mod estimate;
 pub mod export;
 pub mod expose;
 mod files;

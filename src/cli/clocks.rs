@@ -10,7 +10,7 @@ use super::warn;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::logs::OnClock;
-use crate::sim::localization::{
+use crate::estimate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,
     reference_offset_s,
 };

@@ -19,7 +19,7 @@ use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::report::{Trace, front_view, top_view};
 use crate::scene::Scene;
-use crate::sim::localization::{
+use crate::estimate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
     nis_interval, position_error,

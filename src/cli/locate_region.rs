@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use crate::sim::UwbOptions;
-use crate::sim::localization::{
+use crate::estimate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
 };
 

@@ -18,20 +18,16 @@
 //! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
 
-mod kalman;
 mod linear;
-mod lock_out;
 mod lqr;
 mod margins;
 mod poles;
 mod response;
 mod riccati;
 
-pub use kalman::{Innovation, Kalman};
 pub use linear::{
     is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };
-pub use lock_out::LockOut;
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};
 pub use poles::poles;

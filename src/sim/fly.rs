@@ -51,6 +51,15 @@ pub fn fly_fleet(
     fleet: &[(&Plan, Drone<'_>)],
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Flight>> {
+    fly_watched(fleet, &mut |_, _, _| {}, progress)
+}
+
+/// The same, with `watch` called for every drone at every tick, after its motors were commanded.
+pub(super) fn fly_watched(
+    fleet: &[(&Plan, Drone<'_>)],
+    watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Flight>> {
     let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
     let mut members = Vec::new();
     for (plan, drone) in fleet {
@@ -82,7 +91,7 @@ pub fn fly_fleet(
             }
         }
         for (place, rig) in rigs.iter_mut().enumerate() {
-            rig.tick(tick, time_s, &fleet_m).map_err(|error| match error {
+            rig.tick(tick, time_s, &fleet_m, watch).map_err(|error| match error {
                 Error::Infeasible { what, hint } if !alone => {
                     Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
                 }
@@ -134,8 +143,15 @@ impl<'a> Rig<'a> {
         })
     }
 
-    fn tick(&mut self, tick: u32, time_s: f64, fleet_m: &[Vector3<f64>]) -> Result<()> {
+    fn tick(
+        &mut self,
+        tick: u32,
+        time_s: f64,
+        fleet_m: &[Vector3<f64>],
+        watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    ) -> Result<()> {
         self.avionics.tick(self.plan, time_s, &self.plant, fleet_m)?;
+        watch(tick, &self.plant, &self.avionics);
         if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
             self.recorder.record(&self.avionics.snapshot(time_s, &self.plant));
         }
@@ -179,7 +195,7 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 /// Checks that the plan stays above the steps of the floor from its first setpoint above them to its
 /// last. Before and after, where a ramp begins and ends that rises above the step, the drone stands on
 /// the step.
-pub(super) fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let below_m = |s: &Setpoint| floor.height_m(s.position_m.x, s.position_m.y);
     let above = |s: &Setpoint| s.position_m.z > below_m(s);
     let all = &plan.setpoints;

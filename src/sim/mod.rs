@@ -28,7 +28,6 @@ pub mod design;
 mod drone;
 mod estimator;
 mod fly;
-pub mod localization;
 mod noise;
 mod options;
 mod peers;

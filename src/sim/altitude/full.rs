@@ -8,9 +8,8 @@ use crate::error::Result;
 use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
-use crate::sim::fly::check_above;
+use crate::sim::fly::fly_watched;
 use crate::sim::options::{GRAVITY_M_S2, SimOptions};
-use crate::sim::peers::{Fleet, Member};
 use crate::sim::vehicle::Plant;
 
 /// Flies a scenario, as [`super::hold`] says.
@@ -21,39 +20,24 @@ pub(super) fn hold(
     seed: u64,
 ) -> Result<Hold> {
     let actual = scenario.applied(believed, seed);
-    actual.check()?;
-    let (rates, plan) = (&actual.rates, level_flight(duration_s));
-    check_above(&plan, &actual.floor)?;
-    let start_m = plan.setpoints[0].position_m;
-    let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
-    let mut plant = Plant::new(&actual, dt_s, seed, 0, start_m);
+    let plan = level_flight(duration_s);
+    let rate_hz = actual.rates.control_hz;
+    let ticks_per_sample = (rate_hz / SAMPLES_HZ).max(1);
+    let (mut samples, mut readings, mut steps) = (Vec::new(), Vec::new(), 0);
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
-    let members = vec![Member::new(&actual, seed, 0, start_m)];
-    let mut avionics = Avionics::new(&drone, &Fleet { members, place: 0 })?;
-    let ticks_per_sample = (rates.control_hz / SAMPLES_HZ).max(1);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "7.2e6 at most")]
-    let n_ticks = (duration_s * f64::from(rates.control_hz)).round() as u32;
-    let (mut samples, mut steps) = (Vec::new(), 0);
-    let mut readings = Vec::new();
-    for tick in 0..=n_ticks {
-        let time_s = f64::from(tick) / f64::from(rates.control_hz);
-        avionics.tick(&plan, time_s, &plant, &[])?;
-        let motors = avionics.motors();
-        if let Some(filter) = avionics.altitude() {
-            readings.extend_from_slice(filter.readings());
-            if tick.is_multiple_of(ticks_per_sample) {
-                let throttle = motors.iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
-                let barometer_m = avionics.sensors().barometer_bias_m();
-                let truth = truth(&plant, &actual, barometer_m);
-                let readings = std::mem::take(&mut readings);
-                samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
-                steps = filter.steps();
-            }
+    let mut watch = |tick: u32, plant: &Plant, avionics: &Avionics| {
+        let Some(filter) = avionics.altitude() else { return };
+        readings.extend_from_slice(filter.readings());
+        if tick.is_multiple_of(ticks_per_sample) {
+            let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
+            let truth = truth(plant, &actual, avionics.sensors().barometer_bias_m());
+            let time_s = f64::from(tick) / f64::from(rate_hz);
+            let readings = std::mem::take(&mut readings);
+            samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
+            steps = filter.steps();
         }
-        for _ in 0..rates.steps_per_tick {
-            plant.advance(&motors);
-        }
-    }
+    };
+    fly_watched(&[(&plan, drone)], &mut watch, &mut |_| {})?;
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 

@@ -4,9 +4,9 @@
 //! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger nor
 //! barometer, whose biases it does not estimate.
 
-use super::Estimator;
 use super::altitude_filter::{AltitudeFilter, Sensor, State as Filtered};
 use super::ekf::Ekf;
+use super::{Estimator, state_at};
 use crate::sim::sensors::Readings;
 use crate::sim::vehicle::State;
 
@@ -47,7 +47,7 @@ impl Estimator for Altitude {
     fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(Filtered::Velocity);
-        let mut state = self.horizontal.motion.state_at(&velocity_m_s);
+        let mut state = state_at(&self.horizontal.motion, &velocity_m_s);
         state[ALTITUDE] = self.vertical.estimate(Filtered::Altitude);
         state
     }

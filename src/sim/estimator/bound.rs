@@ -9,10 +9,9 @@
 
 use nalgebra::Vector3;
 
-use super::covariance::{Covariance, Slope};
-use super::ekf::{START, Span};
-use super::joint::{Joint, Part};
+use super::ekf::START;
 use crate::error::{Error, Result};
+use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward};
 use crate::plan::Plan;
 use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SensorOptions, SimOptions};
 use crate::sim::sensors::time_of_flight_sigma_m;
@@ -105,7 +104,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             let row = plan.setpoints.partition_point(|s| s.time_s <= time_s).saturating_sub(1);
             let bound = &mut found[drone];
             bound.time_s.push(time_s);
-            bound.sigma_m.push(fleet.joint.own[drone].pp.trace().max(0.0).sqrt());
+            bound.sigma_m.push(fleet.normal.block(ERRORS * drone, ERRORS * drone).trace().max(0.0).sqrt());
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }
@@ -117,7 +116,7 @@ struct Fleet<'a> {
     sensors: &'a SensorOptions,
     anchors_m: Vec<Vector3<f64>>,
     places_m: Vec<Vector3<f64>>,
-    joint: Joint,
+    normal: Normal,
 }
 
 impl<'a> Fleet<'a> {
@@ -125,74 +124,76 @@ impl<'a> Fleet<'a> {
         let cooperative = &options.observer.cooperative;
         let start = match options.observer.kind {
             EstimatorKind::Cooperative => {
-                Covariance::new(cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad)
+                [cooperative.start_sigma_m, START[1], cooperative.start_tilt_rad]
             }
-            _ => Covariance::new(START[0], START[1], START[2]),
+            _ => START,
         };
         Self {
             sensors: &options.sensors,
             anchors_m: options.sensors.uwb.anchors(),
             places_m: Vec::new(),
-            joint: Joint::new(vec![start; n_drones]),
+            normal: Normal::of_drones(n_drones, start, &[]),
         }
     }
 
     /// Moves all drones along their plans.
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
-        let acceleration = [0.5 * square(imu.accelerometer_noise_m_s2_sqrt_hz); 3];
-        let rate = 0.5 * square(imu.gyro_noise_rad_s_sqrt_hz);
+        let density = Density {
+            acceleration: [0.5 * square(imu.accelerometer_noise_m_s2_sqrt_hz); 3],
+            rate: 0.5 * square(imu.gyro_noise_rad_s_sqrt_hz),
+        };
         for (drone, plan) in plans.iter().enumerate() {
             let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
             let lever = -(moving + Vector3::z() * GRAVITY_M_S2).cross_matrix();
             let span = Span { span_s: step_s, lever, turn_rad: Vector3::zeros() };
-            self.joint.carry(drone, &span, acceleration, rate);
+            self.normal.carry(drone, &span, &density);
         }
         self.places_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
     }
 
     /// Measures one link.
     fn range(&mut self, turn: Turn) {
-        let toward = |away_m: Vector3<f64>| away_m / away_m.norm().max(f64::MIN_POSITIVE);
-        let from =
-            |drone: usize, anchor: usize| toward(self.places_m[drone] - self.anchors_m[anchor]);
+        let from = |drone: usize, anchor: usize| {
+            toward(&(self.places_m[drone] - self.anchors_m[anchor])).0
+        };
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
             Turn::Anchor { drone, anchor, minus } => {
                 let minus = minus.map_or(Vector3::zeros(), |minus| from(drone, minus));
-                let slope = part(drone, from(drone, anchor) - minus);
-                self.joint.correct(&[slope], 0.0, variance, f64::INFINITY);
+                let slope = Part::Three(ERRORS * drone, from(drone, anchor) - minus);
+                self.correct(&[slope], variance);
             }
             Turn::Drones(i, j) => {
-                let unit = toward(self.places_m[i] - self.places_m[j]);
-                let slopes = [part(i, unit), part(j, -unit)];
-                self.joint.correct(&slopes, 0.0, variance, f64::INFINITY);
+                let (unit, _) = toward(&(self.places_m[i] - self.places_m[j]));
+                let slope = [Part::Three(ERRORS * i, unit), Part::Three(ERRORS * j, -unit)];
+                self.correct(&slope, variance);
             }
         }
     }
 
     /// Measures the height of every drone.
     fn height(&mut self, sensor: HeightSensor) {
-        for (drone, place_m) in self.places_m.iter().enumerate() {
+        for drone in 0..self.places_m.len() {
             let sigma_m = match sensor {
                 HeightSensor::TimeOfFlight => {
-                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, place_m.z)
+                    let height_m = self.places_m[drone].z;
+                    time_of_flight_sigma_m(self.sensors.time_of_flight.noise_m, height_m)
                 }
                 HeightSensor::Barometer => self.sensors.barometer.noise_m.max(LEAST_SIGMA_M),
             };
-            let slope = part(drone, Vector3::z());
-            self.joint.correct(&[slope], 0.0, square(sigma_m), f64::INFINITY);
+            self.correct(&[Part::One(ERRORS * drone + 2, 1.0)], square(sigma_m));
         }
+    }
+
+    /// At the truth, every measurement is what was expected.
+    fn correct(&mut self, slope: &[Part], variance: f64) {
+        self.normal.correct(&Measurement { slope, value: 0.0, variance }, |_| true);
     }
 }
 
 fn square(x: f64) -> f64 {
     x * x
-}
-
-/// Slope of a measurement over a drone's position.
-fn part(drone: usize, position: Vector3<f64>) -> Part {
-    Part::now(drone, Slope { position, turn: Vector3::zeros() })
 }
 
 /// All links in their order.

@@ -19,20 +19,18 @@
 //! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
 //! motion between a range and the present is neglected: below 1 mm for a quarter of a second.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
-use super::covariance::{Covariance, Residual};
-use super::ekf::{Motion, START, Span};
-use super::joint::{Joint, Part};
-use super::past::{Past, interpolated, past, toward};
-use crate::control::LockOut;
+use super::ekf::{Ekf, START};
+use super::past::{Past, interpolated, past};
+use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sim::options::{ObserverOptions, SensorOptions, Share};
 use crate::sim::peers::{Fleet, Leg, Message, Reckoning, Target, ToldHeight, ToldRange};
 use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
-use crate::sim::vehicle::{GRAVITY_M_S2, State};
+use crate::sim::vehicle::State;
 
 /// Index of the variance of two-way ranging.
 const TWO_WAY: usize = 1;
@@ -46,19 +44,18 @@ const RANGES_KEPT: usize = 256;
 /// The filter.
 #[derive(Debug)]
 pub(super) struct Cooperative {
-    own: Motion,
+    /// Of all drones, this one first and the others in the order of `peers`.
+    own: Ekf,
     /// The attitude, velocity and position by inertial sensors alone, which the others are told.
-    alone: Motion,
+    alone: Inertial,
     /// Velocity and position by inertial sensors with the estimated attitude.
     reckoned: Reckoning,
-    /// Of this drone (0) and of the others in the order of `peers`.
-    joint: Joint,
     peers: Vec<Peer>,
     place: usize,
     share: Share,
     force_m_s2: Vector3<f64>,
     ticks: u32,
-    gates: BTreeMap<(usize, Target), LockOut>,
+    gate: Gate<(usize, Target)>,
     /// What the next message will hold.
     ranges: Vec<ToldRange>,
     heights: Vec<ToldHeight>,
@@ -93,18 +90,22 @@ impl Cooperative {
             told: [Reckoning::default()].into(),
         };
         let start = &options.cooperative;
-        let block = Covariance::new(start.start_sigma_m, START[1], start.start_tilt_rad);
+        let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
         Self {
-            own: Motion::new(&options.ekf, sensors, own_m),
-            alone: Motion::new(&options.ekf, sensors, Vector3::zeros()),
+            own: Ekf::of_fleet(
+                &options.ekf,
+                sensors,
+                own_m,
+                Normal::of_drones(fleet.members.len(), sigmas, &[]),
+            ),
+            alone: Inertial::at(Vector3::zeros()),
             reckoned: Reckoning::default(),
-            joint: Joint::new(vec![block; fleet.members.len()]),
             peers: others.map(peer).collect(),
             place: fleet.place,
             share: start.share,
             force_m_s2: Vector3::z() * GRAVITY_M_S2,
             ticks: 0,
-            gates: BTreeMap::new(),
+            gate: Gate::new(options.ekf.gate_sigmas),
             ranges: Vec::new(),
             heights: Vec::new(),
             waiting: Vec::new(),
@@ -113,21 +114,13 @@ impl Cooperative {
         }
     }
 
-    /// Carries the covariance of this drone to the present.
-    fn carry_own(&mut self) {
-        let span = self.own.span(&self.force_m_s2);
-        let trust = self.own.trust;
-        self.joint.carry(0, &span, trust.acceleration, trust.rate);
-    }
-
-    /// Applies the corrections to all drones.
-    fn settle(&mut self) {
-        self.own.settle(&self.joint.take(0));
+    /// Applies the corrections to the other drones.
+    fn settle_peers(&mut self) {
         for (k, peer) in self.peers.iter_mut().enumerate() {
-            let errors = self.joint.take(k + 1);
-            peer.position_m += errors.position_m;
-            peer.velocity_m_s += errors.velocity_m_s;
-            peer.tilt_rad += errors.turn_rad;
+            let [position_m, velocity_m_s, turn_rad] = self.own.normal.take_errors(k + 1);
+            peer.position_m += position_m;
+            peer.velocity_m_s += velocity_m_s;
+            peer.tilt_rad += turn_rad;
         }
     }
 
@@ -146,13 +139,13 @@ impl Cooperative {
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         if let Some(distance_m) = readings.time_of_flight_m {
             let cos_tilt = self.alone.attitude.matrix()[(2, 2)];
-            let sigma_m = time_of_flight_sigma_m(self.own.trust.ranger_m, distance_m) * cos_tilt;
+            let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, distance_m) * cos_tilt;
             let height_m = distance_m * cos_tilt;
             let (target, variance) = (Target::Floor, sigma_m * sigma_m);
             self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
         if let Some(height_m) = readings.barometer_m {
-            let variance = self.own.trust.barometer;
+            let variance = self.own.model.barometer;
             let target = Target::Air;
             self.heights.push(ToldHeight { time_s, target, height_m, variance });
         }
@@ -171,16 +164,14 @@ impl Cooperative {
             peer.told.pop_front();
         }
         let lever = -force_m_s.cross_matrix() / span_s;
-        let trust = self.own.trust;
         let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
-        self.joint.carry(k + 1, &span, trust.acceleration, trust.rate);
+        self.own.normal.carry(k + 1, &span, &self.own.model.density);
     }
 
     /// A scalar measurement on a link, through the gate.
-    fn correct(&mut self, link: (usize, Target), parts: &[Part], innovation: f64, variance: f64) {
-        let gate_sq = self.own.trust.gate_sq;
-        let gate = self.gates.entry(link).or_default();
-        through_gate(&mut self.joint, gate, parts, innovation, variance, gate_sq);
+    fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
+        let measurement = Measurement { slope, value, variance };
+        self.gate.correct(&mut self.own.normal, link, &measurement);
     }
 
     /// Place of another drone at a time up to its last message.
@@ -194,23 +185,22 @@ impl Cooperative {
     /// Takes in a range of another drone to an anchor, or a height.
     fn correct_peer(&mut self, k: usize, told: &Message) {
         let drone = k + 1;
-        let range_variance = self.own.trust.range[TWO_WAY];
+        let range_variance = self.own.model.range[TWO_WAY];
         for range in &told.ranges {
             let Target::Anchor(anchor) = range.target else { continue };
-            let anchor_m = self.own.anchors_m.get(anchor).copied();
+            let anchor_m = self.own.model.anchors_m.get(anchor).copied();
             let past = self.past_of_peer(k, range.time_s);
             let Some((anchor_m, past)) = anchor_m.zip(past) else { continue };
             let (direction, expected_m) = toward(&(past.position_m - anchor_m));
-            let part = past.part(drone, direction, None);
+            let slope = past.slope(drone, direction, None);
             let link = (told.from, range.target);
-            self.correct(link, &[part], range.distance_m - expected_m, range_variance);
+            self.correct(link, &slope, range.distance_m - expected_m, range_variance);
         }
         for height in &told.heights {
             let Some(past) = self.past_of_peer(k, height.time_s) else { continue };
-            let part = past.part(drone, Vector3::z(), None);
-            let innovation = height.height_m - past.position_m.z;
+            let slope = past.slope(drone, Vector3::z(), None);
             let link = (told.from, height.target);
-            self.correct(link, &[part], innovation, height.variance);
+            self.correct(link, &slope, height.height_m - past.position_m.z, height.variance);
         }
     }
 
@@ -224,26 +214,26 @@ impl Cooperative {
                 self.waiting.push((place, distance_m, then));
                 continue;
             }
-            let own = &self.own;
+            let own = &self.own.motion;
             let no_tilt = Vector3::zeros();
             let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.reckoned, &then);
             let world_from_body = own.world_from_body;
             let link = (self.place, Target::Drone(place));
-            let variance = own.trust.range[TWO_WAY];
+            let variance = self.own.model.range[TWO_WAY];
             if self.share == Share::Estimates {
                 let (position_m, velocity_m_s, covariance) = told.estimate;
                 let there_m = position_m - velocity_m_s * (told.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
                 let theirs = direction.dot(&(covariance * direction));
-                let part = here.part(0, direction, Some(&world_from_body));
-                self.correct(link, &[part], distance_m - expected_m, variance + theirs);
+                let slope = here.slope(0, direction, Some(&world_from_body));
+                self.correct(link, &slope, distance_m - expected_m, variance + theirs);
             } else if let Some(there) = self.past_of_peer(k, then.time_s) {
                 let (direction, expected_m) = toward(&(here.position_m - there.position_m));
-                let parts = [
-                    here.part(0, direction, Some(&world_from_body)),
-                    there.part(k + 1, -direction, None),
+                let slope = [
+                    here.slope(0, direction, Some(&world_from_body)),
+                    there.slope(k + 1, -direction, None),
                 ];
-                self.correct(link, &parts, distance_m - expected_m, variance);
+                self.correct(link, slope.as_flattened(), distance_m - expected_m, variance);
             }
         }
     }
@@ -277,10 +267,10 @@ impl Cooperative {
             let pasts = self.past_of_peer(i, range.time_s).zip(self.past_of_peer(j, range.time_s));
             let Some((one, two)) = pasts else { continue };
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
-            let parts = [one.part(i + 1, direction, None), two.part(j + 1, -direction, None)];
+            let slope = [one.slope(i + 1, direction, None), two.slope(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
-            let variance = self.own.trust.range[TWO_WAY];
-            self.correct(link, &parts, range.distance_m - expected_m, variance);
+            let variance = self.own.model.range[TWO_WAY];
+            self.correct(link, slope.as_flattened(), range.distance_m - expected_m, variance);
         }
     }
 }
@@ -289,7 +279,12 @@ impl Estimator for Cooperative {
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
-        let acceleration = self.own.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        let Self { own, gate, place, .. } = self;
+        let acceleration = own.advance(readings, tick_s, |normal, target, measurement| {
+            let target = target.expect("ranges and heights only");
+            gate.correct(normal, (*place, target), measurement);
+        });
+        self.settle_peers();
         self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
         let reckoned = &mut self.reckoned;
         reckoned.time_s = f64::from(self.ticks) * tick_s;
@@ -299,30 +294,13 @@ impl Estimator for Cooperative {
         if !self.peers.is_empty() {
             self.note(readings);
         }
-        let measured = readings.measures_place();
-        if !self.own.is_due(measured) {
-            return;
-        }
-        self.carry_own();
-        if !measured {
-            return;
-        }
-        let Self { own, joint, gates, place, .. } = self;
-        let gate_sq = own.trust.gate_sq;
-        own.residuals(readings, |Residual { slope, innovation, variance }, target| {
-            let part = [Part::now(0, slope)];
-            let target = target.expect("ranges and heights only");
-            let gate = gates.entry((*place, target)).or_default();
-            through_gate(joint, gate, &part, innovation, variance, gate_sq);
-        });
-        self.settle();
     }
 
     /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
     /// the drone that has landed.
     fn rest(&mut self) {
         if !self.peers.is_empty() {
-            let stopped_m_s = std::mem::take(&mut self.own.velocity_m_s);
+            let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
             self.alone.velocity_m_s -= stopped_m_s;
             self.reckoned.velocity_m_s -= stopped_m_s;
         }
@@ -333,7 +311,7 @@ impl Estimator for Cooperative {
     }
 
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
-        Some(self.joint.own[0].pp)
+        Some(self.own.normal.block(0, 0))
     }
 
     fn tell(&mut self) -> Option<Message> {
@@ -349,7 +327,11 @@ impl Estimator for Cooperative {
             },
             ranges: std::mem::take(&mut self.ranges),
             heights: std::mem::take(&mut self.heights),
-            estimate: (self.own.position_m, self.own.velocity_m_s, self.joint.own[0].pp),
+            estimate: (
+                self.own.motion.position_m,
+                self.own.motion.velocity_m_s,
+                self.own.normal.block(0, 0),
+            ),
         })
     }
 
@@ -359,26 +341,15 @@ impl Estimator for Cooperative {
         if told.motion.time_s <= last_s {
             return;
         }
-        self.carry_own();
+        self.own.carry(&self.force_m_s2);
         if self.share == Share::Measurements {
             self.carry_peer(k, told.motion);
             self.correct_peer(k, told);
             self.correct_between(told);
         }
         self.correct_waiting(k, told);
-        self.settle();
+        let Ekf { motion, normal, .. } = &mut self.own;
+        motion.settle(normal, 0);
+        self.settle_peers();
     }
-}
-
-/// Takes a measurement in unless the gate refuses it.
-fn through_gate(
-    joint: &mut Joint,
-    gate: &mut LockOut,
-    parts: &[Part],
-    innovation: f64,
-    variance: f64,
-    gate_sq: f64,
-) {
-    let variance = gate.variance(variance, innovation);
-    gate.note(joint.correct(parts, innovation, variance, gate_sq));
 }

@@ -4,24 +4,19 @@
 
 mod altitude;
 mod altitude_filter;
-mod attitude;
 mod bound;
 mod cooperative;
-mod covariance;
 mod ekf;
-mod floor;
 #[cfg(test)]
 mod in_flight;
-mod joint;
 mod luenberger;
 mod past;
-mod step_test;
 mod truth;
 
 use nalgebra::{Matrix3, Vector3};
 
 use self::altitude::Altitude;
-pub use self::altitude_filter::{AltitudeFilter, Measurement, Sensor, State as AltitudeState};
+pub use self::altitude_filter::{AltitudeFilter, Reading, Sensor, State as AltitudeState};
 pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;
@@ -32,6 +27,7 @@ use super::peers::{Fleet, Message};
 use super::sensors::Readings;
 use super::vehicle::State;
 use crate::error::Result;
+use crate::estimate::{Inertial, angles};
 
 /// An estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug {
@@ -61,6 +57,16 @@ pub(super) trait Estimator: std::fmt::Debug {
 
     /// Hears a message of another drone of the fleet.
     fn hear(&mut self, _told: &Message) {}
+}
+
+/// All twelve states of a motion, at another velocity in the world.
+fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
+    let (p, w) = (&motion.position_m, &motion.rate_rad_s);
+    let world_from_body = motion.attitude.matrix();
+    let a = angles(&world_from_body);
+    let v = world_from_body.tr_mul(velocity_m_s);
+    let turn = [a.yaw_rad, a.pitch_rad, a.roll_rad];
+    State::from([p.x, p.y, p.z, turn[0], turn[1], turn[2], v.x, v.y, v.z, w.x, w.y, w.z])
 }
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks

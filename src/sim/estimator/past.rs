@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::covariance::Slope;
-use super::joint::Part;
+use crate::estimate::{ERRORS, Part, TURN, VELOCITY};
 use crate::sim::peers::{Leg, Reckoning};
 
 /// Between two messages further apart, the motion is not interpolated: curves of letters bend.
@@ -25,16 +24,20 @@ pub(super) struct Past {
 impl Past {
     /// The slope of a measurement along a direction at this place. The tilt of this drone is in its
     /// body's frame, those of others are in the world's.
-    pub(super) fn part(
+    pub(super) fn slope(
         &self,
         drone: usize,
         direction: Vector3<f64>,
         world_from_body: Option<&Matrix3<f64>>,
-    ) -> Part {
+    ) -> [Part; 3] {
         let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
         let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
-        let slope = Slope { position: direction, turn };
-        Part { drone, slope, velocity: direction * -self.span_s }
+        let first = ERRORS * drone;
+        [
+            Part::Three(first, direction),
+            Part::Three(first + TURN, turn),
+            Part::Three(first + VELOCITY, direction * -self.span_s),
+        ]
     }
 }
 
@@ -71,10 +74,4 @@ pub(super) fn interpolated(told: &VecDeque<Reckoning>, time_s: f64) -> Option<Re
         position_m: a.position_m + (va + (c2 + c3 * s) * s) * s,
         velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
     })
-}
-
-/// Unit vector and length.
-pub(super) fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
-    let length_m = away_m.norm();
-    (away_m / length_m.max(f64::MIN_POSITIVE), length_m)
 }

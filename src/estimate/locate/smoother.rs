@@ -212,7 +212,7 @@ pub(super) fn checked(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::tests::Random;
+    use crate::estimate::locate::tests::Random;
 
     fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
         let all = [
@@ -237,10 +237,7 @@ mod tests {
         let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
         let sample = |k: u32| {
             let (time_s, link) = (f64::from(k) * 0.01, links[k as usize % links.len()]);
-            let true_m = match link {
-                Link::Anchor { drone, anchor } => (place(drone, time_s) - anchors_m[anchor]).norm(),
-                Link::Drones(i, j) => (place(i, time_s) - place(j, time_s)).norm(),
-            };
+            let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
         };
         (0..end_s * 100).map(sample).collect()

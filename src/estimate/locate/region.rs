@@ -181,7 +181,7 @@ fn seen(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::tests::{GEOMETRIES, path};
+    use crate::estimate::locate::tests::{GEOMETRIES, path};
 
     fn observer(gain: f64) -> SharedAnchorObserver {
         let [one, two, shared_m] = GEOMETRIES[0].1.map(Vector3::from);

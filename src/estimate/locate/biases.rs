@@ -16,12 +16,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::pass::{Estimate, Model};
+use super::pass::{Model, STATES};
 use super::residuals::{LEAST_BIAS_SIGMAS, nis_interval, residuals_m, spread_by_link};
 use super::solve::{Solved, solve};
 use super::start::start;
 use super::{Bias, BiasOf, Link, LocateOptions, RangeSample};
 use crate::error::Result;
+use crate::estimate::Normal;
 
 /// σ of a bias before the log: antenna delays that nobody measured are some 0.5 m, paths around an
 /// obstacle less than a meter longer.
@@ -52,27 +53,23 @@ impl Evidence {
         model: &Model<'_>,
         samples: &[RangeSample],
         repaired: &Repaired,
-        start: &Estimate,
+        start: &Normal,
     ) -> Self {
         let mut links: Vec<Link> = samples.iter().map(|sample| sample.link).collect();
         links.sort_unstable();
         links.dedup();
         links.retain(|link| !repaired.left_out.contains(link));
         let all = model.with_biases(links.iter().copied().map(BiasOf::Link).collect());
-        let n = 6 * model.n_drones();
-        let widen = |(x, p): &Estimate| {
-            let x = x.rows(0, n).into_owned().resize_vertically(n + links.len(), 0.0);
-            (x, p.view((0, 0), (n, n)).into_owned().resize(n + links.len(), n + links.len(), 0.0))
-        };
-        let about: Vec<Estimate> = repaired.solved.ends.iter().map(widen).collect();
-        let (steps, found) = all.forward(samples, &with_prior(&widen(start), n), Some(&about));
-        let size = links.len();
+        let (n, size) = (STATES * model.n_drones(), links.len());
+        let about: Vec<Normal> =
+            repaired.solved.ends.iter().map(|end| with_prior(end, n, size)).collect();
+        let (steps, found) = all.forward(samples, &with_prior(start, n, size), Some(&about));
         let (information, vector) = steps
             .last()
             .and_then(|last| {
-                let (x, p) = &last.updated;
-                let inverse = p.view((n, n), (size, size)).into_owned().try_inverse()?;
-                let vector = &inverse * x.rows(n, size);
+                let Normal { mean, covariance, .. } = &last.updated;
+                let inverse = covariance.view((n, n), (size, size)).into_owned().try_inverse()?;
+                let vector = &inverse * mean.rows(n, size);
                 let prior = DMatrix::from_diagonal_element(
                     size,
                     size,
@@ -150,13 +147,14 @@ impl Evidence {
     }
 }
 
-/// A start whose states after the first `n` are biases of which nothing is known.
-fn with_prior((x, p): &Estimate, n: usize) -> Estimate {
-    let mut p = p.clone();
-    for i in n..x.len() {
-        p[(i, i)] = PRIOR_SIGMA_M * PRIOR_SIGMA_M;
-    }
-    (x.clone(), p)
+/// The first `n` states, and as many biases of which nothing is known.
+fn with_prior(start: &Normal, n: usize, n_biases: usize) -> Normal {
+    let size = n + n_biases;
+    let mean = start.mean.rows(0, n).into_owned().resize_vertically(size, 0.0);
+    let places = start.covariance.view((0, 0), (n, n)).into_owned();
+    let mut covariance = places.resize(size, size, 0.0);
+    (n..size).for_each(|i| covariance[(i, i)] = PRIOR_SIGMA_M * PRIOR_SIGMA_M);
+    Normal::new(mean, covariance)
 }
 
 /// A log located without the errors of its links.
@@ -208,7 +206,7 @@ impl<'a> Log<'_, 'a> {
     }
 
     /// The log without some links, with its biases; and the start of its passes.
-    fn identified(&self, left_out: Vec<Link>) -> Result<(Repaired, Estimate)> {
+    fn identified(&self, left_out: Vec<Link>) -> Result<(Repaired, Normal)> {
         let mut model = self.model.with_biases(Vec::new());
         model.gate_sigmas = f64::INFINITY;
         let is_out = |sample: &RangeSample| left_out.contains(&sample.link);
@@ -242,7 +240,7 @@ impl<'a> Log<'_, 'a> {
 
     /// The log without one more link, of those with the largest residuals the first without which it
     /// contradicts itself less; `None` where there is none, or no contradiction.
-    fn with_one_link_less(&self, before: &Repaired) -> Option<(Repaired, Estimate)> {
+    fn with_one_link_less(&self, before: &Repaired) -> Option<(Repaired, Normal)> {
         let innovations = &before.solved.innovations;
         let nis = innovations.nis()?;
         if nis <= nis_interval(innovations.taken)[1] {
@@ -290,7 +288,7 @@ impl<'a> Log<'_, 'a> {
         model: &Model<'_>,
         left_out: &[Link],
         biases: &[Bias],
-    ) -> Result<Estimate> {
+    ) -> Result<Normal> {
         let used = self.samples.iter().filter(|sample| !left_out.contains(&sample.link));
         let corrected = used.map(|sample| {
             let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));
@@ -299,8 +297,7 @@ impl<'a> Log<'_, 'a> {
         });
         let corrected: Vec<RangeSample> = corrected.collect();
         let room = model.options.room.as_ref();
-        let (x, p) = start(model.anchors_m, self.heard_s, &corrected, PRIOR_SIGMA_M, room)?;
-        let (n, size) = (x.len(), x.len() + model.biases.len());
-        Ok(with_prior(&(x.resize_vertically(size, 0.0), p.resize(size, size, 0.0)), n))
+        let places = start(model.anchors_m, self.heard_s, &corrected, PRIOR_SIGMA_M, room)?;
+        Ok(with_prior(&places, places.mean.len(), model.biases.len()))
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Link;
 use super::positions::slope;
+use crate::estimate::Part;
 
 const FIT_STEPS: usize = 40;
 
@@ -24,14 +25,14 @@ impl Observation {
     }
 
     /// Slope over the places, and the range that is expected at them.
-    fn slope(&self, anchors_m: &[Vector3<f64>], places_m: &DVector<f64>) -> (DVector<f64>, f64) {
+    fn slope(&self, anchors_m: &[Vector3<f64>], places_m: &DVector<f64>) -> (Vec<Part>, f64) {
         let mut then_m = places_m.clone();
         let (first, second) = self.link.drones();
         for (drone, moved_m) in [Some(first), second].into_iter().flatten().zip(self.moved_m) {
             let mut at = then_m.fixed_rows_mut::<3>(3 * drone);
             at += moved_m;
         }
-        slope(self.link, anchors_m, &then_m)
+        slope(self.link, anchors_m, then_m.as_slice(), 3)
     }
 }
 
@@ -44,8 +45,11 @@ pub(super) fn residuals(
     let mut slopes = DMatrix::zeros(ranges.len(), places_m.len());
     let mut left = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
-        let (h, expected_m) = range.slope(anchors_m, places_m);
-        slopes.set_row(row, &(h.transpose() * range.weight));
+        let (slope, expected_m) = range.slope(anchors_m, places_m);
+        for part in slope {
+            let Part::Three(at, h) = part else { continue };
+            slopes.fixed_view_mut::<1, 3>(row, at).tr_copy_from(&(h * range.weight));
+        }
         left[row] = (range.distance_m - expected_m) * range.weight;
     }
     (slopes, left)

@@ -7,24 +7,24 @@ use crate::geometry::Attitude;
 
 /// `world_from_body`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turned(Quaternion<f64>);
+pub struct Turned(Quaternion<f64>);
 
 impl Turned {
     /// Level, looking along world x.
-    pub(super) fn level() -> Self {
+    pub fn level() -> Self {
         Self(Quaternion::identity())
     }
 
     /// The attitude after a turn by a small rotation vector in the body frame; the error grows with
     /// its fifth power, below 1e-9 rad for a tenth of a radian.
     #[inline(always)]
-    pub(super) fn by(&self, turn_rad: &Vector3<f64>) -> Self {
+    pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
         Self(unit(self.0 * small(turn_rad)))
     }
 
     /// The same in two equal steps: the attitude midway, and the one after the turn.
     #[inline(always)]
-    pub(super) fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
+    pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
         let half = small(&(turn_rad * 0.5));
         let midway = self.0 * half;
         [Self(midway), Self(unit(midway * half))]
@@ -32,7 +32,7 @@ impl Turned {
 
     /// As a matrix.
     #[inline(always)]
-    pub(super) fn matrix(&self) -> Matrix3<f64> {
+    pub fn matrix(&self) -> Matrix3<f64> {
         let (w, x, y, z) = (self.0.w, self.0.i, self.0.j, self.0.k);
         Matrix3::new(
             1.0 - 2.0 * (y * y + z * z),
@@ -66,7 +66,7 @@ fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
 }
 
 /// Yaw, pitch and roll of a rotation matrix.
-pub(super) fn angles(world_from_body: &Matrix3<f64>) -> Attitude {
+pub fn angles(world_from_body: &Matrix3<f64>) -> Attitude {
     let r = world_from_body;
     Attitude {
         yaw_rad: libm::atan2(r[(1, 0)], r[(0, 0)]),

@@ -17,8 +17,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::Link;
-use super::positions::{Positions, kalman};
+use super::positions::Positions;
+use super::{Link, Room};
+use crate::estimate::{Measurement, Normal, Part};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
@@ -34,8 +35,7 @@ pub struct Enlarged {
     anchors_m: Vec<Vector3<f64>>,
     n: usize,
     /// Positions, squares, products; relative to `origin_m`.
-    state: DVector<f64>,
-    covariance: DMatrix<f64>,
+    normal: Normal,
     origin_m: Vector3<f64>,
 }
 
@@ -84,22 +84,22 @@ impl Enlarged {
         }
         covariance.fill_lower_triangle_with_upper_triangle();
         let anchors_m = anchors_m.iter().map(|anchor| anchor - origin_m).collect();
-        Self { anchors_m, n, state, covariance, origin_m }
+        Self { anchors_m, n, normal: Normal::new(state, covariance), origin_m }
     }
 
     /// Moves the drones by known displacements, each axis with a variance.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
-        let (n, size) = (self.n, self.state.len());
-        let mut a = DMatrix::identity(size, size);
+        let (n, size) = (self.n, self.normal.mean.len());
+        let mut transition = Vec::new();
         let mut by = DMatrix::zeros(size, 3 * n);
         let mut add = DVector::zeros(size);
-        let place = |i: usize| self.state.fixed_rows::<3>(3 * i).into_owned() + moved_m[i];
+        let place = |i: usize| self.normal.three(3 * i) + moved_m[i];
         for i in 0..n {
             let d = moved_m[i];
             add.fixed_rows_mut::<3>(3 * i).copy_from(&d);
             add[3 * n + i] = d.norm_squared() + 3.0 * variance_m2;
             for axis in 0..3 {
-                a[(3 * n + i, 3 * i + axis)] = 2.0 * d[axis];
+                transition.push((3 * n + i, 3 * i + axis, 2.0 * d[axis]));
                 by[(3 * i + axis, 3 * i + axis)] = 1.0;
                 by[(3 * n + i, 3 * i + axis)] = 2.0 * place(i)[axis];
             }
@@ -107,57 +107,55 @@ impl Enlarged {
                 let z = product(n, i, j);
                 add[z] = d.dot(&moved_m[j]);
                 for axis in 0..3 {
-                    a[(z, 3 * i + axis)] = moved_m[j][axis];
-                    a[(z, 3 * j + axis)] = d[axis];
+                    transition.push((z, 3 * i + axis, moved_m[j][axis]));
+                    transition.push((z, 3 * j + axis, d[axis]));
                     by[(z, 3 * i + axis)] = place(j)[axis];
                     by[(z, 3 * j + axis)] = place(i)[axis];
                 }
             }
         }
-        self.state = &a * &self.state + add;
-        self.covariance =
-            &a * &self.covariance * a.transpose() + &by * by.transpose() * variance_m2;
+        self.normal.predict(&transition, &[]);
+        self.normal.mean += add;
+        self.normal.covariance += &by * by.transpose() * variance_m2;
     }
 
     /// Takes a range in.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
-        let mut h = DVector::zeros(self.state.len());
         let variance = sigma_m * sigma_m;
-        let mut measured = distance_m * distance_m - variance;
-        match link {
+        let mut value = distance_m * distance_m - variance;
+        let slope = match link {
             Link::Anchor { drone, anchor } => {
                 let a = self.anchors_m[anchor];
-                h[3 * n + drone] = 1.0;
-                h.fixed_rows_mut::<3>(3 * drone).copy_from(&(a * -2.0));
-                measured -= a.norm_squared();
+                value -= a.norm_squared();
+                vec![Part::Three(3 * drone, a * -2.0), Part::One(3 * n + drone, 1.0)]
             }
-            Link::Drones(i, j) => {
-                h[3 * n + i] = 1.0;
-                h[3 * n + j] = 1.0;
-                h[product(n, i, j)] = -2.0;
-            }
-        }
-        let noise = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
-        kalman(&mut self.state, &mut self.covariance, &h, measured, noise);
+            Link::Drones(i, j) => vec![
+                Part::One(3 * n + i, 1.0),
+                Part::One(3 * n + j, 1.0),
+                Part::One(product(n, i, j), -2.0),
+            ],
+        };
+        let variance = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
+        self.normal.correct(&Measurement { slope: &slope, value, variance }, |_| true);
     }
 
     /// Place of a drone, and its covariance.
     #[must_use]
     pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        let place_m = self.state.fixed_rows::<3>(3 * drone) + self.origin_m;
-        (place_m, self.covariance.fixed_view::<3, 3>(3 * drone, 3 * drone).into_owned())
+        let place_m = self.normal.three(3 * drone) + self.origin_m;
+        (place_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// The positions that fit the state best, by Gauss and Newton, in a room from its lowest to its
-    /// highest corner. Where motion and anchors lie in planes of one direction, the ranges are the
+    /// The positions that fit the state best, by Gauss and Newton, in a room. Where motion and anchors lie in planes of one direction, the ranges are the
     /// same for the drones' mirror image behind the anchors: only the room tells them apart.
     #[must_use]
-    pub fn positions(&self, room_m: Option<[Vector3<f64>; 2]>) -> Positions {
+    pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
+        let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
-        let scale = self.covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
+        let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
         let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
-            self.covariance[(i, j)] * scale[i] * scale[j]
+            covariance[(i, j)] * scale[i] * scale[j]
         });
         let eigen = scaled.symmetric_eigen();
         let roots = eigen.eigenvalues.map(|e| 1.0 / e.max(1e-13).sqrt());
@@ -165,29 +163,29 @@ impl Enlarged {
         let whiten = DMatrix::from_diagonal(&roots)
             * eigen.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale);
-        let weakest = self.covariance.view((0, 0), (m, m)).into_owned().symmetric_eigen();
+        let weakest = covariance.view((0, 0), (m, m)).into_owned().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
         let along = weakest.eigenvectors.column(k) * weakest.eigenvalues[k].max(0.0).sqrt();
         let mut starts: Vec<DVector<f64>> =
-            STARTS.map(|sigmas| self.state.rows(0, m) + &along * sigmas).into();
+            STARTS.map(|sigmas| mean.rows(0, m) + &along * sigmas).into();
         starts.push(self.mirrored(&along));
         let mut best: Option<(f64, DVector<f64>, DMatrix<f64>)> = None;
         for start in starts {
             let mut found = self.descend(start, &whiten);
-            if room_m.is_some_and(|room_m| !self.is_inside(&found.1, room_m)) {
+            for i in 0..self.n {
+                let mut at = found.1.fixed_rows_mut::<3>(3 * i);
+                at += self.origin_m;
+            }
+            if room.is_some_and(|room| !room.holds_all(&found.1)) {
                 found.0 += OUTSIDE;
             }
             if best.as_ref().is_none_or(|best| found.0 < best.0 - 1e-6) {
                 best = Some(found);
             }
         }
-        let (_, mut state_m, covariance_m2) = best.expect("there are starts");
-        for i in 0..self.n {
-            let mut at = state_m.fixed_rows_mut::<3>(3 * i);
-            at += self.origin_m;
-        }
+        let (_, state_m, covariance_m2) = best.expect("there are starts");
         let anchors_m = self.anchors_m.iter().map(|anchor| anchor + self.origin_m).collect();
-        Positions::with_covariance(anchors_m, state_m, covariance_m2)
+        Positions::with(anchors_m, Normal::new(state_m, covariance_m2), gate_sigmas)
     }
 
     /// The positions behind the middle of the anchors, along the weakest direction.
@@ -195,7 +193,7 @@ impl Enlarged {
         #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
-        let mut p = self.state.rows(0, 3 * self.n).into_owned();
+        let mut p = self.normal.mean.rows(0, 3 * self.n).into_owned();
         for i in 0..self.n {
             let normal = along.fixed_rows::<3>(3 * i).into_owned();
             let Some(normal) = normal.try_normalize(1e-12) else { continue };
@@ -206,20 +204,13 @@ impl Enlarged {
         p
     }
 
-    fn is_inside(&self, p: &DVector<f64>, [low, high]: [Vector3<f64>; 2]) -> bool {
-        (0..p.len()).all(|k| {
-            let (at, axis) = (p[k] + self.origin_m[k % 3], k % 3);
-            (low[axis]..=high[axis]).contains(&at)
-        })
-    }
-
     /// Steps of Gauss and Newton with Levenberg's damping: cost, positions and covariance.
     fn descend(
         &self,
         mut p: DVector<f64>,
         whiten: &DMatrix<f64>,
     ) -> (f64, DVector<f64>, DMatrix<f64>) {
-        let residual = |p: &DVector<f64>| whiten * (&self.state - self.lifted(p));
+        let residual = |p: &DVector<f64>| whiten * (&self.normal.mean - self.lifted(p));
         let mut cost = residual(&p).norm_squared();
         let mut damping = 1e-3;
         for _ in 0..MAX_STEPS {
@@ -244,14 +235,14 @@ impl Enlarged {
         let j = whiten * self.slopes(&p);
         let covariance = (j.transpose() * &j)
             .try_inverse()
-            .unwrap_or_else(|| self.covariance.view((0, 0), (p.len(), p.len())).into_owned());
+            .unwrap_or_else(|| self.normal.covariance.view((0, 0), (p.len(), p.len())).into_owned());
         (cost, p, covariance)
     }
 
     /// Positions, squares and products of positions.
     fn lifted(&self, p: &DVector<f64>) -> DVector<f64> {
         let (n, at) = (self.n, |i: usize| p.fixed_rows::<3>(3 * i));
-        let mut x = DVector::zeros(self.state.len());
+        let mut x = DVector::zeros(self.normal.mean.len());
         x.rows_mut(0, 3 * n).copy_from(p);
         for i in 0..n {
             x[3 * n + i] = at(i).norm_squared();
@@ -264,7 +255,7 @@ impl Enlarged {
 
     fn slopes(&self, p: &DVector<f64>) -> DMatrix<f64> {
         let n = self.n;
-        let mut slopes = DMatrix::zeros(self.state.len(), 3 * n);
+        let mut slopes = DMatrix::zeros(self.normal.mean.len(), 3 * n);
         for i in 0..3 * n {
             slopes[(i, i)] = 1.0;
         }
@@ -290,8 +281,8 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::positions::slope;
-    use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
+    use crate::estimate::locate::positions::slope;
+    use crate::estimate::locate::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
@@ -304,7 +295,7 @@ mod tests {
             Vector3::new(1.5 * wave(1.0), 1.2 * wave(1.3), 1.2 + 0.8 * wave(0.7))
         };
         let starts_m = [0, 1].map(|drone| place(drone, 0.0) + random.vector().normalize() * 3.0);
-        let mut filter = Enlarged::new(&anchors_m, &starts_m, 1e4);
+        let mut filter = Enlarged::new(&anchors_m, &starts_m, 30.0);
         for k in 1..=4000_u32 {
             let (then_s, now_s) = (f64::from(k - 1) * 0.01, f64::from(k) * 0.01);
             let moved_m = [0, 1].map(|drone| place(drone, now_s) - place(drone, then_s));
@@ -314,8 +305,8 @@ mod tests {
                 [0, 1].iter().flat_map(|d| place(*d, now_s).iter().copied().collect::<Vec<_>>()),
             );
             let link = FIVE_LINKS[k as usize % 5];
-            let distance_m = slope(link, &anchors_m, &truth).1;
-            filter.correct(link, distance_m, 1e-6);
+            let distance_m = slope(link, &anchors_m, truth.as_slice(), 3).1;
+            filter.correct(link, distance_m, 1e-4);
         }
         for drone in 0..2 {
             let off_m = (filter.at(drone).0 - place(drone, 40.0)).norm();
@@ -327,7 +318,10 @@ mod tests {
     #[expect(clippy::fn_params_excessive_bools, reason = "a test's two switches")]
     fn found(anchors_m: [[f64; 3]; 3], n: u64, enlarged: bool, room: bool) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
-        let room_m = [Vector3::new(-3.0, -2.6, -0.5), Vector3::new(3.0, 2.6, 3.0)];
+        let inside = Room {
+            low_m: Vector3::new(-3.0, -2.6, -0.5),
+            high_m: Vector3::new(3.0, 2.6, 3.0),
+        };
         let place = path();
         let run = |run: u64| {
             let mut random = Random(run + 1);
@@ -336,7 +330,7 @@ mod tests {
             let starts_m = [0, 1].map(|d| place(d, 0.0) + off[d] * (5.0 / length));
             let sigma_m = 5.0 / f64::sqrt(6.0);
             let mut first = Enlarged::new(&anchors_m, &starts_m, sigma_m);
-            let mut second = (!enlarged).then(|| Positions::new(&anchors_m, &starts_m, sigma_m));
+            let mut second = (!enlarged).then(|| Positions::new(&anchors_m, &starts_m, sigma_m, 1e6));
             let dt_s = 0.005;
             for k in 1..=4000_u32 {
                 let now_s = f64::from(k) * dt_s;
@@ -349,24 +343,25 @@ mod tests {
                     [place(0, now_s), place(1, now_s)].iter().flatten().copied(),
                 );
                 let link = FIVE_LINKS[k as usize % 5];
-                let distance_m = slope(link, &anchors_m, &truth).1 + 0.06 * random.normal();
+                let distance_m =
+                    slope(link, &anchors_m, truth.as_slice(), 3).1 + 0.06 * random.normal();
                 let variance_m2 = 0.02 * 0.02 * dt_s;
                 match &mut second {
                     Some(positions) => {
                         positions.advance(&moved_m, variance_m2);
-                        positions.correct(link, distance_m, 0.06, 1e6);
+                        positions.correct(link, distance_m, 0.06);
                     }
                     None => {
                         first.advance(&moved_m, variance_m2);
                         first.correct(link, distance_m, 0.06);
                         if k == 1000 {
-                            second = Some(first.positions(room.then_some(room_m)));
+                            second = Some(first.positions(room.then_some(&inside), 1e6));
                         }
                     }
                 }
             }
             let second = second.expect("handed over");
-            let off_m2: f64 = (0..2).map(|d| (second.at(d) - place(d, 20.0)).norm_squared()).sum();
+            let off_m2: f64 = (0..2).map(|d| (second.at(d).0 - place(d, 20.0)).norm_squared()).sum();
             off_m2.sqrt() < 0.25
         };
         (0..n).filter(|k| run(*k)).count()

@@ -9,9 +9,10 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::fit::{Observation, fit, residuals};
-use super::pass::{Estimate, LATE_S};
+use super::pass::{LATE_S, STATES};
 use super::{Link, RangeSample, Room};
 use crate::error::{Error, Result};
+use crate::estimate::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;
@@ -30,7 +31,7 @@ pub(super) fn start(
     samples: &[RangeSample],
     sigma_m: f64,
     room: Option<&Room>,
-) -> Result<Estimate> {
+) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
     // Ranges between drones that begin at different times belong to no one place of both.
     let mut means = means(heard_s, samples);
@@ -67,7 +68,7 @@ pub(super) fn start(
     let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
-    let at = |i: usize| 6 * (i / 3) + i % 3;
+    let at = |i: usize| STATES * (i / 3) + i % 3;
     for i in 0..n {
         state[at(i)] = p[i];
         covariance[(at(i) + 3, at(i) + 3)] = START_SPEED_M_S * START_SPEED_M_S;
@@ -75,7 +76,7 @@ pub(super) fn start(
             covariance[(at(i), at(j))] = places[(i, j)];
         }
     }
-    Ok((state, covariance))
+    Ok(Normal::new(state, covariance))
 }
 
 fn begin_together(heard_s: &[[f64; 2]], mean: &Observation) -> bool {

@@ -59,6 +59,19 @@ impl Link {
         Self::Drones(one.min(other), one.max(other))
     }
 
+    /// The way along it to its first drone, with the drones at these places.
+    #[must_use]
+    pub fn away_m(
+        self,
+        anchors_m: &[Vector3<f64>],
+        place_m: impl Fn(usize) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        match self {
+            Self::Anchor { drone, anchor } => place_m(drone) - anchors_m[anchor],
+            Self::Drones(i, j) => place_m(i) - place_m(j),
+        }
+    }
+
     /// The drones at its ends.
     #[must_use]
     pub fn drones(self) -> (usize, Option<usize>) {

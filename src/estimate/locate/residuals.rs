@@ -57,11 +57,7 @@ pub(super) fn residuals_m(
 ) -> Vec<f64> {
     let steps = together(samples).enumerate();
     let residual = |k: usize, sample: &RangeSample| {
-        let at = |drone: usize| position_m[drone][k];
-        let distance_m = match sample.link {
-            Link::Anchor { drone, anchor } => (at(drone) - anchors_m[anchor]).norm(),
-            Link::Drones(i, j) => (at(i) - at(j)).norm(),
-        };
+        let distance_m = sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm();
         let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));
         sample.distance_m - distance_m - covering.map(|bias| bias.bias_m).sum::<f64>()
     };

@@ -76,7 +76,7 @@ impl Stage {
     fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         match self {
             Self::First(filter) => filter.at(drone),
-            Self::Second(filter) => (filter.at(drone), filter.covariance_m2(drone)),
+            Self::Second(filter) => filter.at(drone),
         }
     }
 }
@@ -116,7 +116,7 @@ pub fn locate_enlarged(
         if let Stage::First(filter) = &stage
             && time_s >= hand_over_s
         {
-            stage = Stage::Second(filter.positions(None));
+            stage = Stage::Second(filter.positions(None, options.gate_sigmas));
         }
         for sample in step {
             let (link, distance_m, sigma_m) =
@@ -124,7 +124,7 @@ pub fn locate_enlarged(
             match &mut stage {
                 Stage::First(filter) => filter.correct(link, distance_m, sigma_m),
                 Stage::Second(filter) => {
-                    match filter.correct(link, distance_m, sigma_m, options.gate_sigmas) {
+                    match filter.correct(link, distance_m, sigma_m) {
                         Some(one) => (nis, taken) = (nis + one, taken + 1.0),
                         None => *refused.entry(link).or_default() += 1,
                     }
@@ -210,7 +210,7 @@ pub fn locate_shared(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
+    use crate::estimate::locate::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
 
     /// Anchors, motion along the word, and ranges of the five links in turn, 200 a second.
     fn flight(sigma_m: f64) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>) {
@@ -226,10 +226,7 @@ mod tests {
         let tracks = [track(0), track(1)];
         let sample = |k: u32| {
             let (time_s, link) = (f64::from(k) * 0.005, FIVE_LINKS[k as usize % 5]);
-            let true_m = match link {
-                Link::Anchor { drone, anchor } => (place(drone, time_s) - anchors_m[anchor]).norm(),
-                Link::Drones(i, j) => (place(i, time_s) - place(j, time_s)).norm(),
-            };
+            let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
             RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
         };
         (anchors_m, tracks, (0..4000).map(sample).collect())

@@ -118,7 +118,7 @@ impl SharedAnchorObserver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::localization::tests::Random;
+    use crate::estimate::locate::tests::Random;
 
     #[test]
     fn outputs_are_linear_and_bilinear_in_the_places_to_rounding() {

@@ -1,0 +1,158 @@
+//! Gates: which measurements a filter refuses.
+//!
+//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong refuses what
+//! is right: after [`MOST_REFUSALS`] refusals in a row the next measurement of the same source is
+//! believed with the variance that it asks for, so that the truth cannot be locked out. And a filter
+//! takes a step of the floor for motion of the drone: the second range to the floor beyond a
+//! [`StepTest`] is one, and the floor moves by the mean of both innovations.
+
+use std::collections::BTreeMap;
+
+use super::normal::{Innovation, Measurement, Normal, Part};
+
+/// Refusals in a row after which a source is believed again.
+const MOST_REFUSALS: u32 = 5;
+/// Consecutive ranges beyond the gate that are a step.
+const STEP_READINGS: usize = 2;
+
+/// A gate for sources of measurements that cannot lock the truth out.
+#[derive(Clone, Debug)]
+pub struct Gate<K> {
+    sq: f64,
+    /// Refusals in a row.
+    refused: BTreeMap<K, u32>,
+}
+
+impl<K: Ord> Gate<K> {
+    /// A gate at so many standard deviations of the innovation.
+    #[must_use]
+    pub fn new(sigmas: f64) -> Self {
+        Self { sq: sigmas * sigmas, refused: BTreeMap::new() }
+    }
+
+    /// [`Normal::correct`] by a measurement of a source; `None` where it was refused.
+    pub fn correct(
+        &mut self,
+        normal: &mut Normal,
+        source: K,
+        measurement: &Measurement<'_>,
+    ) -> Option<Innovation> {
+        let refused = self.refused.entry(source).or_default();
+        let mut measurement = *measurement;
+        if *refused >= MOST_REFUSALS {
+            let left = normal.innovation(&measurement).value;
+            measurement.variance = measurement.variance.max(left * left);
+        }
+        let mut found = None;
+        normal.correct(&measurement, |innovation| {
+            found = (!innovation.is_beyond(self.sq)).then_some(*innovation);
+            found.is_some()
+        });
+        *refused = if found.is_some() { 0 } else { *refused + 1 };
+        found
+    }
+}
+
+/// The test for steps of the floor below a ranger, whose height is one of the states.
+#[derive(Clone, Debug)]
+pub struct StepTest {
+    gate_sigmas: f64,
+    least_m: f64,
+    sigma_m: f64,
+    /// Innovations beyond the gate, since the last one within.
+    beyond_m: Vec<f64>,
+}
+
+/// What a range says about the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Floor {
+    /// The floor is where it was: the range is taken in.
+    Still,
+    /// Not decided yet: the range is left out.
+    Open,
+    /// The distance to the floor stepped by this much: the range is left out.
+    Stepped(f64),
+}
+
+impl StepTest {
+    /// A test with a gate in standard deviations; smaller innovations than `least_m` are no step. A
+    /// step widens the floor's height by `sigma_m`.
+    #[must_use]
+    pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
+        Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
+    }
+
+    /// [`Normal::correct`] by a range to a floor, whose state is the last part of the slope, unless
+    /// the floor steps: then its state is moved and widened. Ranges that are not a step's are refused
+    /// beyond `gate_sq`.
+    ///
+    /// # Panics
+    ///
+    /// If the last part of the slope is not that of one state.
+    pub fn correct(
+        &mut self,
+        normal: &mut Normal,
+        measurement: &Measurement<'_>,
+        gate_sq: f64,
+    ) -> Floor {
+        let mut floor = Floor::Still;
+        normal.correct(measurement, |innovation| {
+            floor = self.look(innovation);
+            floor == Floor::Still && !innovation.is_beyond(gate_sq)
+        });
+        if let Floor::Stepped(farther_m) = floor {
+            let Some(Part::One(state, per_m)) = measurement.slope.last() else { panic!("the floor is last") };
+            normal.mean[*state] += farther_m / per_m;
+            normal.covariance[(*state, *state)] += self.sigma_m * self.sigma_m;
+        }
+        floor
+    }
+
+    /// Looks at the next range.
+    fn look(&mut self, innovation: &Innovation) -> Floor {
+        let within = innovation.sigmas() <= self.gate_sigmas;
+        if within || innovation.value.abs() < self.least_m {
+            self.beyond_m.clear();
+            return Floor::Still;
+        }
+        self.beyond_m.push(innovation.value);
+        if self.beyond_m.len() < STEP_READINGS {
+            return Floor::Open;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "two")]
+        let n = self.beyond_m.len() as f64;
+        Floor::Stepped(self.beyond_m.drain(..).sum::<f64>() / n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_refusals_in_a_row_widen_the_variance_and_fewer_do_not() {
+        let mut gate = Gate::new(4.0);
+        let mut taken = |source, value| {
+            let mut normal = Normal::independent(&[0.1]);
+            let slope = &[Part::One(0, 1.0)];
+            gate.correct(&mut normal, source, &Measurement { slope, value, variance: 0.01 })
+        };
+        for refusals in 0..5 {
+            assert_eq!(taken(1, 3.0), None, "after {refusals}");
+        }
+        assert_eq!(taken(2, 3.0), None, "another source");
+        assert_eq!(taken(1, 3.0).map(|found| found.variance), Some(9.0 + 0.1 * 0.1));
+        assert_eq!(taken(1, 3.0), None, "in a row");
+    }
+
+    #[test]
+    fn one_stray_range_is_left_out_and_two_in_a_row_are_a_step() {
+        let mut test = StepTest::new(4.0, 0.1, 0.5);
+        let mut look = |value: f64| test.look(&Innovation { value, variance: 0.0025 });
+        assert_eq!([0.19, 0.5, 0.1].map(&mut look), [Floor::Still, Floor::Open, Floor::Still]);
+        assert_eq!([0.5, 0.6].map(&mut look), [Floor::Open, Floor::Stepped(0.55)]);
+        assert_eq!(look(-0.5), Floor::Open, "the count begins anew");
+        let mut sharp = StepTest::new(4.0, 0.1, 0.5);
+        assert_eq!(sharp.look(&Innovation { value: 0.09, variance: 1e-6 }), Floor::Still, "small");
+    }
+}

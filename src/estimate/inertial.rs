@@ -1,0 +1,249 @@
+//! A drone that flies on its gyroscope and accelerometer: its motion, and nine small errors of it.
+//!
+//! The errors are position and velocity in the world and a turn in the body's frame. A [`Normal`]
+//! holds them for each drone in turn, other states after those of all drones; its covariance is
+//! carried by blocks of three, which saves the products with zeros.
+//!
+//! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
+//!
+//! Not estimated: biases of the inertial sensors.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::attitude::Turned;
+use super::normal::Normal;
+
+pub use crate::crazyflie::GRAVITY_M_S2;
+
+/// Errors of a drone: three of the position first,
+pub const ERRORS: usize = 9;
+/// then three of the velocity,
+pub const VELOCITY: usize = 3;
+/// and three of the turn.
+pub const TURN: usize = 6;
+
+/// The covariance is carried at least this often.
+const LONGEST_SPAN_S: f64 = 0.01;
+
+/// Position, velocity and attitude by inertial sensors.
+#[derive(Clone, Debug)]
+pub struct Inertial {
+    /// In the world.
+    pub position_m: Vector3<f64>,
+    /// In the world.
+    pub velocity_m_s: Vector3<f64>,
+    /// The attitude.
+    pub attitude: Turned,
+    /// The attitude as a matrix, since the covariance was carried last.
+    pub world_from_body: Matrix3<f64>,
+    /// Body rate at the end of the last tick.
+    pub rate_rad_s: Vector3<f64>,
+    /// Time and turn since the covariance was carried last.
+    span_s: f64,
+    turn_rad: Vector3<f64>,
+}
+
+/// A span over which a covariance is carried.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    /// Its length.
+    pub span_s: f64,
+    /// `−R [f]×` of the specific force f.
+    pub lever: Matrix3<f64>,
+    /// Turn of the body.
+    pub turn_rad: Vector3<f64>,
+}
+
+/// Spectral densities (two-sided) of the inertial sensors' noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Density {
+    /// Of the acceleration along world x, y and z, (m/s²)²/Hz.
+    pub acceleration: [f64; 3],
+    /// Of the body rate, (rad/s)²/Hz.
+    pub rate: f64,
+}
+
+impl Inertial {
+    /// A level drone at rest that looks along world x.
+    #[must_use]
+    pub fn at(position_m: Vector3<f64>) -> Self {
+        Self {
+            position_m,
+            velocity_m_s: Vector3::zeros(),
+            attitude: Turned::level(),
+            world_from_body: Matrix3::identity(),
+            rate_rad_s: Vector3::zeros(),
+            span_s: 0.0,
+            turn_rad: Vector3::zeros(),
+        }
+    }
+
+    /// Moves the state over a tick with the mean of the body rates at its ends and the specific
+    /// force along it; returns the acceleration.
+    pub fn predict(
+        &mut self,
+        rate_rad_s: &Vector3<f64>,
+        force_m_s2: &Vector3<f64>,
+        tick_s: f64,
+    ) -> Vector3<f64> {
+        let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
+        let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
+        let acceleration = midway.matrix() * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
+        self.position_m += (self.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        self.velocity_m_s += acceleration * tick_s;
+        self.attitude = after;
+        self.rate_rad_s = *rate_rad_s;
+        self.span_s += tick_s;
+        self.turn_rad += turn_rad;
+        acceleration
+    }
+
+    /// Whether the covariance is to be carried now: for a measurement, or after a while without.
+    #[must_use]
+    pub fn is_due(&self, measured: bool) -> bool {
+        measured || self.span_s >= LONGEST_SPAN_S
+    }
+
+    /// The span since the covariance was carried last; the next one begins.
+    pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
+        self.world_from_body = self.attitude.matrix();
+        Span {
+            span_s: std::mem::take(&mut self.span_s),
+            lever: -self.world_from_body * force_m_s2.cross_matrix(),
+            turn_rad: std::mem::take(&mut self.turn_rad),
+        }
+    }
+
+    /// Takes off the mean errors of a drone, which begin anew.
+    pub fn settle(&mut self, normal: &mut Normal, drone: usize) {
+        let [position_m, velocity_m_s, turn_rad] = normal.take_errors(drone);
+        self.position_m += position_m;
+        self.velocity_m_s += velocity_m_s;
+        self.attitude = self.attitude.by(&turn_rad);
+    }
+}
+
+impl Normal {
+    /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and turn
+    /// (rad), and of further states.
+    #[must_use]
+    pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
+        let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);
+        sigmas.extend(further);
+        Self::independent(&sigmas)
+    }
+
+    /// Mean errors of a drone, position, velocity and turn, which begin anew.
+    pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
+        let first = ERRORS * drone;
+        let errors = [0, VELOCITY, TURN].map(|at| self.three(first + at));
+        self.mean.rows_mut(first, ERRORS).fill(0.0);
+        errors
+    }
+
+    /// Carries the errors of a drone over a span: `P ← Φ P Φᵀ + Q` with
+    /// `ṗ = v`, `v̇ = −R [f]× θ`, `θ̇ = −[ω]× θ`. The other states rest.
+    pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
+        let first = ERRORS * drone;
+        let Span { span_s, lever, turn_rad } = *span;
+        let b = lever * span_s;
+        let c = b * (0.5 * span_s);
+        let cross = turn_rad.cross_matrix();
+        let t_transposed = Matrix3::identity() + cross + cross * cross * 0.5;
+
+        let at = [first, first + VELOCITY, first + TURN];
+        let [pp, pv, pt] = at.map(|column| self.block(at[0], column));
+        let [vv, vt] = [at[1], at[2]].map(|column| self.block(at[1], column));
+        let tt = self.block(at[2], at[2]);
+        let b_tt = b * tt;
+        let pt_next = pt + vt * span_s + b_tt * (0.5 * span_s);
+        let vt_next = vt + b_tt;
+        let pv_old = pv + vv * span_s + c * vt.transpose();
+        let pp_old = pp + pv.transpose() * span_s + c * pt.transpose();
+        let mut pp = pp_old + pv_old * span_s + pt_next * c.transpose();
+        let mut pv = pv_old + pt_next * b.transpose();
+        let mut vv = vv + (b * vt.transpose() + vt_next * b.transpose());
+        let pt = pt_next * t_transposed;
+        let vt = vt_next * t_transposed;
+        let mut tt = t_transposed.transpose() * tt * t_transposed;
+        for (i, density_m_s2) in density.acceleration.into_iter().enumerate() {
+            let velocity = density_m_s2 * span_s;
+            pp[(i, i)] += velocity * span_s * span_s / 3.0;
+            pv[(i, i)] += velocity * span_s / 2.0;
+            vv[(i, i)] += velocity;
+            tt[(i, i)] += density.rate * span_s;
+        }
+        for (k, block) in [pp, vv, tt].iter().enumerate() {
+            self.set(at[k], at[k], &((block + block.transpose()) * 0.5));
+        }
+        for (row, column, block) in [(0, 1, &pv), (0, 2, &pt), (1, 2, &vt)] {
+            self.set(at[row], at[column], block);
+            self.set(at[column], at[row], &block.transpose());
+        }
+
+        let t = t_transposed.transpose();
+        for other in (0..first).chain(first + ERRORS..self.mean.len()) {
+            let mut with = self.covariance.fixed_view_mut::<ERRORS, 1>(first, other);
+            let [p, v, turn] =
+                [0, VELOCITY, TURN].map(|at| with.fixed_rows::<3>(at).into_owned());
+            with.fixed_rows_mut::<3>(0).copy_from(&(p + v * span_s + c * turn));
+            with.fixed_rows_mut::<3>(VELOCITY).copy_from(&(v + b * turn));
+            with.fixed_rows_mut::<3>(TURN).copy_from(&(t * turn));
+            for i in first..first + ERRORS {
+                self.covariance[(other, i)] = self.covariance[(i, other)];
+            }
+        }
+    }
+
+    fn set(&mut self, row: usize, column: usize, block: &Matrix3<f64>) {
+        self.covariance.fixed_view_mut::<3, 3>(row, column).copy_from(block);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::super::normal::{Measurement, Part};
+    use super::*;
+
+    #[test]
+    fn blocks_are_carried_as_the_whole_matrix_is() {
+        // Two drones and the floor.
+        let mut normal = Normal::of_drones(2, [0.3, 0.2, 0.1], &[0.4]);
+        let density = Density { acceleration: [0.3, 0.2, 0.1], rate: 0.04 };
+        let mut p = normal.covariance.clone();
+        for step in 0..60_usize {
+            let (drone, phase) = (step % 2, 0.1 * f64::from(u8::try_from(step).unwrap()));
+            let force = Vector3::new(libm::sin(phase), libm::cos(phase), 9.8);
+            let turn_rad = Vector3::new(0.01, -0.02, libm::sin(3.0 * phase) * 0.03);
+            let (span_s, lever, at) = (0.05, -force.cross_matrix(), ERRORS * drone);
+            normal.carry(drone, &Span { span_s, lever, turn_rad }, &density);
+            let (mut phi, one) = (DMatrix::identity(19, 19), Matrix3::identity());
+            let cross = turn_rad.cross_matrix();
+            for (row, column, block) in [
+                (0, VELOCITY, one * span_s),
+                (0, TURN, lever * (0.5 * span_s * span_s)),
+                (VELOCITY, TURN, lever * span_s),
+                (TURN, TURN, one - cross + cross * cross * 0.5),
+            ] {
+                phi.fixed_view_mut::<3, 3>(at + row, at + column).copy_from(&block);
+            }
+            p = &phi * p * phi.transpose();
+            for (k, density) in density.acceleration.into_iter().enumerate() {
+                p[(at + k, at + k)] += density * span_s * span_s * span_s / 3.0;
+                p[(at + k, at + k + 3)] += density * span_s * span_s / 2.0;
+                p[(at + k + 3, at + k)] += density * span_s * span_s / 2.0;
+                p[(at + k + 3, at + k + 3)] += density * span_s;
+                p[(at + k + 6, at + k + 6)] += 0.04 * span_s;
+            }
+            let off = (&normal.covariance - &p).norm() / p.norm();
+            assert!(off < 1e-13, "{off}");
+            // What the drones and the floor have in common.
+            let slope = [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
+            let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };
+            assert!(normal.correct(&measurement, |_| true));
+            p.copy_from(&normal.covariance);
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The filter's pass over a log of ranges.
+//!
+//! State: position and velocity of each drone, then the biases of the ranges, which are constant.
+//! Each drone moves with a constant velocity but for white acceleration noise.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::positions::slope;
+use super::{BiasOf, Link, LocateOptions, RangeSample};
+use crate::estimate::{Entry, Gate, Measurement, Normal, Part, Step, along};
+
+/// States of a drone.
+pub(super) const STATES: usize = 6;
+
+/// Ranges closer in time share one state.
+pub(super) const STEP_S: f64 = 0.01;
+
+/// A drone whose first range comes this much later than the first of all stands until then.
+pub(super) const LATE_S: f64 = 0.25;
+
+/// What the passes know of a log.
+pub(super) struct Model<'a> {
+    pub(super) anchors_m: &'a [Vector3<f64>],
+    pub(super) options: &'a LocateOptions,
+    /// Biases in the order of their states.
+    pub(super) biases: Vec<BiasOf>,
+    /// Standard deviations of its innovation beyond which a range is refused.
+    pub(super) gate_sigmas: f64,
+    /// Ranges that are left out, one flag each; empty: none.
+    pub(super) left_out: Vec<bool>,
+    /// Until when each drone stands: its first range, where that comes late.
+    stands_until_s: Vec<f64>,
+}
+
+/// What the filter found of its ranges.
+#[derive(Debug, Default)]
+pub(super) struct Innovations {
+    /// Sum of the normalized innovations squared of the ranges that were taken, and their number.
+    pub(super) sum: f64,
+    pub(super) taken: usize,
+    /// Ranges that the gate refused, by link.
+    pub(super) refused: BTreeMap<Link, usize>,
+}
+
+impl Innovations {
+    /// Mean normalized innovation squared; `None` without a range.
+    pub(super) fn nis(&self) -> Option<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+        (self.taken > 0).then(|| self.sum / self.taken as f64)
+    }
+}
+
+/// Ranges that share one state, in order.
+pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
+    let mut left = samples;
+    std::iter::from_fn(move || {
+        let first = left.first()?;
+        let n = left.partition_point(|s| s.time_s < first.time_s + STEP_S);
+        let (step, rest) = left.split_at(n.max(1));
+        left = rest;
+        Some(step)
+    })
+}
+
+impl<'a> Model<'a> {
+    pub(super) fn new(
+        anchors_m: &'a [Vector3<f64>],
+        heard_s: &[[f64; 2]],
+        options: &'a LocateOptions,
+    ) -> Self {
+        let first_s = heard_s.iter().map(|heard| heard[0]).fold(f64::INFINITY, f64::min);
+        let until = |heard: &[f64; 2]| if heard[0] > first_s + LATE_S { heard[0] } else { first_s };
+        Self {
+            anchors_m,
+            options,
+            biases: Vec::new(),
+            gate_sigmas: options.gate_sigmas,
+            left_out: Vec::new(),
+            stands_until_s: heard_s.iter().map(until).collect(),
+        }
+    }
+
+    /// The same log with other biases.
+    pub(super) fn with_biases(&self, biases: Vec<BiasOf>) -> Self {
+        let (left_out, stands_until_s) = (self.left_out.clone(), self.stands_until_s.clone());
+        Self { biases, left_out, stands_until_s, ..*self }
+    }
+
+    pub(super) fn n_drones(&self) -> usize {
+        self.stands_until_s.len()
+    }
+
+    /// Slope of a range over the whole state, and the range that is expected at a state.
+    fn slope(&self, link: Link, states: &[f64]) -> (Vec<Part>, f64) {
+        let (mut slope, mut expected_m) = slope(link, self.anchors_m, states, STATES);
+        for (k, _) in self.biases.iter().enumerate().filter(|(_, bias)| bias.covers(link)) {
+            let state = STATES * self.n_drones() + k;
+            slope.push(Part::One(state, 1.0));
+            expected_m += states[state];
+        }
+        (slope, expected_m)
+    }
+
+    /// Forward pass, linearized about its own estimates or about `about`.
+    pub(super) fn forward(
+        &self,
+        samples: &[RangeSample],
+        start: &Normal,
+        about: Option<&[Normal]>,
+    ) -> (Vec<Step>, Innovations) {
+        let mut normal = start.clone();
+        let variance = self.options.range_sigma_m * self.options.range_sigma_m;
+        let mut gate = Gate::new(self.gate_sigmas);
+        let (mut steps, mut found) = (Vec::<Step>::new(), Innovations::default());
+        let mut left_out = self.left_out.iter().chain(std::iter::repeat(&false));
+        for step in together(samples) {
+            let (time_s, mut transition) = (step[0].time_s, Vec::new());
+            if let Some(last) = steps.last() {
+                let noise;
+                (transition, noise) = self.motion(last.time_s, time_s);
+                normal.predict(&transition, &noise);
+            }
+            let predicted = normal.clone();
+            let here = about.and_then(|about| about.get(steps.len()));
+            for sample in step {
+                let at = here.map_or(&normal.mean, |about| &about.mean).as_slice();
+                let (slope, expected_m) = self.slope(sample.link, at);
+                let value = sample.distance_m - expected_m + along(&slope, at);
+                let measurement = Measurement { slope: &slope, value, variance };
+                let is_stray = left_out.next().is_some_and(|stray| *stray);
+                let mut corrected = || gate.correct(&mut normal, sample.link, &measurement);
+                match if is_stray { None } else { corrected() } {
+                    Some(innovation) => {
+                        (found.sum, found.taken) = (found.sum + innovation.nis(), found.taken + 1);
+                    }
+                    None => *found.refused.entry(sample.link).or_default() += 1,
+                }
+            }
+            steps.push(Step { time_s, transition, predicted, updated: normal.clone() });
+        }
+        (steps, found)
+    }
+
+    /// Transition of the state between two times, and the covariance of its noise.
+    fn motion(&self, from_s: f64, to_s: f64) -> (Vec<Entry>, Vec<Entry>) {
+        let (mut transition, mut noise) = (Vec::new(), Vec::new());
+        let density = self.options.acceleration_m_s2_sqrt_hz;
+        let q = 0.5 * density * density;
+        for (drone, until_s) in self.stands_until_s.iter().enumerate() {
+            let span_s = (to_s - from_s.max(*until_s)).max(0.0);
+            for i in STATES * drone..STATES * drone + 3 {
+                transition.push((i, i + 3, span_s));
+                noise.push((i, i, q * span_s * span_s * span_s / 3.0));
+                noise.push((i, i + 3, q * span_s * span_s / 2.0));
+                noise.push((i + 3, i + 3, q * span_s));
+            }
+        }
+        (transition, noise)
+    }
+}

@@ -1,0 +1,77 @@
+//! Positions of N drones from ranges, the motion being known: an extended Kalman filter.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Link;
+use crate::estimate::{Gate, Measurement, Normal, Part, along, toward};
+
+/// Positions of N drones with their covariance: an extended Kalman filter on ranges.
+#[derive(Clone, Debug)]
+pub struct Positions {
+    anchors_m: Vec<Vector3<f64>>,
+    /// Three states for each drone.
+    normal: Normal,
+    gate: Gate<Link>,
+}
+
+impl Positions {
+    /// Independent drones near these places, each axis with a standard deviation. Ranges farther from
+    /// their prediction than `gate_sigmas` are refused.
+    #[must_use]
+    pub fn new(
+        anchors_m: &[Vector3<f64>],
+        starts_m: &[Vector3<f64>],
+        sigma_m: f64,
+        gate_sigmas: f64,
+    ) -> Self {
+        let mut normal = Normal::independent(&vec![sigma_m; 3 * starts_m.len()]);
+        normal.mean.iter_mut().zip(starts_m.iter().flatten()).for_each(|(x, start)| *x = *start);
+        Self::with(anchors_m.to_vec(), normal, gate_sigmas)
+    }
+
+    pub(super) fn with(anchors_m: Vec<Vector3<f64>>, normal: Normal, gate_sigmas: f64) -> Self {
+        Self { anchors_m, normal, gate: Gate::new(gate_sigmas) }
+    }
+
+    /// Place of a drone, and its covariance.
+    #[must_use]
+    pub fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
+    }
+
+    /// Moves the drones by known displacements, each axis with a variance.
+    pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
+        let Normal { mean, covariance, .. } = &mut self.normal;
+        for (i, moved_m) in moved_m.iter().flatten().enumerate() {
+            mean[i] += moved_m;
+            covariance[(i, i)] += variance_m2;
+        }
+    }
+
+    /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that is
+    /// refused five times in a row is believed again.
+    pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
+        let at = self.normal.mean.as_slice();
+        let (slope, expected_m) = slope(link, &self.anchors_m, at, 3);
+        let value = distance_m - expected_m + along(&slope, at);
+        let measurement = Measurement { slope: &slope, value, variance: sigma_m * sigma_m };
+        let found = self.gate.correct(&mut self.normal, link, &measurement);
+        found.map(|innovation| innovation.nis())
+    }
+}
+
+/// Slope of a range over states of which the first three of every `stride` are a drone's place, and
+/// the range itself.
+pub(super) fn slope(
+    link: Link,
+    anchors_m: &[Vector3<f64>],
+    states: &[f64],
+    stride: usize,
+) -> (Vec<Part>, f64) {
+    let at = |drone: usize| Vector3::from_column_slice(&states[stride * drone..][..3]);
+    let (direction, length_m) = toward(&link.away_m(anchors_m, at));
+    let (first, second) = link.drones();
+    let mut slope = vec![Part::Three(stride * first, direction)];
+    slope.extend(second.map(|second| Part::Three(stride * second, -direction)));
+    (slope, length_m)
+}
