@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn advice_names_keys_and_values_that_a_scene_takes() {
         let sources = [
-            include_str!("../preflight/finding.rs"),
+            include_str!("../preflight/row.rs"),
             include_str!("../preflight/flown.rs"),
             include_str!("../preflight/mod.rs"),
             include_str!("../shoot/problems.rs"),

@@ -130,8 +130,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
 
 /// What stops a flight.
 fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    let found = preflight(shoot, &args.profile.profile(&args.subject))?;
-    Ok(findings::stops(&findings::rows(&found, &shoot.scene.plan)))
+    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
@@ -151,7 +150,7 @@ fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
             _ => {}
         }
     }
-    Ok(findings::stops(&findings::rows(&found, &shoot.scene.plan)))
+    Ok(findings::stops(&found))
 }
 
 /// Warns of a controller that does not follow the motion of a trajectory.

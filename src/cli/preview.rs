@@ -89,8 +89,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     text.push('\n');
     let profile = args.profile.profile(&args.subject);
-    let found = inspect(&before, &shot.flights, &profile)?;
-    let stops = findings::stops(&findings::rows(&found, &before.scene.plan));
+    let stops = findings::stops(&inspect(&before, &shot.flights, &profile)?);
     json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();
     text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));

@@ -26,14 +26,15 @@ mod flown;
 mod letters;
 mod plans;
 mod profile;
+mod row;
 mod written;
 
-use finding::largest;
-pub use finding::{Checked, Finding, Peak, Row, Severity};
+pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
-use plans::{check_plans, check_separation};
+use plans::{check_plan, check_separation};
 pub use profile::{Profile, ROOM_MARGIN_M};
+pub use row::{Checked, Row};
 pub use written::check_written;
 
 /// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
@@ -73,9 +74,9 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
             Err(error) => return Err(error),
         }
         found.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
-        findings.extend(numbered(drone, n, found));
+        findings.extend(numbered(shoot, Some(drone), found));
     }
-    findings.extend(check_picture(shoot, picture).into_iter().map(of_all));
+    findings.extend(numbered(shoot, None, check_picture(shoot, picture)));
     Ok(findings)
 }
 
@@ -90,24 +91,21 @@ pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<V
     for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
         let mut found = check_flight(shoot, drone, flight, None, profile)?.to_vec();
         found.push(check_coverage(&planned.plan, &shoot.scene)?);
-        findings.extend(numbered(drone, shoot.plans.len(), found));
+        findings.extend(numbered(shoot, Some(drone), found));
     }
     Ok(findings)
 }
 
-/// The findings of one of `n` drones, counted from 0.
+/// The findings of one drone, counted from 0, or of all.
 fn numbered(
-    drone: usize,
-    n: usize,
+    shoot: &Shoot,
+    drone: Option<usize>,
     findings: impl IntoIterator<Item = Finding>,
 ) -> impl Iterator<Item = Checked> {
-    let number = (n > 1).then_some(drone + 1);
-    findings.into_iter().map(move |finding| Checked { drone: number, finding })
-}
-
-/// A finding that concerns no single drone.
-fn of_all(finding: Finding) -> Checked {
-    Checked { drone: None, finding }
+    let drone = drone.filter(|_| shoot.plans.len() > 1).map(|drone| drone + 1);
+    let checked =
+        move |finding: Finding| Checked { drone, row: finding.row(&shoot.scene.plan), finding };
+    findings.into_iter().map(checked)
 }
 
 /// Letters and plans.
@@ -121,11 +119,13 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
             "name it: {word}",
         )],
     };
-    let mut findings: Vec<Checked> = letters.into_iter().map(of_all).collect();
-    findings.extend(check_plans(&shoot.designs(), profile));
+    let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
+    for (drone, design) in shoot.designs().iter().enumerate() {
+        findings.extend(numbered(shoot, Some(drone), check_plan(design, profile)));
+    }
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    findings.extend(check_separation(&flown).map(of_all));
+    findings.extend(numbered(shoot, None, check_separation(&flown)));
     findings
 }
 

@@ -2,26 +2,23 @@
 
 use nalgebra::Vector3;
 
-use super::{Checked, Finding, Peak, Profile, largest, numbered};
+use super::finding::largest;
+use super::{Finding, Peak, Profile};
 use crate::plan::{Approach, Plan, Setpoint, closest};
 
 /// Distance of a setpoint from the end of the design before it from which it is a jump.
 const JUMP_M: f64 = 0.03;
 
-/// Checks the motion and the commands of plans, but for their distance from each other.
-pub(super) fn check_plans(plans: &[Plan], profile: &Profile) -> Vec<Checked> {
-    let of_plan = |(drone, plan): (usize, &Plan)| {
-        let found = [
-            volume(plan, profile),
-            speed(plan, profile),
-            acceleration(plan, profile),
-            jumps(plan),
-            duration(plan, profile),
-            headlights(plan),
-        ];
-        numbered(drone, plans.len(), found)
-    };
-    plans.iter().enumerate().flat_map(of_plan).collect()
+/// Checks the motion and the commands of a plan.
+pub(super) fn check_plan(plan: &Plan, profile: &Profile) -> [Finding; 6] {
+    [
+        volume(plan, profile),
+        speed(plan, profile),
+        acceleration(plan, profile),
+        jumps(plan),
+        duration(plan, profile),
+        headlights(plan),
+    ]
 }
 
 fn volume(plan: &Plan, profile: &Profile) -> Finding {
@@ -115,8 +112,8 @@ mod tests {
     #[test]
     fn the_reference_flight_jumps_and_may_fly() {
         let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
-        let found = check_plans(std::slice::from_ref(&team), &Profile::indoor());
-        assert!(found.iter().all(|f| f.finding.severity() != Severity::Stop), "it flew: {found:?}");
+        let found = check_plan(&team, &Profile::indoor());
+        assert!(found.iter().all(|f| f.severity() != Severity::Stop), "it flew: {found:?}");
         let Finding::Jump(n, Peak { value, .. }) = jumps(&team) else { panic!("it is a jump") };
         assert!(n == 5 && (value - 0.2).abs() < 0.005, "{n} jumps, {value} m");
         assert_eq!(speed(&team, &Profile::indoor()).severity(), Severity::Fine);
@@ -167,8 +164,5 @@ mod tests {
         assert_eq!(found.severity(), Severity::Fine);
         let Finding::Separation(Some(apart)) = found else { panic!("{found:?}") };
         assert!((MIN_HORIZONTAL_M..3.0).contains(&apart.horizontal_m), "{apart:?}");
-        let found = check_plans(&pair, &Profile::indoor());
-        let speeds = found.iter().filter(|found| matches!(found.finding, Finding::Speed(_)));
-        assert_eq!(speeds.map(|found| found.drone).collect::<Vec<_>>(), [Some(1), Some(2)]);
     }
 }

@@ -45,15 +45,13 @@ pub enum Problem {
     Underexposed(String),
     /// A warning of a simulated flight, with the number of the drone, from 1, where there are several.
     Flight(Option<usize>, Warning),
-    /// Gaps of a log that lamps shine across.
-    BridgedGaps {
+    /// Gaps of a log that lamps shine across, or at which trails break.
+    Gaps {
         /// When they are, s.
         spans_s: Vec<[f64; 2]>,
-        /// Largest uncertainty of a position in their middle.
-        most_m: f64,
+        /// Largest uncertainty of a position in their middle; `None`: trails break.
+        bridged_m: Option<f64>,
     },
-    /// Gaps of a log at which trails break: when they are, s.
-    OpenGaps(Vec<[f64; 2]>),
     /// The center lines of a typeface lack a stroke of some letters.
     LostStrokes {
         /// The font's name.
@@ -130,24 +128,21 @@ impl Problem {
                 };
                 (format!("{number}{warning}"), advice)
             }
-            Self::BridgedGaps { spans_s, most_m } => (
-                format!(
-                    "gaps of the log: {} bridged by a smooth path, uncertain by up to {:.0} mm ({})",
-                    spans_s.len(),
-                    1e3 * most_m,
-                    in_words(spans_s)
-                ),
-                FEWER_GAPS,
-            ),
-            Self::OpenGaps(spans_s) => (
-                format!(
-                    "gaps of the log: {} too long to bridge; trails break there, though the lamps \
-                     may have shone ({})",
-                    spans_s.len(),
-                    in_words(spans_s)
-                ),
-                FEWER_GAPS,
-            ),
+            Self::Gaps { spans_s, bridged_m } => {
+                let what = match bridged_m {
+                    Some(m) => {
+                        let mm = 1e3 * m;
+                        format!("bridged by a smooth path, uncertain by up to {mm:.0} mm")
+                    }
+                    None => {
+                        "too long to bridge; trails break there, though the lamps may have shone"
+                            .to_owned()
+                    }
+                };
+                let (n, spans) = (spans_s.len(), in_words(spans_s));
+                let found = format!("gaps of the log: {n} {what} ({spans})");
+                (found, "log fewer variables, or on the \u{b5}SD card")
+            }
             Self::LostStrokes { font, letters } => (
                 format!("the center lines of {font} lack a stroke of {letters}: they may misread"),
                 "write with {letters.font=simplex} or a plainer typeface",
@@ -176,8 +171,6 @@ impl Problem {
 
 /// Advice where there is no light.
 pub const CHECK_LIGHT: &str = "check {plan.lights}, {light.deck} and {light.ring}";
-/// Advice on the log of the next flight.
-const FEWER_GAPS: &str = "log fewer variables, or on the \u{b5}SD card";
 
 /// The first of some spans of time.
 fn in_words(spans_s: &[[f64; 2]]) -> String {
@@ -286,11 +279,12 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
 /// The gaps in a real flight's log.
 pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Problem> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
-    let spans_s = |gaps: &[Gap]| gaps.iter().map(|gap| gap.span_s).collect::<Vec<_>>();
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
-    let bridges = Problem::BridgedGaps { spans_s: spans_s(&bridged), most_m };
-    let bridges = (!bridged.is_empty()).then_some(bridges);
-    bridges.into_iter().chain((!open.is_empty()).then(|| Problem::OpenGaps(spans_s(&open))))
+    let kinds = [(bridged, Some(most_m)), (open, None)].into_iter();
+    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, bridged_m)| Problem::Gaps {
+        spans_s: gaps.iter().map(|gap| gap.span_s).collect(),
+        bridged_m,
+    })
 }
 
 /// The word and light outside the picture.
