@@ -54,13 +54,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let before = shoot.clone();
     let backend = tried(args.picture.backend);
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
-    let (obstacles, warnings): (Vec<_>, Vec<_>) =
-        shot.problems.iter().partition(|problem| problem.is_obstacle());
-    let sentences = |problems: &[&Problem]| -> Vec<String> {
-        problems.iter().map(|problem| problem.sentence(mentioned)).collect()
-    };
-    let (obstacles, warnings) = (sentences(&obstacles), sentences(&warnings));
-    warn(&warnings);
+    let sentence = |problem: &Problem| problem.sentence(mentioned);
+    let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_obstacle() == are);
+    let obstacles: Vec<String> = problems(true).map(sentence).collect();
+    warn(problems(false).map(sentence));
 
     let verdict = shot.verdict.as_ref();
     let mut json = show::verdict_json(verdict, shot.flight_sha256());

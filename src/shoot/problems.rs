@@ -74,15 +74,9 @@ impl Problem {
     /// Whether it keeps the word from being read whatever its letters are.
     #[must_use]
     pub fn is_obstacle(&self) -> bool {
-        use Problem::{FacesAway, Overexposed, ShutterCloses, ShutterOpens, Underexposed, Unlit};
-        matches!(
+        !matches!(
             self,
-            ShutterCloses { .. }
-                | ShutterOpens { .. }
-                | Unlit
-                | FacesAway
-                | Overexposed { .. }
-                | Underexposed(_)
+            Self::Flight(..) | Self::Gaps { .. } | Self::LostStrokes { .. } | Self::Outside { .. }
         )
     }
 
