@@ -6,7 +6,7 @@
 //! ```
 
 use noctograph::error::Error;
-use noctograph::scene::Scene;
+use noctograph::scene::{Change, Scene};
 use noctograph::shoot::{Judging, Shoot};
 use noctograph::study::remedies;
 
@@ -78,12 +78,13 @@ fn main() -> Outcome<()> {
                 continue;
             };
             let [before, after] =
-                [mean(&scene)?, mean(&followed(&set, &first.change, scene.seed)?)?];
+                [mean(&scene)?, mean(&followed(&set, &first.changes, scene.seed)?)?];
             rose += usize::from(after > before);
             fell += usize::from(after < before);
             rows.push(format!(
                 "| {fault} | {word} | {before:.2} | `{}` | {:+.2} | {after:.2} |",
-                first.change, first.gain
+                in_words(&first.changes),
+                first.gain
             ));
         }
     }
@@ -94,9 +95,7 @@ fn main() -> Outcome<()> {
 #[expect(clippy::print_stdout, reason = "an example's result")]
 fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     println!("# Whether advice helps\n");
-    println!(
-        "Scenes with a fault, and what `preview` advises first, followed as it is typed. Readability"
-    );
+    println!("Scenes with a fault, and what `preview` advises first, followed. Readability");
     println!("is the mean over three flights with seeds that the advice did not see. Made by\n");
     println!("    cargo run --release --example advice > docs/advice.md\n");
     println!("| fault | word | readability | first advice | gain it names | readability after |");
@@ -108,35 +107,21 @@ fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     );
 }
 
-/// The scene after the flags of some advice, as they are typed.
-fn followed(set: &[(&str, &str)], change: &str, seed: u64) -> Outcome<Scene> {
-    let mut settings: Vec<(String, String)> =
-        set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-    let mut words = change.split(' ');
-    while let (Some(flag), Some(value)) = (words.next(), words.next()) {
-        let value = value.replace('\'', "");
-        match flag {
-            "--set" => {
-                let (key, value) = value.split_once('=').ok_or("a key and its value")?;
-                settings.push((key.to_owned(), value.to_owned()));
-            }
-            "--style" => {
-                settings.retain(|(key, _)| !key.starts_with("plan.style"));
-                settings.push(("plan.style".to_owned(), value));
-            }
-            "--font" => settings.push(("letters.font".to_owned(), value)),
-            "--size" => {
-                let (width, height) = value.split_once('x').ok_or("a width and a height")?;
-                settings.push(("camera.width_px".to_owned(), width.to_owned()));
-                settings.push(("camera.height_px".to_owned(), height.to_owned()));
-            }
-            "--camera" => settings.push(("camera.framing.kind".to_owned(), "word".to_owned())),
-            other => return Err(format!("{other} is no flag of advice").into()),
-        }
+/// Changes as a scene file has them.
+fn in_words(changes: &[Change]) -> String {
+    changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ")
+}
+
+/// The scene after the changes of some advice, as they are typed.
+fn followed(set: &[(&str, &str)], changes: &[Change], seed: u64) -> Outcome<Scene> {
+    let mut settings = set.to_vec();
+    for change in changes {
+        let old =
+            |(key, _): &(&str, &str)| key.starts_with("plan.style") && change.key == "plan.style";
+        settings.retain(|setting| !old(setting));
+        settings.push((change.key, change.value.as_deref().ok_or("a value")?));
     }
-    let borrowed: Vec<(&str, &str)> =
-        settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
-    let scene = Scene::parse_with("", "scene", &borrowed)?;
+    let scene = Scene::parse_with("", "scene", &settings)?;
     Ok(Scene { seed, ..scene })
 }
 

@@ -53,9 +53,10 @@
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
 //! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
-//! | 8 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
-//! | 9 | [`report`] | products → plots, sheets |
-//! | 10 | [`cli`] | arguments, tables, exit codes |
+//! | 8 | [`preflight`] | Shoot → findings: what speaks against a flight, with its numbers and advice |
+//! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
+//! | 10 | [`report`] | products → plots, sheets |
+//! | 11 | [`cli`] | arguments, tables, exit codes |
 //!
 //! Row 0 holds the tools of all rooms: none imports anything of ours but `error`, so that no stage
 //! owns them and none writes them again.
@@ -97,6 +98,7 @@ pub mod light;
 pub mod logs;
 pub mod photo;
 pub mod plan;
+pub mod preflight;
 mod random;
 pub mod report;
 pub mod scene;

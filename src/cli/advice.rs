@@ -1,11 +1,47 @@
-//! Advice on errors: the flags and keys that mend them. The library's errors name keys and facts;
-//! only here are these joined with flags.
+//! Advice as flags: the flags that set keys of a scene, and those that mend errors. The library names
+//! keys and facts; only here are these joined with flags.
 
 use clap::Command;
 
 use crate::error::Error;
-use crate::scene::Scene;
+use crate::scene::{Change, Scene};
 use crate::settings::{Described, Setting, Shape};
+
+/// Keys that have a flag, and what it takes.
+const OF_KEYS: [(&str, &str, &str); 7] = [
+    ("letters.font", "--font", "NAME"),
+    ("plan.drones", "--drones", "N"),
+    ("plan.mean_error_m", "plan --after", "FLIGHT"),
+    ("plan.style", "--style", "NAME"),
+    ("preset", "--scene", "NAME"),
+    ("sensors.lighthouse.stations", "--lighthouse", "FILE"),
+    ("word", "--word", "WORD"),
+];
+
+/// A change of a scene within a sentence: its flag, or the key and its value.
+pub(super) fn mentioned(change: &Change) -> String {
+    match OF_KEYS.iter().find(|(key, ..)| *key == change.key) {
+        Some((_, flag, takes)) => format!("{flag} {}", change.value.as_deref().unwrap_or(takes)),
+        None => change.to_string(),
+    }
+}
+
+/// Changes of a scene as they are typed.
+pub(super) fn typed(changes: &[Change]) -> String {
+    if let [Change { key: "camera.width_px", value: Some(width) }, height] = changes {
+        return format!("--size {width}x{}", height.value.as_deref().unwrap_or_default());
+    }
+    let typed = |change: &Change| {
+        let (key, value) = (change.key, change.value.as_deref().unwrap_or_default());
+        match (OF_KEYS.iter().find(|(of, ..)| *of == key), value) {
+            (Some((_, flag, _)), value) => format!("{flag} {value}"),
+            (None, "word") if key == "camera.framing" => "--camera auto".to_owned(),
+            (None, value) if value.contains('[') => format!("--set {key}='{value}'"),
+            (None, value) => format!("--set {key}={value}"),
+        }
+    };
+    changes.iter().map(typed).collect::<Vec<_>>().join(" ")
+}
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
 const FLAGS: [(&str, &str, &str); 16] = [
@@ -84,6 +120,44 @@ fn flag(path: &str, verb: &Command) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn advice_names_keys_and_values_that_a_scene_takes() {
+        let sources = [
+            include_str!("../preflight/row.rs"),
+            include_str!("../preflight/flown.rs"),
+            include_str!("../preflight/mod.rs"),
+            include_str!("../shoot/problems.rs"),
+        ];
+        let texts = sources.iter().flat_map(|source| source.split('"'));
+        let changes = texts.filter(|text| text.contains('.')).flat_map(|text| {
+            let changes = crate::scene::Advice(text).changes().collect::<Vec<_>>();
+            changes.into_iter().filter(|change| change.key.starts_with(char::is_alphabetic))
+        });
+        let changes: Vec<Change> = changes
+            .filter(|it| it.key.contains('.') && !it.key.contains([':', ' ', '(']))
+            .collect();
+        for change in &changes {
+            assert!(exists(change.key, Scene::SHAPE.settings()), "{change}");
+            // Styles and decks have keys of their own.
+            let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
+            let value = change.value.as_deref().map(|value| (change.key, value));
+            let settings: Vec<_> = settings.into_iter().chain(value).collect();
+            assert!(Scene::parse_with("", "scene", &settings).is_ok(), "{change}");
+        }
+        assert!(changes.len() >= 40, "{}", changes.len());
+    }
+
+    #[test]
+    fn changes_are_typed_as_flags_or_settings() {
+        let new = Change::new;
+        let changes = [new("plan.style", "even"), new("camera.framing", "word"), new("seed", "3")];
+        assert_eq!(typed(&changes), "--style even --camera auto --set seed=3");
+        let lights = new("plan.lights", "[\"ring\"]");
+        assert_eq!(typed(std::slice::from_ref(&lights)), "--set plan.lights='[\"ring\"]'");
+        assert_eq!(mentioned(&lights), "plan.lights = [\"ring\"]");
+        assert_eq!(mentioned(&Change { key: "word", value: None }), "--word WORD");
+    }
 
     fn at(place: &str, verb: &str) -> String {
         let command = crate::cli::command();

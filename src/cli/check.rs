@@ -7,7 +7,7 @@ use super::findings;
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::report::{Outcome, Report};
 use crate::error::Result;
-use crate::plan::check::{Finding, Profile, Severity};
+use crate::preflight::{Checked, Profile, Severity, preflight};
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
@@ -20,22 +20,21 @@ pub(super) struct CheckArgs {
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let profile = args.profile.profile(&args.subject);
     let shoot = args.subject.shoot(|_| Ok(()))?;
-    let found = shoot.preflight(&profile)?;
-    let stops = found.iter().any(|finding| finding.severity == Severity::Stop);
-    let options = &shoot.scene.plan;
+    let found = preflight(&shoot, &profile)?;
+    let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
-        "findings": found.iter().map(|f| findings::json(f, options)).collect::<Vec<_>>(),
+        "findings": found.iter().map(findings::json).collect::<Vec<_>>(),
     });
-    let text = findings::table(&found, options) + "\n" + &conclusion(&found, stops, &profile);
+    let text = findings::table(&found) + "\n" + &conclusion(&found, stops, &profile);
     let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };
     Ok(Report::new(text, json).with_outcome(outcome))
 }
 
-fn conclusion(found: &[Finding], stops: bool, profile: &Profile) -> String {
+fn conclusion(found: &[Checked], stops: bool, profile: &Profile) -> String {
     let verdict = if stops { "not safe to fly" } else { "safe to fly" };
     let room = profile.room_m.map_or_else(String::new, |[w, d, h]| format!(", room {w}x{d}x{h}"));
-    let n = found.iter().filter(|finding| finding.severity == Severity::Unknown).count();
+    let n = found.iter().filter(|checked| checked.row.severity == Severity::Unknown).count();
     let unchecked = match n {
         0 => String::new(),
         1 => ", 1 property not checked".to_owned(),

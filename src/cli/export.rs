@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::advice::mentioned;
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::names::named;
 use super::output::{Output, OutputFolder};
@@ -14,7 +15,7 @@ use super::{findings, warn};
 use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export};
 use crate::plan::Plan;
-use crate::plan::check::{Check, Severity};
+use crate::preflight::{Finding, preflight};
 use crate::shoot::Shoot;
 
 #[derive(Debug, Args)]
@@ -129,24 +130,22 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
 
 /// What stops a flight.
 fn stops_of(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    Ok(findings::stops(&shoot.preflight(&args.profile.profile(&args.subject))?))
+    Ok(findings::stops(&preflight(shoot, &args.profile.profile(&args.subject))?))
 }
 
 /// What stops the flight of an export; prints the warnings of a preview of it.
 fn checked(args: &ExportArgs, shoot: &Shoot) -> Result<Option<String>> {
-    let found = shoot.preflight(&args.profile.profile(&args.subject))?;
+    let found = preflight(shoot, &args.profile.profile(&args.subject))?;
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for finding in found.iter().filter(|finding| finding.severity == Severity::Warning) {
-        match finding.check {
-            Check::Picture => warn(std::slice::from_ref(&finding.detail)),
-            Check::LedMemory if plays => warn(&[format!(
-                "the lights take {} entries of the LED timing memory, which has {}: the script sends \
-                 them over the radio",
-                finding.value.unwrap_or_default(),
-                finding.limit
+    for checked in &found {
+        match &checked.finding {
+            Finding::Picture(Some(problem)) => warn([problem.sentence(mentioned)]),
+            Finding::LedMemory { entries: Some(n), most } if plays && n > most => warn([format!(
+                "the lights take {n} entries of the LED timing memory, which has {most}: the script \
+                 sends them over the radio"
             )]),
             _ => {}
         }

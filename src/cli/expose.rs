@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::advice::mentioned;
 use super::device::tried;
 use super::flags::{FlightFlags, PictureFlags, SceneFlags, SeedFlag};
 use super::names::named;
@@ -51,8 +52,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let backend = tried(args.picture.backend);
     let shoot = Shoot { format: Some(format), judging: Judging::Skipped, backend, ..shoot };
     let shot = shoot.take(&watch())?;
-    warn(&shot.obstacles);
-    warn(&shot.warnings);
+    warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(|out| out.write_all(bytes))?;
     if !shot.scene.has_strokes() {

@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
-use crate::plan::check::Profile;
 use crate::plan::{Plan, Style};
+use crate::preflight::Profile;
 use crate::scene::{NamedScene, Scene};
 use crate::shoot::{Recording, Shoot};
 use crate::sim::read_lighthouse_config;
@@ -436,7 +436,7 @@ fn warn_of_idle_keys_but(scene: &Scene, used: &[&str]) {
 }
 
 /// Prints the warnings of a file.
-fn warn_of(path: &Path, warnings: &[String]) {
+fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     for warning in warnings {
         message("warning: ", &format!("{}: {warning}", path.display()));
     }

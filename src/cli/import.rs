@@ -51,7 +51,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "gaps_s": flight.gaps,
         "unlogged": flight.unlogged.iter().map(|quantity| quantity.name()).collect::<Vec<_>>(),
         "extra": flight.extra.keys().collect::<Vec<_>>(),
-        "warnings": flight.warnings,
+        "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json(),
     });
     let air = air_s.map_or("never in the air".to_owned(), |[from, to]| {

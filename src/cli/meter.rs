@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::advice::mentioned;
 use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
 use super::progress::watch;
 use super::report::{Report, wrapped};
@@ -46,7 +47,8 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     };
     let scene = shoot.scene.clone();
     let lighting = shoot.lighting(&watch())?;
-    warn(&lighting.warnings);
+    let warnings = lighting.problems.iter().filter(|problem| !problem.is_obstacle());
+    warn(warnings.map(|problem| problem.sentence(mentioned)));
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
     let found = Found {

@@ -344,8 +344,8 @@ fn message(head: &str, text: &str) {
 }
 
 /// Prints warnings.
-fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| message("warning: ", warning));
+fn warn(warnings: impl IntoIterator<Item: ToString>) {
+    warnings.into_iter().for_each(|warning| message("warning: ", &warning.to_string()));
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
 use super::flags::{PictureFlags, ProfileFlags, SubjectFlags};
@@ -19,8 +20,9 @@ use super::{findings, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
+use crate::preflight::inspect;
 use crate::score::Verdict;
-use crate::shoot::{Format, Shoot, Shot};
+use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
 
 #[derive(Debug, Args)]
@@ -52,7 +54,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let before = shoot.clone();
     let backend = tried(args.picture.backend);
     let shot = Shoot { format: Some(Format::Png), backend, ..shoot }.take(&watch())?;
-    warn(&shot.warnings);
+    let sentence = |problem: &Problem| problem.sentence(mentioned);
+    let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_obstacle() == are);
+    let obstacles: Vec<String> = problems(true).map(sentence).collect();
+    warn(problems(false).map(sentence));
 
     let verdict = shot.verdict.as_ref();
     let mut json = show::verdict_json(verdict, shot.flight_sha256());
@@ -73,15 +78,16 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
         _ => Vec::new(),
     };
-    json["remedies"] = json!(remedies);
+    let typed_json = |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain });
+    json["remedies"] = remedies.iter().map(typed_json).collect();
     let mut text = verdict_text(verdict, &remedies);
-    if let Some(obstacle) = shot.obstacles.first() {
+    if let Some(obstacle) = obstacles.first() {
         text = wrapped("photo     ", obstacle) + &text;
     }
     text.push('\n');
     let profile = args.profile.profile(&args.subject);
-    let stops = findings::stops(&before.inspect(&shot.flights, &profile)?);
-    json["obstacles"] = shot.obstacles.clone().into();
+    let stops = findings::stops(&inspect(&before, &shot.flights, &profile)?);
+    json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();
     text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
     text.extend(figures.iter().map(FlightFigures::text));
@@ -125,7 +131,7 @@ fn verdict_text(verdict: Option<&Verdict>, remedies: &[Remedy]) -> String {
     match verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
-            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, r.change));
+            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, typed(&r.changes)));
             show::verdict_table(&verdict) + "\ngain   change\n" + &rows.collect::<String>()
         }
         Some(verdict) => show::verdict_table(verdict),

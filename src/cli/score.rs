@@ -16,7 +16,7 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::photo::Photo;
 use crate::plan::Plan;
-use crate::plan::check::check_written;
+use crate::preflight::check_written;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
 use crate::score::{Homography, LogGap, Reader, View, locate, read};

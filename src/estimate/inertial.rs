@@ -184,8 +184,7 @@ impl Normal {
         let t = t_transposed.transpose();
         for other in (0..first).chain(first + ERRORS..self.mean.len()) {
             let mut with = self.covariance.fixed_view_mut::<ERRORS, 1>(first, other);
-            let [p, v, turn] =
-                [0, VELOCITY, TURN].map(|at| with.fixed_rows::<3>(at).into_owned());
+            let [p, v, turn] = [0, VELOCITY, TURN].map(|at| with.fixed_rows::<3>(at).into_owned());
             with.fixed_rows_mut::<3>(0).copy_from(&(p + v * span_s + c * turn));
             with.fixed_rows_mut::<3>(VELOCITY).copy_from(&(v + b * turn));
             with.fixed_rows_mut::<3>(TURN).copy_from(&(t * turn));
@@ -240,7 +239,8 @@ mod tests {
             let off = (&normal.covariance - &p).norm() / p.norm();
             assert!(off < 1e-13, "{off}");
             // What the drones and the floor have in common.
-            let slope = [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
+            let slope =
+                [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
             let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };
             assert!(normal.correct(&measurement, |_| true));
             p.copy_from(&normal.covariance);

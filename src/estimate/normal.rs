@@ -120,7 +120,9 @@ impl Normal {
         let n = self.mean.len();
         let p = self.covariance.as_mut_slice();
         for states in p.chunks_exact_mut(n) {
-            transition.iter().for_each(|&(row, column, value)| states[row] += value * states[column]);
+            transition
+                .iter()
+                .for_each(|&(row, column, value)| states[row] += value * states[column]);
         }
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
@@ -298,7 +300,9 @@ mod tests {
         }
         let mean = phi * &normal.mean;
         normal.predict(&transition, &noise);
-        assert!((&normal.covariance - &want).norm() < 1e-15 && (&normal.mean - mean).norm() < 1e-15);
+        assert!(
+            (&normal.covariance - &want).norm() < 1e-15 && (&normal.mean - mean).norm() < 1e-15
+        );
     }
 
     #[test]

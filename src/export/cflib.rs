@@ -85,7 +85,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         1.0 => Compressed::encode(plan, job.tolerance_m).and_then(|trajectory| {
             let unsafe_to_fly = || Error::Infeasible {
                 what: "as a trajectory on board the flight is not safe".into(),
-                hint: "see `export --mode trajectory`".into(),
+                hint: "export the trajectory to see why".into(),
             };
             job.flown.get(drone).map(|_| trajectory).ok_or_else(unsafe_to_fly)
         }),

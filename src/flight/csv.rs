@@ -13,7 +13,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::table::{Table, write_table};
-use super::{Flight, FlightSample, Quantity};
+use super::{Flight, FlightSample, Quantity, Warning};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
@@ -158,7 +158,7 @@ impl Flight {
             Vec::new()
         };
         let warnings = unlogged.iter().map(|q| format!("no {} in the file: set to zero", q.name()));
-        let warnings = warnings.collect();
+        let warnings = warnings.map(Warning::File).collect();
         Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
     }
 }

@@ -13,9 +13,11 @@ pub mod comparison;
 pub mod csv;
 pub mod table;
 pub mod tracking;
+mod warning;
 
 pub use airborne::airborne;
 pub(crate) use airborne::on_floor;
+pub use warning::Warning;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
 /// battery.
@@ -48,8 +50,8 @@ pub struct Flight {
     pub gaps: Vec<[f64; 2]>,
     /// Quantities that the log lacks: zeros in the samples.
     pub unlogged: BTreeSet<Quantity>,
-    /// Warnings for the user.
-    pub warnings: Vec<String>,
+    /// What one should know of it.
+    pub warnings: Vec<Warning>,
 }
 
 /// A quantity of a sample, which a log may lack.

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::flight::csv::is_standard_column;
 use crate::flight::table::{MAX_DURATION_S, MAX_NUMBER, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
-use crate::flight::{Flight, FlightSample, Quantity};
+use crate::flight::{Flight, FlightSample, Quantity, Warning};
 
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
@@ -60,7 +60,7 @@ pub(super) fn flight(
     let mut extra = extra(&recording, &found.used, &axis);
     check_numbers(&recording.file, &samples, &extra)?;
     let lights = lights(&mut extra);
-    let warnings = [recording.warnings, warnings].concat();
+    let warnings = recording.warnings.into_iter().chain(warnings).map(Warning::File).collect();
     let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
     Ok((flight, axis.zero_s))
 }

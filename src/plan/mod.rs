@@ -19,7 +19,6 @@ use nalgebra::Vector3;
 use crate::error::Result;
 use crate::letters::Strokes;
 
-pub mod check;
 pub mod csv;
 mod even;
 pub mod feedforward;

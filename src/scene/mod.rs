@@ -24,11 +24,13 @@ use crate::sim::{
     SensorOptions, SimOptions, VehicleOptions,
 };
 
+mod advice;
 mod idle;
 mod named;
 mod preset;
 mod text;
 
+pub use advice::{Advice, Change};
 #[cfg(test)]
 pub(crate) use idle::reason;
 pub use named::NamedScene;

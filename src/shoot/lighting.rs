@@ -1,13 +1,13 @@
 //! The light of all drones, and the camera that sees it.
 
-use nalgebra::Vector3;
+use std::collections::BTreeSet;
 
 use super::metering::{Metered, metered, recommended};
-use super::{Recording, Shoot, Watch, obstacles};
+use super::problems::{self, Problem};
+use super::{Recording, Shoot, Watch};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
-use crate::light::gaps::{Gap, gaps};
 use crate::light::{LightSample, LightTrace, light};
 use crate::scene::Scene;
 
@@ -25,12 +25,10 @@ pub struct Lighting {
     pub writing: Vec<String>,
     /// The scene's camera, as the meter set it.
     pub camera: Camera,
-    /// What keeps the word from being read whatever its letters are, the first cause first.
-    pub obstacles: Vec<String>,
     /// What the meter set, if the scene asks for it.
     pub metered: Option<Metered>,
-    /// Warnings of the simulated flights, and of light outside the picture.
-    pub warnings: Vec<String>,
+    /// What is wrong with the picture; first what keeps the word from being read.
+    pub problems: Vec<Problem>,
 }
 
 impl Lighting {
@@ -59,7 +57,7 @@ impl Shoot {
     /// Lights the lamps of recordings, one for each drone.
     pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
         let several = recordings.len() > 1;
-        let (mut flights, mut all, mut warnings) = (Vec::new(), LightTrace::default(), Vec::new());
+        let (mut flights, mut all, mut problems) = (Vec::new(), LightTrace::default(), Vec::new());
         let mut end_s = 0.0_f64;
         for (drone, recording) in recordings.into_iter().enumerate() {
             let mut trace = match recording {
@@ -70,12 +68,11 @@ impl Shoot {
                 Recording::Flight(flight) => {
                     end_s = end_s.max(flight.samples.last().map_or(0.0, |last| last.time_s));
                     if !self.plans.is_empty() {
-                        let number =
-                            if several { format!("drone {}: ", drone + 1) } else { String::new() };
-                        warnings
-                            .extend(flight.warnings.iter().map(|text| format!("{number}{text}")));
+                        let number = several.then_some(drone + 1);
+                        let warnings = flight.warnings.iter().cloned();
+                        problems.extend(warnings.map(|warning| Problem::Flight(number, warning)));
                     }
-                    warnings.extend(gaps_in_words(&flight));
+                    problems.extend(problems::of_log(&flight));
                     let trace = self.light_drone(drone, &flight)?;
                     flights.push(flight);
                     trace
@@ -86,18 +83,18 @@ impl Shoot {
             }
             all.append(trace);
         }
-        warnings.extend(self.lost_strokes());
+        problems.extend(self.lost_strokes());
         let bounds_m = self.bounds_m(&flights)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&all, &mut camera, options, photo);
         check_place(&all, bounds_m, &camera)?;
-        warnings.extend(outside(&all, bounds_m, &camera));
-        let lamps = obstacles::writing(&flights, &all, &self.scene.light);
-        let obstacles = obstacles::before(&flights, &lamps, &camera);
+        problems.extend(problems::outside(&all, bounds_m, &camera));
+        let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.emitter.name.clone()).collect();
         writing.dedup();
-        Ok(Lighting { flights, trace: all, writing, camera, metered, obstacles, warnings })
+        problems.splice(..0, problems::before(&flights, &lamps, &camera));
+        Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
     }
 
     /// Lights the lamps of one drone, counted from 0.
@@ -110,21 +107,14 @@ impl Shoot {
         light(flight, lamps, self.scene.seed, drone as u64)
     }
 
-    /// A warning where the center lines of a typeface lack one of its strokes.
-    fn lost_strokes(&self) -> Option<String> {
+    /// The strokes that the center lines of a typeface lack.
+    fn lost_strokes(&self) -> Option<Problem> {
         let strokes = self.strokes.as_ref()?;
         let font = strokes.font.as_ref()?;
-        let mut lost: Vec<char> = strokes.glyphs.iter().map(|glyph| glyph.character).collect();
-        lost.sort_unstable();
-        lost.dedup();
-        lost.retain(|character| font.lost(*character) > 0.0);
-        let letters: String = lost.into_iter().collect();
-        (!letters.is_empty()).then(|| {
-            format!(
-                "the center lines of {} lack a stroke of {letters}: they may misread",
-                font.name()
-            )
-        })
+        let lost = strokes.glyphs.iter().map(|glyph| glyph.character);
+        let lost: BTreeSet<char> = lost.filter(|character| font.lost(*character) > 0.0).collect();
+        let (font, letters) = (font.name().to_owned(), lost.into_iter().collect::<String>());
+        (!letters.is_empty()).then_some(Problem::LostStrokes { font, letters })
     }
 
     /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes,
@@ -147,38 +137,6 @@ impl Shoot {
             Framing::Word(_) => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
-}
-
-/// Warnings of the gaps in a real flight's log.
-fn gaps_in_words(flight: &Flight) -> Vec<String> {
-    let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
-    let spans = |gaps: &[Gap]| {
-        let first: Vec<String> = gaps
-            .iter()
-            .take(5)
-            .map(|g| format!("{:.2}–{:.2} s", g.span_s[0], g.span_s[1]))
-            .collect();
-        let more = if gaps.len() > first.len() { ", …" } else { "" };
-        first.join(", ") + more
-    };
-    let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
-    let bridges = (!bridged.is_empty()).then(|| {
-        format!(
-            "gaps of the log: {} bridged by a smooth path, uncertain by up to {:.0} mm ({})",
-            bridged.len(),
-            1e3 * most_m,
-            spans(&bridged)
-        )
-    });
-    let breaks = (!open.is_empty()).then(|| {
-        format!(
-            "gaps of the log: {} too long to bridge; trails break there, though the lamps may have \
-             shone ({})",
-            open.len(),
-            spans(&open)
-        )
-    });
-    [bridges, breaks].into_iter().flatten().collect()
 }
 
 /// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
@@ -210,27 +168,4 @@ fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camer
         }
     }
     Ok(())
-}
-
-/// Warnings of the word and of light outside the picture.
-fn outside(
-    trace: &LightTrace,
-    [left, bottom, right, top]: [f64; 4],
-    camera: &Camera,
-) -> Vec<String> {
-    let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
-    let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
-    let open = camera.shutter_open_s..=camera.shutter_close_s;
-    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
-    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
-    let light = samples.map(|sample| sample.position_m);
-    let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    let warning = |(name, outside): (&str, crate::camera::Outside)| {
-        let sides = outside.in_words()?;
-        Some(format!(
-            "part of the {name} is outside the picture: {sides} (camera.framing = \"word\" frames \
-             the word; camera.framing.fill_frac sets the margin)"
-        ))
-    };
-    sides.into_iter().filter_map(warning).collect()
 }

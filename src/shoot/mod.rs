@@ -40,15 +40,15 @@ mod file;
 mod keys;
 mod lighting;
 mod metering;
-mod obstacles;
 mod planned;
-mod preflight;
+mod problems;
 mod shot;
 
 pub use file::Format;
 pub use lighting::Lighting;
 pub use metering::Metered;
-pub use planned::{Planned, aim, plan, rehearse};
+pub use planned::{Planned, aim, ends, plan, rehearse};
+pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use shot::{Shot, flight_sha256, known};
 
 /// A scene made ready to be flown and photographed.
@@ -242,7 +242,8 @@ impl Shoot {
     }
 
     /// Whether the drones hear each other.
-    fn in_step(&self) -> bool {
+    #[must_use]
+    pub fn in_step(&self) -> bool {
         self.plans.len() > 1 && self.scene.observer.kind == EstimatorKind::Cooperative
     }
 

@@ -125,7 +125,11 @@ pub fn aim(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Planned> {
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.
-pub(super) fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
+///
+/// # Errors
+///
+/// As [`stroke_ends`].
+pub fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 

@@ -1,7 +1,8 @@
 //! The photograph with every product on the way to it.
 
 use super::file::{Shown, encode};
-use super::{Judging, Lighting, Metered, Planned, Shoot, obstacles};
+use super::problems::{self, Problem};
+use super::{Judging, Lighting, Metered, Planned, Shoot};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::{Backend, Developer, Exposure, project};
@@ -41,11 +42,9 @@ pub struct Shot {
     /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that the
     /// reader does not know.
     pub verdict: Option<Verdict>,
-    /// What keeps the word from being read whatever its letters are, the first cause first: the
-    /// shutter, the exposure, lamps that face away.
-    pub obstacles: Vec<String>,
-    /// Warnings about flights and picture.
-    pub warnings: Vec<String>,
+    /// What is wrong with flights and picture; first what keeps the word from being read whatever
+    /// its letters are: the shutter, the exposure, lamps that face away.
+    pub problems: Vec<Problem>,
 }
 
 impl Shot {
@@ -71,7 +70,7 @@ impl Shoot {
         developer: Developer,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
-        let Lighting { flights, trace, camera, metered, mut obstacles, warnings, .. } = lighting;
+        let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
         (self.scene.camera.f_number, self.scene.camera.iso) = (camera.f_number, camera.iso);
         let scene = &self.scene;
         if let Some(format) = self.format {
@@ -101,12 +100,13 @@ impl Shoot {
         };
         let (verdict, file) = rayon::join(read, encode);
         let (mut verdict, file) = (verdict?, file?);
-        if let Some(exposed) = obstacles::of_photo(&photo, &camera) {
+        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        if let Some(exposed) = problems::of_photo(&photo, &camera) {
             // A missing trail has its cause before the exposure where one was found.
-            let place = obstacles.len().min(1);
-            obstacles.insert(place, exposed);
+            problems.insert(usize::from(is_hidden), exposed);
         }
-        if let Some(verdict) = verdict.as_mut().filter(|v| !v.legible && !obstacles.is_empty()) {
+        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        if let Some(verdict) = verdict.as_mut().filter(|verdict| !verdict.legible && is_hidden) {
             // Advice on letters would be beside the point.
             verdict.advice.clear();
         }
@@ -123,8 +123,7 @@ impl Shoot {
             photo,
             file,
             verdict,
-            obstacles,
-            warnings,
+            problems,
         })
     }
 

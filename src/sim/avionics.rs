@@ -11,6 +11,7 @@ use super::recorder::Snapshot;
 use super::sensors::{Readings, Sensors};
 use super::vehicle::{Plant, RigidBody, State};
 use crate::error::{Error, Result};
+use crate::flight::Warning;
 use crate::plan::Plan;
 
 /// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
@@ -182,10 +183,9 @@ impl Avionics {
     }
 
     /// Warnings about saturated motors and about the sensors, with those of the plant between them.
-    pub(super) fn warnings(&self, plant: &Plant) -> Vec<String> {
+    pub(super) fn warnings(&self, plant: &Plant) -> Vec<Warning> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
-        let text = format!("a motor was at its limit for {saturated_s:.2} s while writing");
-        let saturated = (self.saturated_writing_ticks > 0).then_some(text);
+        let saturated = (saturated_s > 0.0).then_some(Warning::MotorAtLimit(saturated_s));
         saturated.into_iter().chain(plant.warnings()).chain(self.sensors.warnings()).collect()
     }
 }

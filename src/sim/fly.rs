@@ -239,7 +239,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
+    use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
     use crate::sim::{EstimatorKind, FloorStep, Gusts, Positioning, SimOptions};
 
     /// Setpoints `(time, x, z)` with a light on all of them.
@@ -284,11 +284,8 @@ mod tests {
     fn saturation_while_writing_is_reported() {
         let flight =
             fly_default(&plan(&[(0.0, 0.0, 0.5), (1.0, 0.0, 1.5), (3.0, 0.0, 1.5)])).unwrap();
-        assert!(
-            flight.warnings[0].starts_with("a motor was at its limit"),
-            "{:?}",
-            flight.warnings
-        );
+        let warnings = &flight.warnings;
+        assert!(matches!(warnings[..], [Warning::MotorAtLimit(_), ..]), "{warnings:?}");
         let saturated_s = &flight.extra[SATURATED_S];
         let cut = |s: &FlightSample| s.motors.iter().any(|m| [0.0, 65_535.0].contains(m));
         let ticks = flight.samples.iter().filter(|s| cut(s)).count() as f64;

@@ -6,6 +6,7 @@ use super::vehicle::{State, attitude, position, rate, velocity};
 use crate::flight::table::on_grid;
 use crate::flight::{
     BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightSample, SATURATED_S,
+    Warning,
 };
 use crate::plan::{Plan, Setpoint};
 use nalgebra::Matrix3;
@@ -75,7 +76,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    pub(super) fn finish(self, warnings: Vec<String>) -> Flight {
+    pub(super) fn finish(self, warnings: Vec<Warning>) -> Flight {
         let columns = [
             (SATURATED_S, self.saturated_s),
             (BATTERY_V, self.battery_v),

@@ -7,20 +7,20 @@
 
 use rayon::prelude::*;
 
-use crate::camera::{CameraOptions, Framing, Metering, TrailMetering};
+use crate::camera::{CameraOptions, Framing, Metering};
 use crate::error::Result;
 use crate::expose::BackendChoice;
 use crate::light::{Deck, RingEffect};
 use crate::plan::{LightClock, PlanOptions, ReferenceKind, Style};
-use crate::scene::Scene;
+use crate::scene::{Change, Scene};
 use crate::shoot::{Judging, Shoot};
 use crate::sim::ControllerKind;
 
 /// A change of a scene that makes its word easier to read.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// What to type: flags, or keys with their values.
-    pub change: String,
+    /// Keys with their new values.
+    pub changes: Vec<Change>,
     /// Gain in the probability of being read, the mean over [`SEEDS`] flights.
     pub gain: f64,
 }
@@ -45,9 +45,9 @@ const SLOW_M_S: f64 = 0.05;
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let own = read_probability(scene, scene.seed)?;
-    let gain = |(change, scene): (String, Scene)| {
+    let gain = |(changes, scene): (Vec<Change>, Scene)| {
         let found = read_probability(&scene, scene.seed).ok()?;
-        (found - own >= LEAST_GAIN).then_some((found - own, change, scene))
+        (found - own >= LEAST_GAIN).then_some((found - own, changes, scene))
     };
     let candidates = candidates(shoot)?;
     let mut gains: Vec<_> = candidates.into_par_iter().filter_map(gain).collect();
@@ -56,7 +56,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
     let mut found: Vec<Remedy> = Vec::new();
-    for (first, change, scene) in gains {
+    for (first, changes, scene) in gains {
         let after = further.par_iter().map(|seed| read_probability(&scene, *seed));
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
         let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
@@ -64,7 +64,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
         #[expect(clippy::cast_precision_loss, reason = "three")]
         let gain = gains.iter().sum::<f64>() / gains.len() as f64;
         if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
-            found.push(Remedy { change, gain });
+            found.push(Remedy { changes, gain });
         }
         if found.len() == MOST {
             break;
@@ -83,78 +83,49 @@ fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
 }
 
 /// Changes that may help, each with its scene.
-fn candidates(shoot: &Shoot) -> Result<Vec<(String, Scene)>> {
-    let mut found = Vec::new();
-    for (wanted, change, turn) in writing(&shoot.scene).into_iter().chain(pictures(shoot)?) {
-        if wanted {
-            let mut scene = shoot.scene.clone();
-            turn(&mut scene);
-            found.push((change, scene));
-        }
-    }
-    Ok(found)
+fn candidates(shoot: &Shoot) -> Result<Vec<(Vec<Change>, Scene)>> {
+    let all = writing(&shoot.scene).into_iter().chain(pictures(shoot)?);
+    let changes = all.filter_map(|(wanted, changes)| wanted.then_some(changes));
+    changes.map(|changes| Ok((changes.clone(), changed(&shoot.scene, &changes)?))).collect()
 }
 
-/// Whether a change is one for a scene, what to type, and what it does.
-type Candidate = (bool, String, Box<dyn Fn(&mut Scene)>);
+/// A scene after some changes. A style of flying brings its own defaults, and leaves the lamps.
+fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
+    let mut scene = scene.clone();
+    if changes.iter().any(|change| change.key == "plan.style") {
+        scene.plan = PlanOptions { lights: scene.plan.lights, ..PlanOptions::even() };
+    }
+    let values = changes.iter().filter_map(|change| Some((change.key, change.value.as_deref()?)));
+    Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
+}
 
-fn candidate(wanted: bool, change: &str, turn: impl Fn(&mut Scene) + 'static) -> Candidate {
-    (wanted, change.to_owned(), Box::new(turn))
+/// Whether a change is one for a scene, and what it sets.
+type Candidate = (bool, Vec<Change>);
+
+fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
+    (wanted, vec![Change::new(key, value)])
 }
 
 /// Changes of letters, plan, drone and lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
     let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
+    let is_slower = slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s;
     let is_word = letters.drawing.is_empty();
-    let only_headlights = vec!["headlights".to_owned()];
+    let is_low = is_word && letters.cap_height_m < GOOD_CAP_HEIGHT_M;
+    let other_lights = plan.lights != ["headlights"] && light.deck == Deck::LedRing;
     vec![
-        candidate(matches!(plan.style, Style::Team(_)), "--style even", |scene| {
-            let lights = scene.plan.lights.clone();
-            scene.plan = PlanOptions { lights, ..PlanOptions::even() };
-        }),
-        candidate(
-            plan.light_clock == LightClock::Setpoint,
-            "--set plan.light_clock=light",
-            |scene| scene.plan.light_clock = LightClock::Light,
-        ),
-        candidate(
-            plan.reference == ReferenceKind::Design,
-            "--set plan.reference=inverse",
-            |scene| scene.plan.reference = ReferenceKind::Inverse,
-        ),
-        candidate(
-            slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s,
-            &format!("--set plan.stroke_speed_m_s={slower_m_s}"),
-            move |scene| scene.plan.stroke_speed_m_s = slower_m_s,
-        ),
-        candidate(is_word && letters.font != "simplex", "--font simplex", |scene| {
-            scene.letters.font = "simplex".into();
-        }),
-        candidate(letters.spacing_m < 0.0, "--set letters.spacing_m=0", |scene| {
-            scene.letters.spacing_m = 0.0;
-        }),
-        candidate(
-            is_word && letters.cap_height_m < GOOD_CAP_HEIGHT_M,
-            &format!("--set letters.cap_height_m={GOOD_CAP_HEIGHT_M}"),
-            |scene| scene.letters.cap_height_m = GOOD_CAP_HEIGHT_M,
-        ),
-        candidate(
-            controller.kind == ControllerKind::Lqr,
-            "--set controller.kind=lqr-integral",
-            |scene| scene.controller.kind = ControllerKind::LqrIntegral,
-        ),
-        candidate(
-            plan.lights != only_headlights && light.deck == Deck::LedRing,
-            "--set plan.lights='[\"headlights\"]'",
-            move |scene| scene.plan.lights.clone_from(&only_headlights),
-        ),
-        candidate(light.ring != RingEffect::Off, "--set light.ring=off", |scene| {
-            scene.light.ring = RingEffect::Off;
-        }),
-        candidate(light.led_bitmask != 128, "--set light.led_bitmask=128", |scene| {
-            scene.light.led_bitmask = 128;
-        }),
+        set(matches!(plan.style, Style::Team(_)), "plan.style", "even"),
+        set(plan.light_clock == LightClock::Setpoint, "plan.light_clock", "light"),
+        set(plan.reference == ReferenceKind::Design, "plan.reference", "inverse"),
+        set(is_slower, "plan.stroke_speed_m_s", slower_m_s),
+        set(is_word && letters.font != "simplex", "letters.font", "simplex"),
+        set(letters.spacing_m < 0.0, "letters.spacing_m", 0),
+        set(is_low, "letters.cap_height_m", GOOD_CAP_HEIGHT_M),
+        set(controller.kind == ControllerKind::Lqr, "controller.kind", "lqr-integral"),
+        set(other_lights, "plan.lights", "[\"headlights\"]"),
+        set(light.ring != RingEffect::Off, "light.ring", "off"),
+        set(light.led_bitmask != 128, "light.led_bitmask", 128),
     ]
 }
 
@@ -167,34 +138,21 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
     let away_m = (100.0 * away_m).round() / 100.0;
-    let few = camera.width_px < good.width_px;
+    let is_near = camera.focus_m.is_some_and(|focus_m| focus_m != away_m) && away_m > 0.0;
+    let shutter =
+        vec![Change::new("camera.shutter_open_s", 0), Change::new("camera.shutter_close_s", end_s)];
+    let size = vec![
+        Change::new("camera.width_px", good.width_px),
+        Change::new("camera.height_px", good.height_px),
+    ];
+    let is_bright = photo.ambient_cd_m2 > DARK_ROOM_CD_M2;
     Ok(vec![
-        candidate(!matches!(camera.framing, Framing::Word(_)), "--camera auto", |scene| {
-            scene.camera.framing = Framing::default();
-        }),
-        candidate(camera.metering == Metering::Off, "--set camera.metering=trail", |scene| {
-            scene.camera.metering = Metering::Trail(TrailMetering::default());
-        }),
-        candidate(
-            camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(),
-            &format!("--set camera.shutter_open_s=0 --set camera.shutter_close_s={end_s}"),
-            move |scene| {
-                (scene.camera.shutter_open_s, scene.camera.shutter_close_s) = (0.0, Some(end_s));
-            },
-        ),
-        candidate(
-            camera.focus_m.is_some_and(|focus_m| focus_m != away_m) && away_m > 0.0,
-            &format!("--set camera.focus_m={away_m}"),
-            move |scene| scene.camera.focus_m = Some(away_m),
-        ),
-        candidate(few, &format!("--size {}x{}", good.width_px, good.height_px), move |scene| {
-            (scene.camera.width_px, scene.camera.height_px) = (good.width_px, good.height_px);
-        }),
-        candidate(
-            photo.ambient_cd_m2 > DARK_ROOM_CD_M2,
-            &format!("--set photo.ambient_cd_m2={DARK_ROOM_CD_M2}"),
-            |scene| scene.photo.ambient_cd_m2 = DARK_ROOM_CD_M2,
-        ),
+        set(!matches!(camera.framing, Framing::Word(_)), "camera.framing", "word"),
+        set(camera.metering == Metering::Off, "camera.metering", "trail"),
+        (camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(), shutter),
+        set(is_near, "camera.focus_m", away_m),
+        (camera.width_px < good.width_px, size),
+        set(is_bright, "photo.ambient_cd_m2", DARK_ROOM_CD_M2),
     ])
 }
 
@@ -212,7 +170,7 @@ mod tests {
     #[test]
     fn a_shutter_that_closes_early_and_a_camera_that_looks_away_are_mended() {
         let shutter = of(|scene| scene.camera.shutter_close_s = Some(4.0));
-        assert!(shutter[0].change.starts_with("--set camera.shutter_open_s=0"), "{shutter:?}");
+        assert_eq!(shutter[0].changes[0], Change::new("camera.shutter_open_s", 0), "{shutter:?}");
         assert!(shutter[0].gain > 0.3, "{shutter:?}");
         let away = of(|scene| {
             let pose = crate::camera::FixedPose {
@@ -222,7 +180,7 @@ mod tests {
             };
             scene.camera.framing = Framing::Fixed(pose);
         });
-        assert_eq!(away.first().map(|remedy| remedy.change.as_str()), Some("--camera auto"));
+        assert_eq!(away[0].changes, [Change::new("camera.framing", "word")]);
     }
 
     #[test]

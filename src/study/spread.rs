@@ -242,7 +242,7 @@ pub fn spread(
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
         return Err(Error::Infeasible {
             what: format!("every flight is lost: {}", lost.map_or("", String::as_str)),
-            hint: "fly the scene as it is (without --spread), or under milder --conditions".into(),
+            hint: "fly the scene without its spread, or under milder conditions".into(),
         });
     }
     let drones = 0..base.plans.len();

@@ -173,6 +173,7 @@ fn check_and_export_count_the_same_entries_of_the_timing_memory() {
     // A stroke that is lit for longer than an entry lasts takes two of them.
     for (word, more, fits) in [
         ("I", &["--set", "plan.stroke_speed_m_s=0.02"][..], true),
+        ("L", &["--set", "plan.stroke_speed_m_s=0.01"], true),
         ("L", &[], true),
         ("NOOR", &[], false),
     ] {

@@ -206,7 +206,7 @@ fn every_controller_flies_the_word_from_floor_to_floor() {
                 .unwrap_or_else(|error| panic!("{kind:?}, seed {seed}: {error}"));
             let error_m = track(&flight, Part::Letters).unwrap().rmse_m.norm();
             assert!(error_m < 0.14, "{kind:?}, seed {seed}: {error_m} m");
-            assert_eq!(flight.warnings, [] as [&str; 0], "{kind:?}, seed {seed}");
+            assert_eq!(flight.warnings, [], "{kind:?}, seed {seed}");
             assert_eq!(flight.samples.last().unwrap().position_m.z, 0.0, "{kind:?} landed");
         }
     }

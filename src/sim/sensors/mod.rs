@@ -27,6 +27,7 @@ use super::noise::Noise;
 use super::options::{FloorOptions, HeightSensor, Positioning, SensorOptions};
 use super::peers::Fleet;
 use super::vehicle::RigidBody;
+use crate::flight::Warning;
 
 pub use self::config::{LighthouseConfig, read_lighthouse_config};
 pub(super) use self::height::time_of_flight_sigma_m;
@@ -223,12 +224,11 @@ impl Sensors {
     }
 
     /// Warnings about the base stations.
-    pub(super) fn warnings(&self) -> Vec<String> {
+    pub(super) fn warnings(&self) -> Vec<Warning> {
         match &self.locator {
             Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
                 let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
-                let text = format!("fewer than two base stations saw the drone for {blind_s:.2} s");
-                if blind_s > 0.0 { vec![text] } else { Vec::new() }
+                if blind_s > 0.0 { vec![Warning::Unseen(blind_s)] } else { Vec::new() }
             }
             _ => Vec::new(),
         }

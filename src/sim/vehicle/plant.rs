@@ -7,6 +7,7 @@ use super::body::{Inertia, RigidBody, Row};
 use super::floor::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
+use crate::flight::Warning;
 use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
 
 /// One drone in the air or on the floor, driven by motor commands in steps of fixed length.
@@ -143,18 +144,11 @@ impl Plant {
 
     /// Warnings about the battery.
     #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        if self.short_steps > 0 {
-            let short_s = f64::from(self.short_steps) * self.dt_s;
-            warnings.push(format!(
-                "the battery could not give the thrust asked for during {short_s:.2} s"
-            ));
-        }
-        if self.battery.as_ref().is_some_and(Battery::is_cut_off) {
-            warnings.push("the battery was empty and the motors stopped".into());
-        }
-        warnings
+    pub fn warnings(&self) -> Vec<Warning> {
+        let short_s = f64::from(self.short_steps) * self.dt_s;
+        let weak = (short_s > 0.0).then_some(Warning::BatteryWeak(short_s));
+        let is_empty = self.battery.as_ref().is_some_and(Battery::is_cut_off);
+        weak.into_iter().chain(is_empty.then_some(Warning::BatteryEmpty)).collect()
     }
 
     /// Thrust toward which each motor is driven.
@@ -279,7 +273,7 @@ mod tests {
         let mut drone = plant(&options, 1.0);
         advance(&mut drone, hover(&options), 5000);
         assert_eq!(drone.body().position_m.z, 0.0);
-        assert_eq!(drone.warnings(), ["the battery was empty and the motors stopped"]);
+        assert_eq!(drone.warnings(), [Warning::BatteryEmpty]);
     }
 
     #[test]
@@ -290,7 +284,8 @@ mod tests {
         options.battery.cut_off_v = 0.0;
         let mut drone = plant(&options, 1.0);
         advance(&mut drone, options.vehicle.motor_max, 100);
-        assert!(drone.warnings()[0].starts_with("the battery could not"), "{:?}", drone.warnings());
+        let warnings = drone.warnings();
+        assert!(matches!(warnings[..], [Warning::BatteryWeak(_)]), "{warnings:?}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::{Check, Finding, Severity};
+use super::Finding;
 use crate::geometry::distance;
 use crate::letters::{Glyph, Move, Strokes};
 use crate::plan::Style;
@@ -10,37 +10,37 @@ use crate::plan::Style;
 /// Two lit moves nearer to each other than this, and as parallel, draw one line.
 const SAME_LINE_M: f64 = 0.002;
 /// Longest doubled stroke and jump that are no fault.
-const SHORT_M: f64 = 0.02;
+pub(super) const SHORT_M: f64 = 0.02;
 
 /// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
 /// follows the letters' own moves, as in style `team`.
-#[must_use]
-pub fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
-    let yes = |fault: fn(&Glyph) -> bool| move |glyph: &Glyph| if fault(glyph) { 1.0 } else { 0.0 };
+pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Finding> {
+    let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
+    glyphs.sort_by_key(|glyph| glyph.character);
+    let longer = |least_m: f64, length_m: &dyn Fn(&Glyph) -> f64| -> Vec<(char, f64)> {
+        let lengths = glyphs.iter().map(|glyph| (glyph.character, length_m(glyph)));
+        let mut found: Vec<_> = lengths.filter(|(_, length_m)| *length_m > least_m).collect();
+        found.dedup_by_key(|(character, _)| *character);
+        found
+    };
     let mut findings =
-        vec![finding(Check::DoubledStroke, strokes, SHORT_M, |glyph| doubled_m(&glyph.moves))];
+        vec![Finding::DoubledStroke(longer(SHORT_M, &|glyph| doubled_m(&glyph.moves)))];
     if let Some(font) = &strokes.font {
         let lost_m = |glyph: &Glyph| font.lost(glyph.character) * glyph.cell.cap_height_m;
-        findings.push(finding(Check::LostStroke, strokes, 0.0, lost_m));
+        findings.push(Finding::LostStroke(longer(0.0, &lost_m)));
     }
     if matches!(style, Style::Team(_)) {
-        findings.push(finding(Check::Tail, strokes, 0.0, yes(has_tail)));
-        findings.push(finding(Check::LightNeverOff, strokes, 0.0, yes(never_off)));
-        findings.push(finding(Check::PenJump, strokes, 0.0, yes(jumps)));
+        let faulty = |is_faulty: fn(&Glyph) -> bool| -> Vec<char> {
+            let faulty = glyphs.iter().filter(|glyph| is_faulty(glyph));
+            let mut found: Vec<char> = faulty.map(|glyph| glyph.character).collect();
+            found.dedup();
+            found
+        };
+        findings.push(Finding::Tail(faulty(has_tail)));
+        findings.push(Finding::LightNeverOff(faulty(never_off)));
+        findings.push(Finding::PenJump(faulty(jumps)));
     }
     findings
-}
-
-/// The letters whose value is above a limit.
-fn finding(check: Check, strokes: &Strokes, limit: f64, value: impl Fn(&Glyph) -> f64) -> Finding {
-    let values = strokes.glyphs.iter().map(|glyph| (glyph.character, value(glyph)));
-    let mut faulty: Vec<(char, f64)> = values.filter(|(_, value)| *value > limit).collect();
-    faulty.sort_by_key(|(character, _)| *character);
-    faulty.dedup_by_key(|(character, _)| *character);
-    let letters: Vec<String> = faulty.iter().map(|(character, _)| character.to_string()).collect();
-    let largest = faulty.iter().map(|(_, value)| *value).fold(0.0, f64::max);
-    let finding = Finding::new(check, faulty.is_empty(), Severity::Warning, largest, limit);
-    Finding { detail: letters.join(", "), ..finding }
 }
 
 /// The light is on before the drone has reached the letter.
@@ -82,24 +82,25 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Severity;
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::PlanOptions;
 
-    fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(Check, String)> {
+    fn faults(word: &str, font: &str, plan: PlanOptions) -> Vec<(&'static str, String)> {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
         let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
-        let bad = findings.into_iter().filter(|f| f.severity != Severity::Fine);
-        bad.map(|f| (f.check, f.detail)).collect()
+        let rows = findings.iter().map(|finding| finding.row(&plan));
+        let bad = rows.filter(|row| row.severity != Severity::Fine);
+        bad.map(|row| (row.check, row.detail)).collect()
     }
 
     #[test]
     fn faults_of_the_teams_letters_are_found_and_the_repaired_ones_have_none() {
         let team = |word, font| faults(word, font, PlanOptions::default());
-        assert_eq!(team("W", "ae483"), [(Check::DoubledStroke, "W".into())]);
-        let x = [(Check::Tail, "X".into()), (Check::LightNeverOff, "X".into())];
-        assert_eq!(team("X", "ae483"), x);
-        assert!(team("I", "ae483").contains(&(Check::PenJump, "I".into())));
+        assert_eq!(team("W", "ae483"), [("doubled stroke", "W".into())]);
+        assert_eq!(team("X", "ae483"), [("tail", "X".into()), ("light never off", "X".into())]);
+        assert!(team("I", "ae483").contains(&("pen jump", "I".into())));
         let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
         assert_eq!(team(all, "ae483-fixed"), []);
     }

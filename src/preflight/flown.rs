@@ -1,30 +1,31 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
-use super::{Check, Finding, Profile, Severity, largest};
+use super::{Finding, Peak, Profile};
 use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample};
+use crate::flight::{Flight, FlightSample, Warning};
 use crate::plan::StrokeEnd;
+use crate::shoot::CHECK_LIGHT;
 use crate::statistics::weighted_quantile;
 
 /// A simulated flight of a plan.
 #[derive(Clone, Copy, Debug)]
-pub struct Flown<'a> {
+pub(super) struct Flown<'a> {
     /// The flight.
-    pub flight: &'a Flight,
+    pub(super) flight: &'a Flight,
     /// Light errors at its strokes' ends.
-    pub ends: &'a [StrokeEnd],
+    pub(super) ends: &'a [StrokeEnd],
     /// Pieces of its light in order of time: `(time in s, length in m, seconds of full light)`; none
     /// where no lamp follows it.
-    pub painted: &'a [(f64, f64, f64)],
+    pub(super) painted: &'a [(f64, f64, f64)],
     /// Range of the exposure along its brightest trail in the picture, stops; `None` where it
     /// leaves none.
-    pub evenness_stops: Option<f64>,
+    pub(super) evenness_stops: Option<f64>,
     /// Cap height of its letters; `None` of a drawing, and where no word is named.
-    pub cap_height_m: Option<f64>,
+    pub(super) cap_height_m: Option<f64>,
     /// Largest motor command.
-    pub motor_max: f64,
+    pub(super) motor_max: f64,
     /// Whether the simulated drone has a battery that sags.
-    pub battery_modeled: bool,
+    pub(super) battery_modeled: bool,
 }
 
 /// Ratio to the median dose from which light dwells on a spot: two stops.
@@ -42,12 +43,11 @@ const MAX_UNEVEN_STOPS: f64 = 3.0;
 /// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or more.
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Time at a motor's limit from which the flight is stopped.
-const MAX_SATURATED_S: f64 = 0.5;
+pub(super) const MAX_SATURATED_S: f64 = 0.5;
 
 /// Checks a simulated flight.
-#[must_use]
-pub fn check_flown(flown: &Flown<'_>, profile: &Profile) -> Vec<Finding> {
-    vec![
+pub(super) fn check_flown(flown: &Flown<'_>, profile: &Profile) -> [Finding; 8] {
+    [
         corridor(flown, profile),
         altitude_hold(flown),
         tilt(flown, profile),
@@ -61,33 +61,37 @@ pub fn check_flown(flown: &Flown<'_>, profile: &Profile) -> Vec<Finding> {
 
 /// Whether the letters are high enough for the error of the height.
 fn altitude_hold(flown: &Flown<'_>) -> Finding {
-    let unchecked = |why| Finding::unchecked(Check::AltitudeHold, why);
-    let Some(limit_m) = flown.cap_height_m else {
+    let unchecked = |why| {
+        let wanted = "letters of a known height, not a drawing";
+        Finding::unchecked("altitude hold", why, wanted, "name the word of the plans: {word}")
+    };
+    let Some(cap_height_m) = flown.cap_height_m else {
         return unchecked("there are no letters whose height is known");
     };
-    let Ok(tracking) = track(flown.flight, Part::Letters) else {
-        return unchecked("the flight writes no letter");
-    };
-    let needed_m = tracking.least_cap_height_m();
-    let good = needed_m <= limit_m;
-    Finding::new(Check::AltitudeHold, good, Severity::Warning, needed_m, limit_m)
+    match track(flown.flight, Part::Letters) {
+        Ok(tracking) => Finding::AltitudeHold(Peak {
+            value: tracking.least_cap_height_m(),
+            most: cap_height_m,
+            time_s: None,
+        }),
+        Err(_) => unchecked("the flight writes no letter"),
+    }
 }
 
 fn corridor(flown: &Flown<'_>, profile: &Profile) -> Finding {
     let samples = flown.flight.samples.iter();
     let places = samples.map(|s| (s.position_m.y, s.time_s));
     let farthest = places.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let ((y_m, time_s), limit) = (farthest.unwrap_or_default(), profile.corridor_m);
-    Finding::new(Check::Corridor, y_m.abs() <= limit, Severity::Stop, y_m, limit).at(time_s)
+    let (value, time_s) = farthest.unwrap_or_default();
+    Finding::Corridor(Peak { value, most: profile.corridor_m, time_s: Some(time_s) })
 }
 
 fn tilt(flown: &Flown<'_>, profile: &Profile) -> Finding {
     let tilt_rad = |s: &FlightSample| {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
     };
-    let (rad, time_s) = largest(flown.flight.samples.iter().map(|s| (tilt_rad(s), s.time_s)));
-    let limit = profile.tilt_rad;
-    Finding::new(Check::Tilt, rad <= limit, Severity::Stop, rad, limit).at(time_s)
+    let samples = flown.flight.samples.iter();
+    Finding::Tilt(Peak::of(samples.map(|s| (tilt_rad(s), s.time_s)), profile.tilt_rad))
 }
 
 fn motors(flown: &Flown<'_>) -> Finding {
@@ -97,36 +101,36 @@ fn motors(flown: &Flown<'_>) -> Finding {
         flying && motors.iter().any(|m| *m <= 0.0 || *m >= flown.motor_max)
     };
     let pairs = samples.windows(2).filter(|pair| saturated(&pair[0].motors));
-    let sum_s = pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s);
-    let bad = if sum_s > MAX_SATURATED_S { Severity::Stop } else { Severity::Warning };
-    let first = samples.iter().find(|s| saturated(&s.motors)).map(|s| s.time_s);
-    let good = sum_s <= BRIEF_SATURATED_S;
-    let finding = Finding::new(Check::Motors, good, bad, sum_s, BRIEF_SATURATED_S);
-    Finding { time_s: first, ..finding }
+    let saturated_s = pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s);
+    let first = samples.iter().find(|s| saturated(&s.motors));
+    let time_s = first.map(|s| s.time_s);
+    Finding::Motors(Peak { value: saturated_s, most: BRIEF_SATURATED_S, time_s })
 }
 
 fn battery(flown: &Flown<'_>) -> Finding {
     if !flown.battery_modeled {
-        return Finding::unchecked(Check::Battery, "the scene's drone has no battery model");
+        let why = "the scene's drone has no battery model";
+        let advice = "name a preset with one, such as `{preset=cf21}`";
+        return Finding::unchecked("battery", why, "a drone with a battery", advice);
     }
-    let warning = flown.flight.warnings.iter().find(|warning| warning.contains("battery"));
-    let severity = if warning.is_some() { Severity::Stop } else { Severity::Fine };
-    let detail = warning.cloned().unwrap_or_default();
-    Finding { detail, ..Finding::without_value(Check::Battery, severity, 0.0) }
+    let mut warnings = flown.flight.warnings.iter();
+    let is_battery = |it: &&Warning| matches!(it, Warning::BatteryWeak(_) | Warning::BatteryEmpty);
+    Finding::Battery(warnings.find(is_battery).cloned())
+}
+
+/// A check of the light that there is none for.
+fn without_light(check: &'static str, why: &str) -> Finding {
+    Finding::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
 fn streaks(flown: &Flown<'_>) -> Finding {
     let worst = flown.ends.iter().max_by(|a, b| a.streak_m.abs().total_cmp(&b.streak_m.abs()));
-    let Some(worst) = worst else {
-        return Finding::unchecked(Check::LitTransit, "the flight has no lit stroke");
-    };
-    let limit_m = MAX_STREAK_FRAC * flown.cap_height_m.unwrap_or(DRAWN_CAP_HEIGHT_M);
-    let good = worst.streak_m.abs() <= limit_m;
-    Finding {
-        position_m: Some(worst.at_m.into()),
-        detail: if worst.on { "beginning" } else { "end" }.to_owned(),
-        ..Finding::new(Check::LitTransit, good, Severity::Warning, worst.streak_m, limit_m)
-            .at(worst.time_s)
+    match worst {
+        None => without_light("lit transit", "the flight has no lit stroke"),
+        Some(worst) => {
+            let cap_height_m = flown.cap_height_m.unwrap_or(DRAWN_CAP_HEIGHT_M);
+            Finding::LitTransit(*worst, MAX_STREAK_FRAC * cap_height_m)
+        }
     }
 }
 
@@ -140,7 +144,7 @@ fn median_dose(painted: &[(f64, f64, f64)]) -> f64 {
 
 fn dwell(flown: &Flown<'_>) -> Finding {
     if flown.painted.is_empty() {
-        return Finding::unchecked(Check::LitDwell, "no lamp follows the plan's light");
+        return without_light("lit dwell", "no lamp follows the plan's light");
     }
     let median = median_dose(flown.painted);
     let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
@@ -152,23 +156,23 @@ fn dwell(flown: &Flown<'_>) -> Finding {
             run = (0.0, 0.0);
         }
     }
-    let good = longest.0 <= MAX_DWELL_S;
-    Finding::new(Check::LitDwell, good, Severity::Warning, longest.0, MAX_DWELL_S).at(longest.1)
+    Finding::LitDwell(Peak { value: longest.0, most: MAX_DWELL_S, time_s: Some(longest.1) })
 }
 
 fn evenness(flown: &Flown<'_>) -> Finding {
-    let Some(stops) = flown.evenness_stops else {
-        return Finding::unchecked(Check::Evenness, "no light of the plan is in the picture");
-    };
-    let good = stops <= MAX_UNEVEN_STOPS;
-    Finding::new(Check::Evenness, good, Severity::Warning, stops, MAX_UNEVEN_STOPS)
+    match flown.evenness_stops {
+        Some(value) => Finding::Evenness(Peak { value, most: MAX_UNEVEN_STOPS, time_s: None }),
+        None => without_light("evenness", "no light of the plan is in the picture"),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
 
+    use super::super::Severity;
     use super::*;
+    use crate::plan::PlanOptions;
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {
@@ -177,14 +181,13 @@ mod tests {
         let mut painted: Vec<(f64, f64, f64)> =
             (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
         let dwell = |painted: &[(f64, f64, f64)]| dwell(&Flown { painted, ..flown(&flight) });
-        assert_eq!(dwell(&painted).severity, Severity::Fine);
+        assert_eq!(dwell(&painted).severity(), Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
         let found = dwell(&painted);
-        assert_eq!(
-            found,
-            Finding::new(Check::LitDwell, false, Severity::Warning, 0.3, 0.1).at(2.5)
-        );
-        assert_eq!(dwell(&[]).severity, Severity::Unknown);
+        let wanted = Peak { value: 0.3, most: 0.1, time_s: Some(2.5) };
+        assert_eq!(found, Finding::LitDwell(wanted));
+        assert_eq!(found.severity(), Severity::Warning);
+        assert_eq!(dwell(&[]).severity(), Severity::Unknown);
     }
 
     fn flown(flight: &Flight) -> Flown<'_> {
@@ -213,26 +216,22 @@ mod tests {
             altitude_hold(&flown(&Flight { samples, ..Flight::default() }))
         };
         let (good, bad) = (finding(0.02), finding(0.03));
-        assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
-        assert_eq!((good.severity, bad.severity), (Severity::Fine, Severity::Warning));
-        assert_eq!(altitude_hold(&flown(&Flight::default())).severity, Severity::Unknown);
+        let Finding::AltitudeHold(least) = good else { panic!("{good:?}") };
+        assert!((least.value - 0.4).abs() < 0.01, "2 cm for 40 cm: {least:?}");
+        assert_eq!((good.severity(), bad.severity()), (Severity::Fine, Severity::Warning));
+        assert_eq!(altitude_hold(&flown(&Flight::default())).severity(), Severity::Unknown);
     }
 
     #[test]
     fn a_check_without_an_input_is_none() {
         let nothing = Flight::default();
         let nothing = Flown { cap_height_m: None, battery_modeled: false, ..flown(&nothing) };
-        for check in [
-            Check::AltitudeHold,
-            Check::Battery,
-            Check::LitTransit,
-            Check::LitDwell,
-            Check::Evenness,
-        ] {
-            let findings = check_flown(&nothing, &Profile::indoor());
-            let finding = findings.iter().find(|finding| finding.check == check).unwrap();
-            assert_eq!((finding.severity, finding.value), (Severity::Unknown, None), "{finding:?}");
-            assert_ne!(finding.detail, "", "it says why");
+        let rows = check_flown(&nothing, &Profile::indoor());
+        let rows = rows.map(|finding| finding.row(&PlanOptions::default()));
+        for check in ["altitude hold", "battery", "lit transit", "lit dwell", "evenness"] {
+            let row = rows.iter().find(|row| row.check == check).unwrap();
+            assert_eq!((row.severity, row.value), (Severity::Unknown, None), "{row:?}");
+            assert!(!row.detail.is_empty() && !row.advice.0.is_empty(), "it says why: {row:?}");
         }
     }
 
@@ -245,7 +244,7 @@ mod tests {
                 ..FlightSample::default()
             };
             let samples = (0..100).map(sample).collect();
-            motors(&flown(&Flight { samples, ..Flight::default() })).severity
+            motors(&flown(&Flight { samples, ..Flight::default() })).severity()
         };
         let found = [0, 4, 20, 60].map(severity);
         let wanted = [Severity::Fine, Severity::Fine, Severity::Warning, Severity::Stop];

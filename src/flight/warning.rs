@@ -1,0 +1,34 @@
+//! Warnings of a flight.
+
+use std::fmt;
+
+/// What one should know of a flight.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Warning {
+    /// A motor was at its limit while the drone wrote, for so many seconds.
+    MotorAtLimit(f64),
+    /// The battery could not give the thrust asked for, for so many seconds.
+    BatteryWeak(f64),
+    /// The battery was empty, and the motors stopped.
+    BatteryEmpty,
+    /// Fewer than two base stations saw the drone, for so many seconds.
+    Unseen(f64),
+    /// Of the file that it is from: what was left out, or taken as what.
+    File(String),
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::MotorAtLimit(s) => {
+                write!(f, "a motor was at its limit for {s:.2} s while writing")
+            }
+            Self::BatteryWeak(s) => {
+                write!(f, "the battery could not give the thrust asked for during {s:.2} s")
+            }
+            Self::BatteryEmpty => f.write_str("the battery was empty and the motors stopped"),
+            Self::Unseen(s) => write!(f, "fewer than two base stations saw the drone for {s:.2} s"),
+            Self::File(text) => f.write_str(text),
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Preflight: what speaks against a flight, before it is flown.
+//!
+//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is known.
+//! Product out: [`Finding`]s on letters, plans, simulated flights, lamps, base stations and picture,
+//! each with its numbers, a sentence and advice as keys of the scene ([`Row`]). Problems of the
+//! picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its camera.
+//! Not checked: obstacles in the room.
+
+use nalgebra::Vector3;
+
+use crate::crazyflie::RING_TIMING_ENTRIES;
+use crate::error::{Error, Result};
+use crate::export::lights::timing_entries;
+use crate::export::{Form, Length, memory};
+use crate::expose::meter::{LampReading, meter};
+use crate::flight::Flight;
+use crate::geometry::bounds;
+use crate::letters::Strokes;
+use crate::light::{Lamp, LightTrace};
+use crate::plan::Plan;
+use crate::scene::Scene;
+use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
+use crate::sim::coverage;
+
+mod finding;
+mod flown;
+mod letters;
+mod plans;
+mod profile;
+mod row;
+mod written;
+
+pub use finding::{Finding, Peak, Severity};
+use flown::{Flown, check_flown};
+use letters::check_letters;
+use plans::{check_plan, check_separation};
+pub use profile::{Profile, ROOM_MARGIN_M};
+pub use row::{Checked, Row};
+pub use written::check_written;
+
+/// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
+/// long as the lamp's blur tells hot spots from trembling.
+const PIECE_S: f64 = 0.05;
+
+/// Distance between two places at which the view of the base stations is checked.
+const COVERAGE_STEP_M: f64 = 0.1;
+
+/// Checks letters, plans, simulated flights, light and base stations against a profile.
+///
+/// # Errors
+///
+/// Those of the stages, except that of an infeasible flight: it is a finding.
+pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
+    let n = shoot.plans.len();
+    let flown: Vec<Result<Flight>> = match shoot.in_step() {
+        false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
+        true => match shoot.fly(&|_, _| {}) {
+            Ok(flights) => flights.into_iter().map(Ok).collect(),
+            Err(Error::Infeasible { what, hint }) => {
+                let lost = |_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() });
+                (0..n).map(lost).collect()
+            }
+            Err(error) => return Err(error),
+        },
+    };
+    let mut findings = check_design(shoot, profile);
+    let picture = Picture::of(shoot, &flown);
+    for (drone, flight) in flown.into_iter().enumerate() {
+        let mut found = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
+        match flight {
+            Ok(flight) => {
+                found.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
+            }
+            Err(Error::Infeasible { what, .. }) => found.push(Finding::Flight(what)),
+            Err(error) => return Err(error),
+        }
+        found.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), found));
+    }
+    findings.extend(numbered(shoot, None, check_picture(shoot, picture)));
+    Ok(findings)
+}
+
+/// What speaks against a real flight, of flights that were flown already: the checks that can
+/// stop one, without memory and picture.
+///
+/// # Errors
+///
+/// As [`preflight`].
+pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<Vec<Checked>> {
+    let mut findings = check_design(shoot, profile);
+    for (drone, (planned, flight)) in shoot.plans.iter().zip(flights).enumerate() {
+        let mut found = check_flight(shoot, drone, flight, None, profile)?.to_vec();
+        found.push(check_coverage(&planned.plan, &shoot.scene)?);
+        findings.extend(numbered(shoot, Some(drone), found));
+    }
+    Ok(findings)
+}
+
+/// The findings of one drone, counted from 0, or of all.
+fn numbered(
+    shoot: &Shoot,
+    drone: Option<usize>,
+    findings: impl IntoIterator<Item = Finding>,
+) -> impl Iterator<Item = Checked> {
+    let drone = drone.filter(|_| shoot.plans.len() > 1).map(|drone| drone + 1);
+    let checked =
+        move |finding: Finding| Checked { drone, row: finding.row(&shoot.scene.plan), finding };
+    findings.into_iter().map(checked)
+}
+
+/// Letters and plans.
+fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
+    let letters = match &shoot.strokes {
+        Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
+        None => vec![Finding::unchecked(
+            "doubled stroke",
+            "no word is named for the plans",
+            "the word that the plans write",
+            "name it: {word}",
+        )],
+    };
+    let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
+    for (drone, design) in shoot.designs().iter().enumerate() {
+        findings.extend(numbered(shoot, Some(drone), check_plan(design, profile)));
+    }
+    // Drones with trajectories on board wait for their turn in the air.
+    let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    findings.extend(numbered(shoot, None, check_separation(&flown)));
+    findings
+}
+
+fn check_flight(
+    shoot: &Shoot,
+    drone: usize,
+    flight: &Flight,
+    picture: Option<&Picture>,
+    profile: &Profile,
+) -> Result<[Finding; 8]> {
+    let scene = &shoot.scene;
+    let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
+    let trace = shoot.light_drone(drone, flight)?;
+    let prefix = if shoot.plans.len() > 1 { format!("{}: ", drone + 1) } else { String::new() };
+    let flown = Flown {
+        flight,
+        ends: &ends,
+        painted: &painted(flight, &trace, scene),
+        evenness_stops: picture.and_then(|picture| picture.evenness_stops(&prefix)),
+        cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
+        motor_max: scene.vehicle.motor_max,
+        battery_modeled: scene.battery.capacity_ah > 0.0,
+    };
+    Ok(check_flown(&flown, profile))
+}
+
+/// What only a preview would show: the word in the picture, while the shutter is open, lit.
+fn check_picture(shoot: &Shoot, picture: Option<Picture>) -> Vec<Finding> {
+    let unchecked = |why| {
+        let advice = "mend what stops the flight; plan a word";
+        vec![Finding::unchecked("picture", why, "flights that end, and letters", advice)]
+    };
+    let Some(picture) = picture else { return unchecked("not every drone ends its flight") };
+    let mut setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
+    if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
+        return unchecked("the plans write no letter");
+    }
+    match picture.problems.is_empty() {
+        true => vec![Finding::Picture(None)],
+        false => picture.problems.into_iter().map(|it| Finding::Picture(Some(it))).collect(),
+    }
+}
+
+/// A check of a plan that the export refuses.
+fn not_exported(check: &'static str, error: &Error) -> Finding {
+    let wanted = "a plan that can be exported";
+    Finding::unchecked(check, error, wanted, "change what the export refuses")
+}
+
+/// Whether the plan fits the memory on board as either trajectory and the radio as setpoints.
+fn check_memory(shoot: &Shoot, drone: usize) -> Finding {
+    match memory(&shoot.designs()[drone]) {
+        Ok(memory) => Finding::Memory(memory),
+        Err(error) => not_exported("memory", &error),
+    }
+}
+
+/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they are
+/// timed on the exported trajectory.
+fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
+    let form = Form::Compressed;
+    let entries = || match shoot.designs.is_empty() {
+        true => {
+            let flown = shoot.as_exported(form, form.tolerance_m(), Length::Any)?;
+            timing_entries(&flown.plans[drone].plan, &shoot.scene.light)
+        }
+        false => timing_entries(&shoot.plans[drone].plan, &shoot.scene.light),
+    };
+    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq(["ring"]);
+    match if used { entries() } else { Ok(None) } {
+        Ok(entries) => Finding::LedMemory { entries, most: RING_TIMING_ENTRIES },
+        Err(error) => not_exported("LED memory", &error),
+    }
+}
+
+/// What the light of all drones leaves in the picture.
+struct Picture {
+    /// Of the lamps that write.
+    readings: Vec<LampReading>,
+    problems: Vec<Problem>,
+}
+
+impl Picture {
+    /// The picture of flights; `None` where one of them fails.
+    fn of(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
+        let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
+        let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
+        let shoot = Shoot { recordings, ..shoot.clone() };
+        Some(match shoot.lighting(&|_, _| {}) {
+            Ok(Lighting { trace, camera, writing, problems, .. }) => {
+                let mut readings = meter(&trace, &camera).unwrap_or_default();
+                readings.retain(|reading| writing.contains(&reading.name));
+                Self { readings, problems }
+            }
+            Err(error) => {
+                let problems = vec![Problem::NoPicture(error.to_string())];
+                Self { readings: Vec::new(), problems }
+            }
+        })
+    }
+
+    /// Range of the exposure along the brightest trail of the lamps whose names begin so, stops.
+    fn evenness_stops(&self, prefix: &str) -> Option<f64> {
+        let own = self.readings.iter().filter(|reading| reading.name.starts_with(prefix));
+        let brightest = own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
+        brightest.map(LampReading::evenness_stops)
+    }
+}
+
+/// Cap height of a word's letters; `None` of a drawing.
+fn cap_height_m(strokes: &Strokes) -> Option<f64> {
+    let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
+    Some(letter.cell.cap_height_m)
+}
+
+/// Light of the first lamp that follows the plan, in pieces along its path: start time, length and
+/// seconds of full light.
+fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<(f64, f64, f64)> {
+    let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
+    let name = writing.first().map(|lamp| &lamp.emitter.name);
+    // A lamp that changes its color is several emitters.
+    let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
+    let mut pieces: Vec<(f64, f64, f64)> = emitters.flat_map(|lamp| pieces_of(lamp)).collect();
+    pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pieces
+}
+
+/// The same of one emitter, whose highest level counts as full light: the dies of a color LED are
+/// balanced by their levels.
+fn pieces_of(lamp: &Lamp) -> Vec<(f64, f64, f64)> {
+    let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
+    let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
+    let mut from: Option<(f64, Vector3<f64>)> = None;
+    let mut light_s = 0.0;
+    for pair in lamp.samples.windows(2) {
+        let lasts_s = pair[1].time_s - pair[0].time_s;
+        let lit = 0.5 * (pair[0].level + pair[1].level) / full.max(f64::MIN_POSITIVE);
+        if lit <= 0.0 {
+            (from, light_s) = (None, 0.0);
+            continue;
+        }
+        let (start_s, start_m) = *from.get_or_insert((pair[0].time_s, pair[0].position_m));
+        light_s += lit * lasts_s;
+        if pair[1].time_s - start_s >= PIECE_S {
+            pieces.push((start_s, (pair[1].position_m - start_m).xz().norm(), light_s));
+            (from, light_s) = (None, 0.0);
+        }
+    }
+    pieces
+}
+
+/// Whether two base stations see the box of the whole flight.
+fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Finding> {
+    let unchecked = |why| {
+        let wanted = "base stations, and a flight for them to see";
+        let advice = "name the stations: {sensors.lighthouse.stations}";
+        Ok(Finding::unchecked("coverage", why, wanted, advice))
+    };
+    if scene.sensors.lighthouse.stations.is_empty() {
+        return unchecked("the scene has no base stations");
+    }
+    let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let places = in_the_air.map(|setpoint| setpoint.position_m);
+    let bounds_m = bounds(places.map(|p| [p.x, p.z]));
+    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
+        return unchecked("the flight has no width or no height");
+    }
+    Ok(Finding::Coverage(coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()))
+}

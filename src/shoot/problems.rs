@@ -1,0 +1,300 @@
+//! Problems of a picture: what keeps a word from being read whatever its letters are, and warnings.
+//!
+//! The former are looked for in this order: a shutter that misses the word, lamps that are dark or
+//! face away, a picture without or with nothing but light. Then come the flights' own warnings, gaps
+//! of logs, strokes that a font lacks, and what lies outside the picture.
+
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::flight::{Flight, Warning};
+use crate::light::gaps::{Gap, gaps};
+use crate::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
+use crate::photo::Photo;
+use crate::scene::{Advice, Change};
+
+/// A problem of a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Problem {
+    /// The shutter closes before the word is done.
+    ShutterCloses {
+        /// When it closes.
+        at_s: f64,
+        /// How long before the last letter is done.
+        early_s: f64,
+    },
+    /// The shutter opens after the word is begun.
+    ShutterOpens {
+        /// When it opens.
+        at_s: f64,
+        /// How long after the first letter is begun.
+        late_s: f64,
+    },
+    /// No lamp that writes is lit while the shutter is open.
+    Unlit,
+    /// The lamps that write face away from the camera.
+    FacesAway,
+    /// Everything is exposed.
+    Overexposed {
+        /// Share of white pixels.
+        white_frac: f64,
+        /// Aperture and sensitivity in words.
+        settings: String,
+    },
+    /// Nothing is exposed, at an aperture and a sensitivity in words.
+    Underexposed(String),
+    /// A warning of a simulated flight, with the number of the drone, from 1, where there are several.
+    Flight(Option<usize>, Warning),
+    /// Gaps of a log that lamps shine across, or at which trails break.
+    Gaps {
+        /// When they are, s.
+        spans_s: Vec<[f64; 2]>,
+        /// Largest uncertainty of a position in their middle; `None`: trails break.
+        bridged_m: Option<f64>,
+    },
+    /// The center lines of a typeface lack a stroke of some letters.
+    LostStrokes {
+        /// The font's name.
+        font: String,
+        /// The letters, each once.
+        letters: String,
+    },
+    /// A part of the word or of the light is outside the picture.
+    Outside {
+        /// Which.
+        what: &'static str,
+        /// How far, on which sides.
+        sides: String,
+    },
+    /// The stages before the photo refuse.
+    NoPicture(String),
+}
+
+impl Problem {
+    /// Whether it keeps the word from being read whatever its letters are.
+    #[must_use]
+    pub fn is_obstacle(&self) -> bool {
+        !matches!(
+            self,
+            Self::Flight(..) | Self::Gaps { .. } | Self::LostStrokes { .. } | Self::Outside { .. }
+        )
+    }
+
+    /// What was found, and what to change.
+    #[must_use]
+    pub fn parts(&self) -> (String, Advice) {
+        let (found, advice) = match self {
+            Self::ShutterCloses { at_s, early_s } => (
+                format!(
+                    "the shutter closes at {at_s:.1} s, {early_s:.1} s before the word is done"
+                ),
+                "leave {camera.shutter_close_s} out",
+            ),
+            Self::ShutterOpens { at_s, late_s } => (
+                format!("the shutter opens at {at_s:.1} s, {late_s:.1} s after the word is begun"),
+                "set {camera.shutter_open_s=0}",
+            ),
+            Self::Unlit => {
+                ("no lamp that writes is lit while the shutter is open".to_owned(), CHECK_LIGHT)
+            }
+            Self::FacesAway => (
+                "the lamps that write face away from the camera".to_owned(),
+                "move the camera in front of them ({camera.framing}), or turn the lamps \
+                 ({light.fixtures})",
+            ),
+            Self::Overexposed { white_frac, settings } => (
+                format!(
+                    "everything is exposed: {:.0} % of the picture is white at {settings}",
+                    100.0 * white_frac
+                ),
+                "lower {camera.iso}, raise {camera.f_number}, or darken the room \
+                 ({photo.ambient_cd_m2})",
+            ),
+            Self::Underexposed(settings) => (
+                format!("nothing is exposed: no trail stands out at {settings}"),
+                "raise {camera.iso} or lower {camera.f_number} (see `meter`)",
+            ),
+            Self::Flight(drone, warning) => {
+                let number = drone.map_or(String::new(), |drone| format!("drone {drone}: "));
+                let advice = match warning {
+                    Warning::Unseen(_) => "move the base stations, or the word (see `coverage`)",
+                    _ => "see the checks of the flight",
+                };
+                (format!("{number}{warning}"), advice)
+            }
+            Self::Gaps { spans_s, bridged_m } => {
+                let what = match bridged_m {
+                    Some(m) => {
+                        let mm = 1e3 * m;
+                        format!("bridged by a smooth path, uncertain by up to {mm:.0} mm")
+                    }
+                    None => {
+                        "too long to bridge; trails break there, though the lamps may have shone"
+                            .to_owned()
+                    }
+                };
+                let (n, spans) = (spans_s.len(), in_words(spans_s));
+                let found = format!("gaps of the log: {n} {what} ({spans})");
+                (found, "log fewer variables, or on the \u{b5}SD card")
+            }
+            Self::LostStrokes { font, letters } => (
+                format!("the center lines of {font} lack a stroke of {letters}: they may misread"),
+                "write with {letters.font=simplex} or a plainer typeface",
+            ),
+            Self::Outside { what, sides } => (
+                format!("part of the {what} is outside the picture: {sides}"),
+                "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin",
+            ),
+            Self::NoPicture(error) => {
+                (error.clone(), "see `preview`; {camera.framing=word} frames the word")
+            }
+        };
+        (found, Advice(advice))
+    }
+
+    /// One sentence about it, with the advice that is about it alone; `typed` writes a change.
+    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
+        let (found, advice) = self.parts();
+        match self {
+            Self::Outside { .. } => format!("{found} ({})", advice.sentence(typed)),
+            _ if self.is_obstacle() => format!("{found}: {}", advice.sentence(typed)),
+            _ => found,
+        }
+    }
+}
+
+/// Advice where there is no light.
+pub const CHECK_LIGHT: &str = "check {plan.lights}, {light.deck} and {light.ring}";
+
+/// The first of some spans of time.
+fn in_words(spans_s: &[[f64; 2]]) -> String {
+    let first = spans_s.iter().take(5).map(|[from, to]| format!("{from:.2}–{to:.2} s"));
+    let more = if spans_s.len() > 5 { ", …" } else { "" };
+    first.collect::<Vec<_>>().join(", ") + more
+}
+
+/// Least share of a lamp's intensity on its axis that counts as shining at the camera.
+const AWAY_SHARE: f64 = 0.02;
+
+/// Least difference of levels between the brightest pixels and the median.
+const CONTRAST: u8 = 10;
+
+/// Share of the pixels that counts as the brightest: a thin trail's.
+const BRIGHTEST: f64 = 0.000_2;
+
+/// Level from which a pixel counts as white, and the share of such pixels that hides every trail.
+const WHITE: (u8, f64) = (245, 0.5);
+
+/// Time by which a shutter may miss the ends of a word.
+const SLACK_S: f64 = 0.1;
+
+/// The lamps that write: those that follow a channel of the flights; all, of light without any.
+pub fn writing<'a>(
+    flights: &[Flight],
+    trace: &'a LightTrace,
+    options: &LightOptions,
+) -> Vec<&'a Lamp> {
+    let fixtures = options.fixtures();
+    let has = |wanted: &str| {
+        let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
+        channels.any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
+    };
+    let follows = |lamp: &&Lamp| {
+        // Lamps of several drones have the drone's number before their name.
+        let name = lamp.emitter.name.rsplit(": ").next().unwrap_or_default();
+        fixtures.iter().filter(|fixture| fixture.name == name).any(|fixture| match &fixture.drive {
+            Drive::Command(channel) => has(channel),
+            Drive::Ring(_) => has("ring"),
+            Drive::ColorLed => has("color-led"),
+            Drive::Always | Drive::Blink { .. } | Drive::Flicker { .. } => false,
+        })
+    };
+    if flights.iter().all(|flight| flight.lights.is_empty()) {
+        return trace.lamps.iter().collect();
+    }
+    trace.lamps.iter().filter(follows).collect()
+}
+
+/// Obstacles that flights, lamps and camera show before a photo is taken.
+pub(super) fn before(flights: &[Flight], lamps: &[&Lamp], camera: &Camera) -> Vec<Problem> {
+    let written = flights.iter().flat_map(|flight| &flight.samples);
+    let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
+    let [first_s, last_s] =
+        written.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
+    let [open_s, close_s] = [camera.shutter_open_s, camera.shutter_close_s];
+    let (early_s, late_s) = (last_s - close_s, open_s - first_s);
+    let early = (early_s > SLACK_S).then_some(Problem::ShutterCloses { at_s: close_s, early_s });
+    let late = (late_s > SLACK_S).then_some(Problem::ShutterOpens { at_s: open_s, late_s });
+    early.into_iter().chain(late).chain(unlit_or_away(lamps, camera)).collect()
+}
+
+/// Lamps that are never lit while the shutter is open, or that face away from the camera.
+fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<Problem> {
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
+    let mut most_share: Option<f64> = None;
+    for lamp in lamps {
+        for sample in lamp.samples.iter().filter(lit) {
+            let toward: Vector3<f64> = camera.position_m - sample.position_m;
+            let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
+            let share = lamp.emitter.share(cos);
+            most_share = Some(most_share.map_or(share, |most| most.max(share)));
+        }
+    }
+    match most_share {
+        None => Some(Problem::Unlit),
+        Some(share) if share < AWAY_SHARE => Some(Problem::FacesAway),
+        Some(_) => None,
+    }
+}
+
+/// A photo that shows no trail: nothing is exposed, or everything.
+pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
+    let mut histogram = [0_usize; 256];
+    for pixel in photo.rgb8.chunks_exact(3) {
+        histogram[usize::from(pixel[0].max(pixel[1]).max(pixel[2]))] += 1;
+    }
+    let n = photo.rgb8.len() / 3;
+    #[expect(clippy::cast_precision_loss, reason = "pixels")]
+    let brighter =
+        |level: u8| histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64;
+    let level_of =
+        |share: f64| (0..=255).rev().find(|level| brighter(*level) >= share).unwrap_or(0);
+    let (white, hiding) = WHITE;
+    let settings = format!("f/{}, ISO {}", camera.f_number, camera.iso);
+    let white_frac = brighter(white);
+    if white_frac > hiding {
+        return Some(Problem::Overexposed { white_frac, settings });
+    }
+    let (brightest, median) = (level_of(BRIGHTEST), level_of(0.5));
+    (brightest < median.saturating_add(CONTRAST)).then_some(Problem::Underexposed(settings))
+}
+
+/// The gaps in a real flight's log.
+pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Problem> {
+    let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
+    let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
+    let kinds = [(bridged, Some(most_m)), (open, None)].into_iter();
+    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, bridged_m)| Problem::Gaps {
+        spans_s: gaps.iter().map(|gap| gap.span_s).collect(),
+        bridged_m,
+    })
+}
+
+/// The word and light outside the picture.
+pub(super) fn outside(
+    trace: &LightTrace,
+    [left, bottom, right, top]: [f64; 4],
+    camera: &Camera,
+) -> impl Iterator<Item = Problem> {
+    let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
+    let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
+    let open = camera.shutter_open_s..=camera.shutter_close_s;
+    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
+    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
+    let light = samples.map(|sample| sample.position_m);
+    let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
+    sides
+        .into_iter()
+        .filter_map(|(what, outside)| Some(Problem::Outside { what, sides: outside.in_words()? }))
+}
