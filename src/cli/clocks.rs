@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use super::warn;
 use crate::error::{Error, Result};
-use crate::flight::Flight;
-use crate::logs::OnClock;
 use crate::estimate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, locate, log_offset_s, position_error,
     reference_offset_s,
 };
+use crate::flight::Flight;
+use crate::logs::OnClock;
 
 /// A reference that fits this much better at another offset is on another clock.
 const BETTER: f64 = 0.5;

@@ -14,15 +14,15 @@ use super::output::OutputFolder;
 use super::report::{Outcome, Report, line};
 use super::warn;
 use crate::error::{Error, Result};
-use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightSample, Quantity};
-use crate::report::{Trace, front_view, top_view};
-use crate::scene::Scene;
 use crate::estimate::locate::{
     Ambiguity, Bias, Link, LinkError, LinkResidual, LocateOptions, Located, PositionError,
     RangeSample, Reference, Room, Track, link_errors, locate, locate_enlarged, locate_shared,
     nis_interval, position_error, read_anchors,
 };
+use crate::flight::table::on_grid;
+use crate::flight::{Flight, FlightSample, Quantity};
+use crate::report::{Trace, front_view, top_view};
+use crate::scene::Scene;
 use crate::statistics::median;
 
 /// Columns of a range log: to the anchor of an index, and to the drone of a number.

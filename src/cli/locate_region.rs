@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 
 use super::report::Report;
 use crate::error::{Error, Result};
-use crate::scene::Scene;
-use crate::shoot::Shoot;
-use crate::sim::UwbOptions;
 use crate::estimate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
 };
+use crate::scene::Scene;
+use crate::shoot::Shoot;
+use crate::sim::UwbOptions;
 
 /// Start errors, gains and times of the map.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

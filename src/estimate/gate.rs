@@ -101,7 +101,9 @@ impl StepTest {
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
         if let Floor::Stepped(farther_m) = floor {
-            let Some(Part::One(state, per_m)) = measurement.slope.last() else { panic!("the floor is last") };
+            let Some(Part::One(state, per_m)) = measurement.slope.last() else {
+                panic!("the floor is last")
+            };
             normal.mean[*state] += farther_m / per_m;
             normal.covariance[(*state, *state)] += self.sigma_m * self.sigma_m;
         }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use noctograph::camera::CameraOptions;
+use noctograph::estimate::locate::read_anchors;
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{Ink, LetterOptions, Strokes, Trace, draw, write};
 use noctograph::light::{LightOptions, LightTrace, light};
@@ -10,7 +11,6 @@ use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{NamedScene, Scene};
-use noctograph::estimate::locate::read_anchors;
 use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
 use noctograph::study::{Conditions, Store, Study, Sweep};
 

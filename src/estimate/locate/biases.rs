@@ -283,12 +283,7 @@ impl<'a> Log<'_, 'a> {
     }
 
     /// A start that trusts no range to more than the prior of a bias.
-    fn wide_start(
-        &self,
-        model: &Model<'_>,
-        left_out: &[Link],
-        biases: &[Bias],
-    ) -> Result<Normal> {
+    fn wide_start(&self, model: &Model<'_>, left_out: &[Link], biases: &[Bias]) -> Result<Normal> {
         let used = self.samples.iter().filter(|sample| !left_out.contains(&sample.link));
         let corrected = used.map(|sample| {
             let covering = biases.iter().filter(|bias| bias.of.covers(sample.link));

@@ -233,9 +233,9 @@ impl Enlarged {
             }
         }
         let j = whiten * self.slopes(&p);
-        let covariance = (j.transpose() * &j)
-            .try_inverse()
-            .unwrap_or_else(|| self.normal.covariance.view((0, 0), (p.len(), p.len())).into_owned());
+        let covariance = (j.transpose() * &j).try_inverse().unwrap_or_else(|| {
+            self.normal.covariance.view((0, 0), (p.len(), p.len())).into_owned()
+        });
         (cost, p, covariance)
     }
 
@@ -318,10 +318,8 @@ mod tests {
     #[expect(clippy::fn_params_excessive_bools, reason = "a test's two switches")]
     fn found(anchors_m: [[f64; 3]; 3], n: u64, enlarged: bool, room: bool) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
-        let inside = Room {
-            low_m: Vector3::new(-3.0, -2.6, -0.5),
-            high_m: Vector3::new(3.0, 2.6, 3.0),
-        };
+        let inside =
+            Room { low_m: Vector3::new(-3.0, -2.6, -0.5), high_m: Vector3::new(3.0, 2.6, 3.0) };
         let place = path();
         let run = |run: u64| {
             let mut random = Random(run + 1);
@@ -330,7 +328,8 @@ mod tests {
             let starts_m = [0, 1].map(|d| place(d, 0.0) + off[d] * (5.0 / length));
             let sigma_m = 5.0 / f64::sqrt(6.0);
             let mut first = Enlarged::new(&anchors_m, &starts_m, sigma_m);
-            let mut second = (!enlarged).then(|| Positions::new(&anchors_m, &starts_m, sigma_m, 1e6));
+            let mut second =
+                (!enlarged).then(|| Positions::new(&anchors_m, &starts_m, sigma_m, 1e6));
             let dt_s = 0.005;
             for k in 1..=4000_u32 {
                 let now_s = f64::from(k) * dt_s;
@@ -361,7 +360,8 @@ mod tests {
                 }
             }
             let second = second.expect("handed over");
-            let off_m2: f64 = (0..2).map(|d| (second.at(d).0 - place(d, 20.0)).norm_squared()).sum();
+            let off_m2: f64 =
+                (0..2).map(|d| (second.at(d).0 - place(d, 20.0)).norm_squared()).sum();
             off_m2.sqrt() < 0.25
         };
         (0..n).filter(|k| run(*k)).count()

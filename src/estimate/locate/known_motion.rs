@@ -123,12 +123,10 @@ pub fn locate_enlarged(
                 (sample.link, sample.distance_m, options.range_sigma_m);
             match &mut stage {
                 Stage::First(filter) => filter.correct(link, distance_m, sigma_m),
-                Stage::Second(filter) => {
-                    match filter.correct(link, distance_m, sigma_m) {
-                        Some(one) => (nis, taken) = (nis + one, taken + 1.0),
-                        None => *refused.entry(link).or_default() += 1,
-                    }
-                }
+                Stage::Second(filter) => match filter.correct(link, distance_m, sigma_m) {
+                    Some(one) => (nis, taken) = (nis + one, taken + 1.0),
+                    None => *refused.entry(link).or_default() += 1,
+                },
             }
         }
         located.push(time_s, |drone| stage.at(drone));

@@ -104,7 +104,9 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             let row = plan.setpoints.partition_point(|s| s.time_s <= time_s).saturating_sub(1);
             let bound = &mut found[drone];
             bound.time_s.push(time_s);
-            bound.sigma_m.push(fleet.normal.block(ERRORS * drone, ERRORS * drone).trace().max(0.0).sqrt());
+            bound
+                .sigma_m
+                .push(fleet.normal.block(ERRORS * drone, ERRORS * drone).trace().max(0.0).sqrt());
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }

@@ -191,7 +191,12 @@ impl Model {
     }
 
     #[inline(always)]
-    fn sweep(&self, motion: &Inertial, sweep: &Sweep, each: &mut impl FnMut(Option<Target>, &Measurement<'_>)) {
+    fn sweep(
+        &self,
+        motion: &Inertial,
+        sweep: &Sweep,
+        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
+    ) {
         let station = &self.stations[sweep.station];
         let variance = self.sweep[usize::from(station.generation == Generation::V2)];
         for (lever, angle_rad) in DECK_SENSORS_M.map(Vector3::from).iter().zip(sweep.angles_rad) {
@@ -205,7 +210,12 @@ impl Model {
         }
     }
 
-    fn range(&self, motion: &Inertial, range: &Range, each: &mut impl FnMut(Option<Target>, &Measurement<'_>)) {
+    fn range(
+        &self,
+        motion: &Inertial,
+        range: &Range,
+        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
+    ) {
         let from = |anchor: usize| toward(&(motion.position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from(range.anchor);
         if let Some(other) = range.minus {
@@ -236,8 +246,7 @@ impl Model {
         let turn = Vector3::new(r[(2, 1)], -r[(2, 0)], 0.0) * (expected_m / cos_tilt);
         let sigma_m = time_of_flight_sigma_m(self.ranger_m, distance_m);
         let per_m = 1.0 / cos_tilt;
-        let slope =
-            [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
+        let slope = [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
         let measurement = Measurement {
             slope: &slope[..if self.floor_steps { 3 } else { 2 }],
             value: distance_m - expected_m,

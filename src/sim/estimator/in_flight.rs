@@ -149,7 +149,8 @@ fn nees(truth: &State, ekf: &Ekf) -> f64 {
         off[(1, 0)] - off[(0, 1)],
     );
     error.fixed_rows_mut::<3>(6).copy_from(&(turn * 0.5));
-    let p = Cholesky::new(ekf.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned()).expect("positive");
+    let p = Cholesky::new(ekf.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned())
+        .expect("positive");
     error.dot(&p.solve(&error))
 }
 
