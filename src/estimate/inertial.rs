@@ -143,6 +143,7 @@ impl Normal {
 
     /// Carries the errors of a drone over a span: `P ← Φ P Φᵀ + Q` with
     /// `ṗ = v`, `v̇ = −R [f]× θ`, `θ̇ = −[ω]× θ`. The other states rest.
+    #[inline(always)]
     pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
         let first = ERRORS * drone;
         let Span { span_s, lever, turn_rad } = *span;
@@ -182,18 +183,20 @@ impl Normal {
         }
 
         let t = t_transposed.transpose();
-        for other in (0..first).chain(first + ERRORS..self.mean.len()) {
-            let mut with = self.covariance.fixed_view_mut::<ERRORS, 1>(first, other);
-            let [p, v, turn] = [0, VELOCITY, TURN].map(|at| with.fixed_rows::<3>(at).into_owned());
-            with.fixed_rows_mut::<3>(0).copy_from(&(p + v * span_s + c * turn));
-            with.fixed_rows_mut::<3>(VELOCITY).copy_from(&(v + b * turn));
-            with.fixed_rows_mut::<3>(TURN).copy_from(&(t * turn));
-            for i in first..first + ERRORS {
-                self.covariance[(other, i)] = self.covariance[(i, other)];
+        let (n, states) = (self.mean.len(), self.covariance.as_mut_slice());
+        for other in (0..first).chain(first + ERRORS..n) {
+            let with = &states[other * n + first..][..ERRORS];
+            let [p, v, turn] =
+                [0, VELOCITY, TURN].map(|at| Vector3::new(with[at], with[at + 1], with[at + 2]));
+            let carried = [p + v * span_s + c * turn, v + b * turn, t * turn];
+            for (i, with) in carried.iter().flatten().enumerate() {
+                states[other * n + first + i] = *with;
+                states[(first + i) * n + other] = *with;
             }
         }
     }
 
+    #[inline(always)]
     fn set(&mut self, row: usize, column: usize, block: &Matrix3<f64>) {
         self.covariance.fixed_view_mut::<3, 3>(row, column).copy_from(block);
     }

@@ -4,15 +4,15 @@ use super::normal::{Entry, Normal};
 
 /// One step that a filter recorded.
 #[derive(Clone, Debug)]
-pub struct Step {
+pub(super) struct Step {
     /// When.
-    pub time_s: f64,
+    pub(super) time_s: f64,
     /// Transition from the step before, as [`Normal::predict`] takes it.
-    pub transition: Vec<Entry>,
+    pub(super) transition: Vec<Entry>,
     /// Before the measurements of this step.
-    pub predicted: Normal,
+    pub(super) predicted: Normal,
     /// After them.
-    pub updated: Normal,
+    pub(super) updated: Normal,
 }
 
 /// The states of all steps as all measurements have them; where the covariance of a step is not
@@ -21,7 +21,7 @@ pub struct Step {
 /// # Errors
 ///
 /// That index.
-pub fn smoothed(steps: &[Step]) -> Result<Vec<Normal>, usize> {
+pub(super) fn smoothed(steps: &[Step]) -> Result<Vec<Normal>, usize> {
     let mut found: Vec<Normal> = Vec::with_capacity(steps.len());
     for (k, step) in steps.iter().enumerate().rev() {
         let Some((smooth, after)) = found.last().zip(steps.get(k + 1)) else {

@@ -10,21 +10,34 @@
 //!
 //! so that a Kalman filter converges from any start. It is blind where motion and anchors lie in one
 //! plane; [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by Gauss and Newton,
-//! weighted by its own covariance, which hands over to [`Positions`].
+//! weighted by its own covariance, which hands over to [`Positions`]. [`locate_enlarged`] begins
+//! anywhere among the anchors, and hands over after five seconds; no later range improves an earlier
+//! position, as in flight.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use super::mirror::ambiguities_of_motion;
+use super::pass::together;
 use super::positions::Positions;
-use super::{Link, Room};
+use super::smoother::{checked, heard_s};
+use super::track::moved_m;
+use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
+use crate::error::{Error, Result};
 use crate::estimate::{Measurement, Normal, Part};
 
 /// Steps of Gauss and Newton's method.
 const MAX_STEPS: usize = 30;
 /// Distances, in standard deviations along the weakest direction, from which it starts.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
+/// Time of the hand-over.
+const HAND_OVER_S: f64 = 5.0;
+/// Walk of the error of the known motion, m/√s: velocities of an on-board estimate.
+const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
 
 /// Cost of positions outside the room, more than any fit within is worth.
 const OUTSIDE: f64 = 1e6;
@@ -278,11 +291,85 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
+/// The linear filter before the hand-over, the extended Kalman filter after it.
+enum Stage {
+    First(Enlarged),
+    Second(Positions),
+}
+
+impl Stage {
+    fn at(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        match self {
+            Self::First(filter) => filter.at(drone),
+            Self::Second(filter) => filter.at(drone),
+        }
+    }
+}
+
+/// Positions by the enlarged linear filter, handed over to an extended Kalman filter.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a range that is no distance, and for a link without its end.
+pub fn locate_enlarged(
+    anchors_m: &[Vector3<f64>],
+    tracks: &[Track],
+    samples: &[RangeSample],
+    options: &LocateOptions,
+) -> Result<Located> {
+    let samples = checked(anchors_m, tracks.len(), samples)?;
+    let low_m = anchors_m.iter().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(b));
+    let high_m = anchors_m.iter().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(b));
+    let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
+        return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
+    };
+    let hand_over_s = before_s + HAND_OVER_S;
+    let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
+    let reach_m = (high_m - low_m).norm().max(1.0);
+    let mut stage = Stage::First(Enlarged::new(anchors_m, &starts_m, reach_m));
+    let mut located = Located::empty(tracks.len());
+    let (mut nis, mut taken, mut refused) = (0.0, 0.0, BTreeMap::new());
+    for step in together(&samples) {
+        let time_s = step[0].time_s;
+        let moved_m = moved_m(tracks, before_s, time_s);
+        let variance_m2 = MOTION_SIGMA_M_SQRT_S * MOTION_SIGMA_M_SQRT_S * (time_s - before_s);
+        before_s = time_s;
+        match &mut stage {
+            Stage::First(filter) => filter.advance(&moved_m, variance_m2),
+            Stage::Second(filter) => filter.advance(&moved_m, variance_m2),
+        }
+        if let Stage::First(filter) = &stage
+            && time_s >= hand_over_s
+        {
+            stage = Stage::Second(filter.positions(None, options.gate_sigmas));
+        }
+        for sample in step {
+            let (link, distance_m, sigma_m) =
+                (sample.link, sample.distance_m, options.range_sigma_m);
+            match &mut stage {
+                Stage::First(filter) => filter.correct(link, distance_m, sigma_m),
+                Stage::Second(filter) => match filter.correct(link, distance_m, sigma_m) {
+                    Some(one) => (nis, taken) = (nis + one, taken + 1.0),
+                    None => *refused.entry(link).or_default() += 1,
+                },
+            }
+        }
+        located.push(time_s, |drone| stage.at(drone));
+    }
+    located.nis = (taken > 0.0).then(|| nis / taken);
+    located.heard_s = heard_s(tracks.len(), &samples);
+    let moved_m = |drone: usize, time_s| tracks[drone].moved_m(time_s);
+    located.ambiguities = ambiguities_of_motion(anchors_m, &samples, &located, moved_m, options);
+    located.note_residuals(anchors_m, &samples, &refused, options.range_sigma_m);
+    located.warnings = located.contradictions(options.range_sigma_m);
+    Ok(located)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::estimate::locate::positions::slope;
-    use crate::estimate::locate::tests::{FIVE_LINKS, GEOMETRIES, Random, path};
+    use crate::estimate::locate::tests::{FIVE_LINKS, GEOMETRIES, Random, flight, off_m, path};
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
@@ -378,5 +465,16 @@ mod tests {
         // Without the room, the mirror image behind the wall is as good.
         let blind = found(GEOMETRIES[1].1, 60, true, false);
         assert!(blind < 59, "{blind}");
+    }
+
+    #[test]
+    fn five_links_and_the_motion_place_two_drones_without_a_start() {
+        let (anchors_m, tracks, samples) = flight(0.06);
+        let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
+        let found = locate_enlarged(&anchors_m, &tracks, &samples, &options).unwrap();
+        let off_m = off_m(&found, path());
+        assert!(off_m < 0.25, "{off_m} m");
+        assert!(found.nis.is_some_and(|nis| (0.5..1.3).contains(&nis)), "NIS {:?}", found.nis);
+        assert!(found.refused_frac < 0.01, "{}", found.refused_frac);
     }
 }

@@ -11,32 +11,32 @@ mod biases;
 mod clocks;
 mod enlarged;
 mod fit;
-mod known_motion;
 mod mirror;
-mod observer;
 mod pairs;
 mod pass;
 mod positions;
 mod reference;
 mod region;
 mod residuals;
+mod shared_anchor;
 mod smoother;
 mod solve;
 mod start;
+mod track;
 
 use nalgebra::{DVector, Vector3};
 
 pub use bias::{Bias, BiasOf};
 pub use clocks::{log_offset_s, reference_offset_s};
-pub use enlarged::Enlarged;
-pub use known_motion::{Track, locate_enlarged, locate_shared};
+pub use enlarged::{Enlarged, locate_enlarged};
 pub use mirror::Ambiguity;
-pub use observer::{FiveRanges, SharedAnchorObserver, shared_anchor};
 pub use positions::Positions;
 pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
 pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
 pub use residuals::{LinkResidual, nis_interval};
+pub use shared_anchor::{FiveRanges, SharedAnchorObserver, locate_shared, shared_anchor};
 pub use smoother::{LocateOptions, Located, locate};
+pub use track::Track;
 
 /// What a range is measured between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -127,7 +127,7 @@ impl Room {
 mod tests {
     use nalgebra::Vector3;
 
-    use super::Link;
+    use super::{Link, Located, RangeSample, Track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, fleet};
     use crate::random::split_mix;
@@ -174,5 +174,31 @@ mod tests {
         pub(super) fn vector(&mut self) -> Vector3<f64> {
             Vector3::from_fn(|_, _| self.normal())
         }
+    }
+
+    /// Anchors, motion along the word, and ranges of the five links in turn, 200 a second.
+    pub(super) fn flight(sigma_m: f64) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>) {
+        let (anchors_m, place, mut random) =
+            (GEOMETRIES[0].1.map(Vector3::from), path(), Random(3));
+        let track = |drone: usize| {
+            let speed = |k: u32| {
+                let time_s = f64::from(k) * 0.01;
+                (time_s, (place(drone, time_s + 1e-4) - place(drone, time_s - 1e-4)) / 2e-4)
+            };
+            Track::new((0..2000).map(speed))
+        };
+        let tracks = [track(0), track(1)];
+        let sample = |k: u32| {
+            let (time_s, link) = (f64::from(k) * 0.005, FIVE_LINKS[k as usize % 5]);
+            let true_m = link.away_m(&anchors_m, |drone| place(drone, time_s)).norm();
+            RangeSample { time_s, link, distance_m: true_m + sigma_m * random.normal() }
+        };
+        (anchors_m, tracks, (0..4000).map(sample).collect())
+    }
+
+    pub(super) fn off_m(found: &Located, place: impl Fn(usize, f64) -> Vector3<f64>) -> f64 {
+        let last = found.time_s.len() - 1;
+        let off = |d: usize| found.position_m[d][last] - place(d, found.time_s[last]);
+        off(0).norm().max(off(1).norm())
     }
 }

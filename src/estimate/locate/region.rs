@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
 
-use super::observer::SharedAnchorObserver;
+use super::shared_anchor::SharedAnchorObserver;
 use crate::random::split_mix;
 use crate::statistics::median;
 

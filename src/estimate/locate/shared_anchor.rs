@@ -11,9 +11,21 @@
 //!
 //! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
 //! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
-//! uses three of the five ranges: at an instant they fix three of six coordinates.
+//! uses three of the five ranges: at an instant they fix three of six coordinates. [`locate_shared`]
+//! runs it over a log, from a start near the truth and without a covariance.
 
-use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::pass::together;
+use super::smoother::{checked, heard_s};
+use super::track::moved_m;
+use super::{Link, Located, RangeSample, Track};
+use crate::error::{Error, Result};
+
+/// Gain of the authors' observer, 1/(m² s).
+const GAIN: f64 = 0.03;
 
 /// The observer.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,10 +127,75 @@ impl SharedAnchorObserver {
     }
 }
 
+/// Positions of two drones by the observer of the shared anchor, from starts near the truth. Ranges
+/// are held until the next one of their link.
+///
+/// # Errors
+///
+/// As [`locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone, one of them
+/// the same, and the range between the drones.
+pub fn locate_shared(
+    anchors_m: &[Vector3<f64>],
+    tracks: &[Track; 2],
+    starts_m: [Vector3<f64>; 2],
+    samples: &[RangeSample],
+) -> Result<Located> {
+    let samples = checked(anchors_m, 2, samples)?;
+    let mut heard = [BTreeSet::new(), BTreeSet::new()];
+    let mut between = false;
+    for sample in &samples {
+        match sample.link {
+            Link::Anchor { drone, anchor } => _ = heard[drone].insert(anchor),
+            Link::Drones(..) => between = true,
+        }
+    }
+    let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
+    let Some([own1, own2, shared]) = shared_anchor(&heard).filter(|_| between) else {
+        let wanted = "two anchors a drone, one of them the same, and the range between the drones";
+        let found = format!("anchors {:?} and {:?}", heard[0], heard[1]);
+        return Err(Error::input("ranges", found, wanted, "take --observer smooth or enlarged"));
+    };
+    let own_m = [anchors_m[own1], anchors_m[own2]];
+    let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
+    let mut held = [None; 5];
+    let mut at_m = starts_m;
+    let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
+    let mut located = Located::empty(2);
+    for step in together(&samples) {
+        let time_s = step[0].time_s;
+        let moved_m = moved_m(tracks, before_s, time_s);
+        for sample in step {
+            let slot = match sample.link {
+                Link::Drones(..) => 4,
+                Link::Anchor { drone, anchor } if anchor == shared => 2 + drone,
+                Link::Anchor { drone, .. } => drone,
+            };
+            held[slot] = Some(sample.distance_m);
+        }
+        let corrections = match held {
+            [Some(a), Some(b), Some(c), Some(d), Some(between_m)] => {
+                let ranges = FiveRanges { own_m: [a, b], shared_m: [c, d], between_m };
+                observer.corrections(&at_m, &observer.outputs(&ranges))
+            }
+            _ => [Vector3::zeros(); 2],
+        };
+        for drone in 0..2 {
+            at_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
+        }
+        before_s = time_s;
+        located.push(time_s, |drone| (at_m[drone], Matrix3::zeros()));
+    }
+    located.covariance_m2.clear();
+    located.heard_s = heard_s(2, &samples);
+    // It knows no noise: each link's own scatter is the scale.
+    located.note_residuals(anchors_m, &samples, &BTreeMap::new(), 0.0);
+    Ok(located)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::locate::tests::Random;
+    use crate::estimate::locate::tests::{Random, flight, off_m, path};
 
     #[test]
     fn outputs_are_linear_and_bilinear_in_the_places_to_rounding() {
@@ -160,5 +237,21 @@ mod tests {
             let found = quadratic + extra;
             assert!((found - want).abs() < 1e-6 * (1.0 + want.abs()), "{found} {want}");
         }
+    }
+
+    #[test]
+    fn the_shared_anchor_observer_keeps_a_true_start_and_wants_its_five_links() {
+        let (anchors_m, tracks, samples) = flight(0.0);
+        let place = path();
+        let starts_m = [place(0, 0.0), place(1, 0.0)];
+        let found = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
+        // Ranges are held for up to 25 ms.
+        let off_m = off_m(&found, place);
+        assert!(off_m < 0.06, "{off_m} m");
+        assert!(found.covariance_m2.is_empty());
+        let no_range: Vec<_> =
+            samples.into_iter().filter(|s| s.link != Link::Drones(0, 1)).collect();
+        let error = locate_shared(&anchors_m, &tracks, starts_m, &no_range).unwrap_err();
+        assert!(error.to_string().contains("the range between the drones"), "{error}");
     }
 }
