@@ -33,7 +33,7 @@ pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
 use plans::{check_plan, check_separation};
-pub use profile::{Profile, ROOM_MARGIN_M};
+pub use profile::Profile;
 pub use row::{Checked, Row};
 pub use written::check_written;
 
