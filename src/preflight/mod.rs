@@ -187,13 +187,11 @@ fn check_memory(shoot: &Shoot, drone: usize) -> Finding {
 /// timed on the exported trajectory.
 fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
     let form = Form::Compressed;
-    let entries = || match shoot.designs.is_empty() {
-        true => {
-            let flown = shoot.as_exported(form, form.tolerance_m(), Length::Any)?;
-            timing_entries(&flown.plans[drone].plan, &shoot.scene.light)
-        }
-        false => timing_entries(&shoot.plans[drone].plan, &shoot.scene.light),
+    let flown = || match shoot.designs.is_empty() {
+        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
+        false => Ok(shoot.clone()),
     };
+    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.scene.light);
     let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq(["ring"]);
     match if used { entries() } else { Ok(None) } {
         Ok(entries) => Finding::LedMemory { entries, most: MAX_TIMING_ENTRIES },
