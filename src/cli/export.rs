@@ -14,6 +14,7 @@ use super::report::{Outcome, Report, line};
 use super::{findings, warn};
 use crate::error::{Error, Result};
 use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export};
+use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{Finding, preflight};
 use crate::shoot::Shoot;
@@ -166,7 +167,6 @@ fn bounds_m(shoot: &Shoot) -> [f64; 4] {
         return strokes.bounds_m();
     }
     let setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    let places = setpoints.filter(|setpoint| setpoint.letter.is_some()).map(|s| s.position_m);
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    places.fold(none, |b, p| [b[0].min(p.x), b[1].min(p.z), b[2].max(p.x), b[3].max(p.z)])
+    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
+    bounds(written.map(|setpoint| [setpoint.position_m.x, setpoint.position_m.z]))
 }

@@ -34,7 +34,7 @@ pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
 use plans::{check_plan, check_separation};
-pub use profile::{Profile, ROOM_MARGIN_M};
+pub use profile::Profile;
 pub use row::{Checked, Row};
 pub use written::check_written;
 
@@ -188,13 +188,11 @@ fn check_memory(shoot: &Shoot, drone: usize) -> Finding {
 /// timed on the exported trajectory.
 fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
     let form = Form::Compressed;
-    let entries = || match shoot.designs.is_empty() {
-        true => {
-            let flown = shoot.as_exported(form, form.tolerance_m(), Length::Any)?;
-            timing_entries(&flown.plans[drone].plan, &shoot.scene.light)
-        }
-        false => timing_entries(&shoot.plans[drone].plan, &shoot.scene.light),
+    let flown = || match shoot.designs.is_empty() {
+        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
+        false => Ok(shoot.clone()),
     };
+    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.scene.light);
     let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq(["ring"]);
     match if used { entries() } else { Ok(None) } {
         Ok(entries) => Finding::LedMemory { entries, most: RING_TIMING_ENTRIES },

@@ -26,7 +26,7 @@ pub struct Profile {
 
 /// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which a
 /// flight may stray from its design.
-pub const ROOM_MARGIN_M: f64 = 0.2;
+const ROOM_MARGIN_M: f64 = 0.2;
 
 impl Profile {
     /// The same within a room of a width, depth and height, its floor's middle at the origin.

@@ -8,6 +8,7 @@ use super::{Recording, Shoot, Watch};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
 use crate::flight::Flight;
+use crate::geometry::bounds;
 use crate::light::{LightSample, LightTrace, light};
 use crate::scene::Scene;
 
@@ -125,11 +126,8 @@ impl Shoot {
         }
         let samples = flights.iter().flat_map(|flight| &flight.samples);
         let written = samples.filter(|sample| sample.letter.is_some());
-        let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        let [left, bottom, right, top] = written.fold(none, |[l, b, r, t], sample| {
-            let at_m = sample.design_m;
-            [l.min(at_m.x), b.min(at_m.z), r.max(at_m.x), t.max(at_m.z)]
-        });
+        let places_m = written.map(|sample| [sample.design_m.x, sample.design_m.z]);
+        let [left, bottom, right, top] = bounds(places_m);
         match &self.scene.camera.framing {
             _ if left < right || bottom < top => Ok([left, bottom, right, top]),
             Framing::Fixed(_) => Ok([0.0; 4]),
