@@ -131,7 +131,7 @@ mod tests {
         ];
         let texts = sources.iter().flat_map(|source| source.split('"'));
         let changes = texts.filter(|text| text.contains('.')).flat_map(|text| {
-            let changes = crate::scene::Advice(text).changes().collect::<Vec<_>>();
+            let changes = crate::scene::SceneAdvice(text).changes().collect::<Vec<_>>();
             changes.into_iter().filter(|change| change.key.starts_with(char::is_alphabetic))
         });
         let changes: Vec<Change> = changes

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::export::Memory;
 use crate::flight::Warning;
 use crate::plan::{Approach, StrokeEnd};
-use crate::scene::Advice;
+use crate::scene::SceneAdvice;
 use crate::shoot::Problem;
 
 /// How bad a finding is.
@@ -46,7 +46,7 @@ pub enum Finding {
         /// What it takes.
         wanted: &'static str,
         /// How to have it.
-        advice: Advice,
+        advice: SceneAdvice,
     },
     /// Letters with a stroke that is drawn twice: the doubled length, m.
     DoubledStroke(Vec<(char, f64)>),
@@ -143,6 +143,6 @@ impl Finding {
         wanted: &'static str,
         advice: &'static str,
     ) -> Self {
-        Self::Unchecked { check, why: why.to_string(), wanted, advice: Advice(advice) }
+        Self::Unchecked { check, why: why.to_string(), wanted, advice: SceneAdvice(advice) }
     }
 }

@@ -9,7 +9,7 @@ use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::export::Memory;
 use crate::export::poly4d::MAX_PIECES;
 use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style};
-use crate::scene::{Advice, Change};
+use crate::scene::{Change, SceneAdvice};
 
 /// A finding of one drone, or of all.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -54,7 +54,7 @@ pub struct Row {
     pub wanted: String,
     /// What to change beyond the limit.
     #[serde(skip)]
-    pub advice: Advice,
+    pub advice: SceneAdvice,
 }
 
 impl Row {
@@ -77,7 +77,7 @@ impl Row {
         wanted: impl Into<String>,
         advice: &'static str,
     ) -> Self {
-        Self { found: found.into(), wanted: wanted.into(), advice: Advice(advice), ..self }
+        Self { found: found.into(), wanted: wanted.into(), advice: SceneAdvice(advice), ..self }
     }
 }
 

@@ -3,7 +3,7 @@
 use plotters::style::RGBColor;
 
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
-use crate::sim::altitude::{Hold, HoldSample, Reading, Sensor};
+use crate::sim::altitude::{HeightReading, Hold, HoldSample, Sensor};
 
 /// Height of a panel.
 const PANEL_PX: f64 = 150.0;
@@ -101,14 +101,14 @@ fn innovation(flight: &Hold, sensor: Sensor, pen: Pen) -> Curve {
 fn thrown_away(flight: &Hold) -> Curve {
     let all = flight.samples.iter().flat_map(|s| s.readings.iter().map(move |r| (s.time_s, r)));
     let thrown = all.filter(|(_, reading)| !reading.taken);
-    let stroke = |(time_s, reading): (f64, &Reading)| {
+    let stroke = |(time_s, reading): (f64, &HeightReading)| {
         let side = EDGE_SIGMAS.copysign(reading.innovation.value);
         vec![(time_s, 0.7 * side), (time_s, side)]
     };
     Curve { pen: THROWN, pieces: thrown.map(stroke).collect() }
 }
 
-fn sigmas(reading: &Reading) -> f64 {
+fn sigmas(reading: &HeightReading) -> f64 {
     let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
     sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
 }

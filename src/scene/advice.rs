@@ -32,9 +32,9 @@ impl fmt::Display for Change {
 /// What to change: a sentence with keys of the scene in braces, some with a value, such as
 /// `"raise {camera.iso}, or set {camera.metering=trail}"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Advice(pub &'static str);
+pub struct SceneAdvice(pub &'static str);
 
-impl Advice {
+impl SceneAdvice {
     /// The keys that it names, in order.
     pub fn changes(self) -> impl Iterator<Item = Change> {
         self.0.split(['{', '}']).skip(1).step_by(2).map(|part| match part.split_once('=') {
@@ -58,12 +58,12 @@ mod tests {
     #[test]
     fn a_sentence_names_its_changes_in_order() {
         let advice =
-            Advice("raise {camera.iso} or set {plan.light_clock=light}, {camera.iso=200}.");
+            SceneAdvice("raise {camera.iso} or set {plan.light_clock=light}, {camera.iso=200}.");
         assert_eq!(
             advice.sentence(Change::to_string),
             "raise camera.iso or set plan.light_clock = \"light\", camera.iso = 200."
         );
         assert_eq!(advice.changes().filter(|change| change.value.is_some()).count(), 2);
-        assert_eq!(Advice("wait").sentence(Change::to_string), "wait");
+        assert_eq!(SceneAdvice("wait").sentence(Change::to_string), "wait");
     }
 }

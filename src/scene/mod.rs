@@ -30,7 +30,7 @@ mod named;
 mod preset;
 mod text;
 
-pub use advice::{Advice, Change};
+pub use advice::{Change, SceneAdvice};
 #[cfg(test)]
 pub(crate) use idle::reason;
 pub use named::NamedScene;

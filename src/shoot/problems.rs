@@ -11,7 +11,7 @@ use crate::flight::{Flight, Warning};
 use crate::light::gaps::{Gap, gaps};
 use crate::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
 use crate::photo::Photo;
-use crate::scene::{Advice, Change};
+use crate::scene::{Change, SceneAdvice};
 
 /// A problem of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +82,7 @@ impl Problem {
 
     /// What was found, and what to change.
     #[must_use]
-    pub fn parts(&self) -> (String, Advice) {
+    pub fn parts(&self) -> (String, SceneAdvice) {
         let (found, advice) = match self {
             Self::ShutterCloses { at_s, early_s } => (
                 format!(
@@ -149,7 +149,7 @@ impl Problem {
                 (error.clone(), "see `preview`; {camera.framing=word} frames the word")
             }
         };
-        (found, Advice(advice))
+        (found, SceneAdvice(advice))
     }
 
     /// One sentence about it, with the advice that is about it alone; `typed` writes a change.

@@ -14,7 +14,7 @@ mod full;
 mod scalar;
 mod scenario;
 
-pub use super::estimator::{AltitudeFilter, AltitudeState, Reading, Sensor};
+pub use super::estimator::{AltitudeFilter, AltitudeState, HeightReading, Sensor};
 pub use scenario::Scenario;
 
 use super::options::{EstimatorKind, HeightSensor, Positioning, SimOptions};
@@ -71,7 +71,7 @@ pub struct HoldSample {
     /// Throttle that is commanded from now on.
     pub throttle: f64,
     /// Readings since the sample before.
-    pub readings: Vec<Reading>,
+    pub readings: Vec<HeightReading>,
 }
 
 /// All states, in order.
@@ -93,7 +93,7 @@ impl HoldSample {
         truth: [f64; 6],
         filter: &AltitudeFilter,
         throttle: f64,
-        readings: Vec<Reading>,
+        readings: Vec<HeightReading>,
     ) -> Self {
         let estimate = STATES.map(|state| filter.estimate(state));
         let sigma = STATES.map(|state| filter.sigma(state));

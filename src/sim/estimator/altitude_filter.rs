@@ -46,7 +46,7 @@ const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 
 /// A reading against its prediction.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading {
+pub struct HeightReading {
     /// What measured it.
     pub sensor: Sensor,
     /// What it measured.
@@ -63,7 +63,7 @@ pub struct AltitudeFilter {
     options: AltitudeOptions,
     normal: Normal,
     /// Readings since the last prediction.
-    readings: Vec<Reading>,
+    readings: Vec<HeightReading>,
     test: StepTest,
     steps: u32,
 }
@@ -167,7 +167,7 @@ impl AltitudeFilter {
         };
         self.steps += u32::from(matches!(floor, Floor::Stepped(_)));
         let taken = floor == Floor::Still;
-        self.readings.push(Reading { sensor, measured_m, innovation, taken });
+        self.readings.push(HeightReading { sensor, measured_m, innovation, taken });
     }
 
     /// Estimate of a state.
@@ -190,7 +190,7 @@ impl AltitudeFilter {
 
     /// Readings since the last prediction, in the order in which they came.
     #[must_use]
-    pub fn readings(&self) -> &[Reading] {
+    pub fn readings(&self) -> &[HeightReading] {
         &self.readings
     }
 
