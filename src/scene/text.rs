@@ -229,13 +229,17 @@ fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
 fn unknown_key(place: &str, key: &str) -> Error {
     let mut paths = BTreeSet::new();
     collect_paths("", Scene::SHAPE.settings(), &mut paths);
-    let mut same = paths.iter().filter(|path| path.rsplit('.').next() == Some(key));
-    let hint = match same.next().filter(|_| same.next().is_none()) {
-        Some(path) => format!("the key is {path}"),
-        None => match similar(place, paths.iter().map(String::as_str)) {
-            Some(path) => format!("did you mean {path}?"),
-            None => HINT.into(),
-        },
+    // The one key of this name within a table.
+    let only = |table: &str| {
+        let named = |path: &&String| path.rsplit('.').next() == Some(key);
+        let mut same = paths.iter().filter(|path| path.starts_with(table)).filter(named);
+        same.next().filter(|_| same.next().is_none())
+    };
+    let table = place.split_inclusive('.').next().unwrap_or_default();
+    let hint = match (only(table), similar(place, paths.iter().map(String::as_str))) {
+        (Some(path), _) => format!("the key is {path}"),
+        (None, Some(path)) => format!("did you mean {path}?"),
+        (None, None) => only("").map_or(HINT.into(), |path| format!("the key is {path}")),
     };
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
 }
