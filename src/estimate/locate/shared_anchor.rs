@@ -132,8 +132,8 @@ impl SharedAnchorObserver {
 ///
 /// # Errors
 ///
-/// As [`locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone, one of them
-/// the same, and the range between the drones.
+/// As [`super::locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone, one
+/// of them the same, and the range between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track; 2],
