@@ -12,6 +12,8 @@
 //!         speed_m_s: f64 = 0.2, in 0.001..=100.0;
 //!         /// What happens where strokes meet.
 //!         joint: Joint = Joint::Round;
+//!         /// Radius at corners. It has an effect with one choice only.
+//!         radius_m: f64 = 0.01, in 0.0..=1.0, for "pen.joint" = "round";
 //!     }
 //!
 //!     /// A choice by name: a string. The first name is the default.
@@ -32,6 +34,10 @@
 //! }
 //! ```
 //!
+//! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of its
+//! list, a setting has an effect; without names, whether that key is set, and not 0. The settings of
+//! other choices are kept all the same, so that a preset's gains survive a change of the choice.
+//!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
 
@@ -48,6 +54,18 @@ pub(crate) struct Setting {
     pub(crate) range: Option<[f64; 2]>,
     /// Form of its value.
     pub(crate) shape: Shape,
+    /// All that must hold for it to have an effect.
+    pub(crate) needs: &'static [Need],
+}
+
+/// What a setting needs to have an effect: another setting, by its dotted key in the scene file.
+#[derive(Debug)]
+pub(crate) struct Need {
+    pub(crate) key: &'static str,
+    /// Names of which it has one; where there are none, it is set and not 0.
+    pub(crate) names: &'static [&'static str],
+    /// Whether that must be so, or must not.
+    pub(crate) holds: bool,
 }
 
 /// One name of a choice.
@@ -199,7 +217,10 @@ macro_rules! settings {
         $vis:vis struct $name:ident {
             $(
                 $(#[doc = $doc:literal])+
-                $key:ident: $type:ty = $default:expr $(, in $range:expr)?;
+                $key:ident: $type:ty = $default:expr
+                    $(, in $range:expr)?
+                    $(, for $need:literal $(= $($needed:literal)|+)?)*
+                    $(, unless $bar:literal $(= $($barred:literal)|+)?)?;
             )*
         }
         $($rest:tt)*
@@ -227,6 +248,18 @@ macro_rules! settings {
                     doc: &[$($doc),+],
                     range: $crate::settings::range_of!($($range)?),
                     shape: <$type as $crate::settings::Described>::SHAPE,
+                    needs: &[
+                        $($crate::settings::Need {
+                            key: $need,
+                            names: &[$($($needed),+)?],
+                            holds: true,
+                        },)*
+                        $($crate::settings::Need {
+                            key: $bar,
+                            names: &[$($($barred),+)?],
+                            holds: false,
+                        },)?
+                    ],
                 },)*
             ]);
 

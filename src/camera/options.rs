@@ -27,10 +27,10 @@ settings! {
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
         /// Aperture number, unless the meter sets it.
-        f_number: f64 = 8.0, in 0.5..=256.0;
+        f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
         /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
         /// base sensitivity.
-        iso: f64 = 100.0, in 1.0..=1e7;
+        iso: f64 = 100.0, in 1.0..=1e7, unless "camera.metering" = "trail";
         /// Sensitivity at which a full well is white; above it, the converter clips earlier.
         base_iso: f64 = 100.0, in 1.0..=1e5;
         /// Time of flight at which the shutter opens.

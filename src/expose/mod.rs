@@ -131,7 +131,7 @@ settings! {
         ///
         /// That of a Crazyflie is the position of its board, 2 cm above the floor (an assumption:
         /// feet below the motor mounts).
-        floor_z_m: f64 = -0.02, in -1e3..=1e3;
+        floor_z_m: f64 = -0.02, in -1e3..=1e3, for "expose.floor_albedo";
     }
 }
 

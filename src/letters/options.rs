@@ -12,14 +12,14 @@ settings! {
     pub struct LetterOptions {
         /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
         /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
-        font: String = "ae483".into();
+        font: String = "ae483".into(), unless "letters.drawing";
         /// Lines that are drawn of a typeface.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, `*.json` or `*.inkml`; empty: none.
         drawing: String = String::new();
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
-        drawing_sha256: String = String::new();
+        drawing_sha256: String = String::new(), for "letters.drawing";
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.

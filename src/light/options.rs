@@ -57,7 +57,7 @@ settings! {
         /// `colorLedBot.brightCorr`.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
         /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists them.
-        deck: Deck = Deck::LedRing;
+        deck: Deck = Deck::LedRing, unless "light.fixtures";
         /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
         /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
         fixtures: Option<Vec<Fixture>> = None;

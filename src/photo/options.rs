@@ -15,19 +15,19 @@ settings! {
         /// ISO 9358 measures 1 to 5 % on usual lenses.
         glare_frac: f64 = 0.045, in 0.0..=0.5;
         /// Core radius r0 of the scatter `1 / (1 + (r/r0)²)^1.1` on the sensor.
-        glare_radius_m: f64 = 40e-6, in 1e-7..=0.1;
+        glare_radius_m: f64 = 40e-6, in 1e-7..=0.1, for "photo.glare_frac";
         /// Blades of the iris: an even number makes as many spikes at bright points, an odd number
         /// twice as many. 0 for no starburst.
         aperture_blades: u32 = 7, in 0.0..=32.0;
         /// Luminance of the room; 0 for a dark one.
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Color of the light of the room, linear sRGB; its luminance is scaled to 1.
-        ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75], in 1e-3..=1e3;
+        ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75], in 1e-3..=1e3, for "photo.ambient_cd_m2";
         /// PNG picture behind the light, relative to the current folder; it covers the photo and is
         /// cut to its aspect. Empty for none.
         background: String = String::new();
         /// Exposure of the background in stops; at 0 its white saturates the sensor.
-        background_stops: f64 = 0.0, in -20.0..=20.0;
+        background_stops: f64 = 0.0, in -20.0..=20.0, for "photo.background";
         /// Share of the light of a color that the neighboring color channel receives; 0 for none.
         ///
         /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan centers.

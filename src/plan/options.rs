@@ -16,10 +16,10 @@ settings! {
         /// Time between two setpoints on a leg; the drone holds each until the next.
         setpoint_interval_s: f64 = 0.1, in 0.001..=10.0;
         /// Wait on the floor with motors off, before take-off and after landing.
-        floor_wait_s: f64 = 1.1, in 0.0..=600.0;
+        floor_wait_s: f64 = 1.1, in 0.0..=600.0, unless "plan.extent" = "letters";
         /// Height to which the drone sinks after the last letter, and at which it returns (`team`)
         /// or switches its motors off (`even`).
-        landing_height_m: f64 = 0.15, in 0.001..=1000.0;
+        landing_height_m: f64 = 0.15, in 0.001..=1000.0, unless "plan.extent" = "letters";
         /// Drones that share the strokes; more than one in style `even` only.
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.

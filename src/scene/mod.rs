@@ -42,7 +42,7 @@ settings! {
         /// Preset that gives the keys left out.
         preset: Preset = Preset::default();
         /// Word to write; `\\n` begins a new line.
-        word: String = String::new();
+        word: String = String::new(), unless "letters.drawing";
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;
         /// The word's drawing.
@@ -52,7 +52,7 @@ settings! {
         /// The drone.
         vehicle: VehicleOptions = Preset::default().sim().vehicle;
         /// The battery.
-        battery: BatteryOptions = Preset::default().sim().battery;
+        battery: BatteryOptions = Preset::default().sim().battery, for "battery.capacity_ah";
         /// The air.
         air: AirOptions = Preset::default().sim().air;
         /// The floor below the flight.
@@ -64,7 +64,7 @@ settings! {
         /// The estimator: the state from the measurements.
         observer: ObserverOptions = Preset::default().sim().observer;
         /// Sensors and their noise.
-        sensors: SensorOptions = Preset::default().sim().sensors;
+        sensors: SensorOptions = Preset::default().sim().sensors, unless "observer.kind" = "truth";
         /// The lamps, and how they follow commands.
         light: LightOptions = Preset::default().light();
         /// The camera.

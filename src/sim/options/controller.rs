@@ -9,13 +9,15 @@ settings! {
         /// The controller that flies.
         kind: ControllerKind = ControllerKind::Lqr;
         /// Linear-quadratic regulators.
-        lqr: LqrOptions = LqrOptions::default();
+        lqr: LqrOptions = LqrOptions::default(), unless "controller.kind" = "pid" | "geometric";
         /// The geometric controller.
-        geometric: GeometricOptions = GeometricOptions::default();
+        geometric: GeometricOptions = GeometricOptions::default(),
+            for "controller.kind" = "geometric";
         /// Altitude hold.
-        altitude: AltitudeHoldOptions = AltitudeHoldOptions::default();
+        altitude: AltitudeHoldOptions = AltitudeHoldOptions::default(),
+            for "controller.kind" = "altitude";
         /// The firmware's cascade of PID loops.
-        pid: PidOptions = PidOptions::default();
+        pid: PidOptions = PidOptions::default(), for "controller.kind" = "pid";
     }
 
     /// A controller.
@@ -48,7 +50,7 @@ settings! {
         /// Weights of the integral of the position error x y z (1/(m s)²), for lqr-integral.
         ///
         /// More removes a standing error sooner, and swings further past a corner.
-        q_integral: [f64; 3] = [20.0; 3], in 0.0..=1e12;
+        q_integral: [f64; 3] = [20.0; 3], in 0.0..=1e12, for "controller.kind" = "lqr-integral";
         /// Model of the motors in the design of the gain.
         motor_lag: MotorLag = MotorLag::Modeled;
     }

@@ -66,7 +66,7 @@ settings! {
         attitude_hz: u32 = 500, in 50.0..=2000.0;
         /// Runs per second of the cascade's position and velocity loops; divides `attitude_hz`,
         /// which also caps it.
-        position_hz: u32 = 100, in 10.0..=2000.0;
+        position_hz: u32 = 100, in 10.0..=2000.0, for "controller.kind" = "pid";
         /// Samples per second of the flight's log; divides `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         /// Runge-Kutta steps per control tick.

@@ -11,13 +11,16 @@ settings! {
         /// The estimator that flies.
         kind: EstimatorKind = EstimatorKind::Luenberger;
         /// Luenberger observer.
-        luenberger: LuenbergerOptions = LuenbergerOptions::default();
+        luenberger: LuenbergerOptions = LuenbergerOptions::default(),
+            for "observer.kind" = "luenberger";
         /// Extended Kalman filter.
-        ekf: EkfOptions = EkfOptions::default();
+        ekf: EkfOptions = EkfOptions::default(),
+            for "observer.kind" = "ekf" | "altitude" | "cooperative";
         /// Altitude filter.
-        altitude: AltitudeOptions = AltitudeOptions::default();
+        altitude: AltitudeOptions = AltitudeOptions::default(), for "observer.kind" = "altitude";
         /// The filter of a fleet, with the weights of `ekf`.
-        cooperative: CooperativeOptions = CooperativeOptions::default();
+        cooperative: CooperativeOptions = CooperativeOptions::default(),
+            for "observer.kind" = "cooperative";
     }
 
     /// An estimator of the drone's motion.
@@ -88,19 +91,25 @@ settings! {
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.0045, in 1e-7..=10.0;
         /// Standard deviation of a sweep angle of a second-generation station.
-        sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0;
+        sweep_sigma_rad: f64 = 0.001, in 1e-6..=1.0,
+            for "sensors.positioning" = "sweeps",
+            for "sensors.lighthouse.stations.generation" = "v2";
         /// Standard deviation of a sweep angle of a first-generation station.
-        sweep_v1_sigma_rad: f64 = 0.0004, in 1e-6..=1.0;
+        sweep_v1_sigma_rad: f64 = 0.0004, in 1e-6..=1.0,
+            for "sensors.positioning" = "sweeps",
+            for "sensors.lighthouse.stations.generation" = "v1";
         /// Standard deviation of a measured position per axis.
-        position_sigma_m: f64 = 0.01, in 1e-5..=100.0;
+        position_sigma_m: f64 = 0.01, in 1e-5..=100.0,
+            for "sensors.positioning" = "position" | "crossing-beams" | "gnss";
         /// Standard deviation of a difference of ultra-wideband ranges.
-        range_sigma_m: f64 = 0.15, in 1e-4..=100.0;
+        range_sigma_m: f64 = 0.15, in 1e-4..=100.0, for "sensors.positioning" = "uwb-tdoa";
         /// Standard deviation of an ultra-wideband range by two-way ranging.
-        two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0;
+        two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0, for "sensors.positioning" = "uwb-twr";
         /// Standard deviation of a barometric height.
         ///
         /// That of the time-of-flight ranger follows its distance, as in the firmware.
-        barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0;
+        barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
+            for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
         /// Gate: standard deviations of its innovation beyond which a measurement is rejected.
         ///
         /// χ² with one degree of freedom. If it is too low, one of two stations that disagree, as
@@ -110,7 +119,8 @@ settings! {
         ///
         /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor, and
         /// not motion of the drone.
-        floor_steps: bool = false;
+        floor_steps: bool = false,
+            for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf";
     }
 }
 

@@ -19,21 +19,27 @@ settings! {
         /// Measurement of the position.
         positioning: Positioning = Positioning::Position;
         /// Further measurements of the height: time-of-flight, barometer.
-        heights: Vec<HeightSensor> = Vec::new();
+        heights: Vec<HeightSensor> = Vec::new(),
+            for "observer.kind" = "ekf" | "altitude" | "cooperative";
         /// Gyroscope and accelerometer.
         imu: ImuOptions = ImuOptions::default();
         /// Lighthouse.
-        lighthouse: LighthouseOptions = LighthouseOptions::default();
+        lighthouse: LighthouseOptions = LighthouseOptions::default(),
+            for "sensors.positioning" = "position" | "crossing-beams" | "sweeps";
         /// Ultra-wideband ranging.
-        uwb: UwbOptions = UwbOptions::default();
+        uwb: UwbOptions = UwbOptions::default(), for "sensors.positioning" = "uwb-twr" | "uwb-tdoa";
         /// Time of flight to the floor.
-        time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default();
+        time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default(),
+            for "sensors.heights" = "time-of-flight",
+            for "observer.kind" = "ekf" | "altitude" | "cooperative";
         /// Ranges and messages between the drones of a fleet.
-        peers: PeerOptions = PeerOptions::default();
+        peers: PeerOptions = PeerOptions::default(), for "observer.kind" = "cooperative";
         /// Barometer.
-        barometer: BarometerOptions = BarometerOptions::default();
+        barometer: BarometerOptions = BarometerOptions::default(),
+            for "sensors.heights" = "barometer",
+            for "observer.kind" = "ekf" | "altitude" | "cooperative";
         /// Satellite navigation with a base station.
-        gnss: GnssOptions = GnssOptions::default();
+        gnss: GnssOptions = GnssOptions::default(), for "sensors.positioning" = "gnss";
     }
 
     /// Measurement of the position.
@@ -93,7 +99,7 @@ settings! {
     /// as measured. Two stations in opposite corners, some 4 m from the word.
     pub struct LighthouseOptions {
         /// White noise of the measured position per axis and tick, σ; for `position`.
-        jitter_m: f64 = 0.001, in 0.0..=1.0;
+        jitter_m: f64 = 0.001, in 0.0..=1.0, for "sensors.positioning" = "position";
         /// Smooth error that depends on the drone's place, per axis, σ.
         ///
         /// It is left by the joint solution for the stations' places: they agree on a bent room.

@@ -65,9 +65,9 @@ settings! {
         /// Ground effect: thrust near the floor over thrust far from it, at the same rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.
-        rotor_radius_m: f64 = 0.023, in 1e-3..=1.0;
+        rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
         /// Height of the propellers above the floor when the drone stands on it.
-        rotor_height_m: f64 = 0.03, in 0.0..=2.0;
+        rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
     }
 
     /// A model of the ground effect: thrust near the floor over thrust far from it, at the same
