@@ -12,13 +12,14 @@ use std::time::{Duration, Instant};
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector3;
+use noctograph::scene::{Preset, Scene};
 use noctograph::sim::{GroundEffect, Gusts, Plant, SimOptions};
 
 const STEPS: u64 = 100_000;
 
 /// Body and lagging, spinning, dragging rotors.
 fn motion() -> SimOptions {
-    let mut options = SimOptions::cf21();
+    let mut options = Scene::preset(Preset::Cf21).sim();
     options.battery.capacity_ah = 0.0;
     options.vehicle.ground_effect = GroundEffect::None;
     options
@@ -26,7 +27,7 @@ fn motion() -> SimOptions {
 
 /// All of it: battery, ground effect and gusts as well.
 fn everything() -> SimOptions {
-    let mut options = SimOptions::cf21();
+    let mut options = Scene::preset(Preset::Cf21).sim();
     options.air.gusts = Gusts::room();
     options
 }
@@ -42,7 +43,7 @@ fn physics(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(STEPS)).sample_size(20).sampling_mode(SamplingMode::Flat);
     let cases = [
         ("rotors and drag", motion()),
-        ("cf21", SimOptions::cf21()),
+        ("cf21", Scene::preset(Preset::Cf21).sim()),
         ("cf21, gusts", everything()),
     ];
     for (name, options) in cases {

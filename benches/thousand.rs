@@ -17,7 +17,8 @@ use std::time::{Duration, Instant};
 
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, Plan, PlanOptions, plan};
-use noctograph::sim::{Drone, EstimatorKind, Gusts, Positioning, SimOptions, fly};
+use noctograph::scene::{Preset, Scene};
+use noctograph::sim::{ControllerKind, Drone, EstimatorKind, Gusts, Positioning, SimOptions, fly};
 
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;
@@ -34,7 +35,8 @@ fn word() -> Plan {
 }
 
 fn full(positioning: Positioning, estimator: EstimatorKind) -> SimOptions {
-    let mut options = SimOptions::cf21();
+    let mut options = Scene::preset(Preset::Cf21).sim();
+    options.controller.kind = ControllerKind::Lqr;
     options.rates.control_hz = 1000;
     options.sensors.positioning = positioning;
     options.observer.kind = estimator;

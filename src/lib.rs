@@ -11,9 +11,9 @@
 //! ```
 //!
 //! ```
-//! use noctograph::{scene::Scene, shoot::Shoot};
+//! use noctograph::{scene::{Preset, Scene}, shoot::Shoot};
 //! # fn main() -> noctograph::error::Result<()> {
-//! let mut scene = Scene { word: "NO".to_owned(), ..Scene::default() };
+//! let mut scene = Scene { word: "NO".to_owned(), ..Scene::preset(Preset::Cf21) };
 //! (scene.camera.width_px, scene.camera.height_px) = (480, 270);
 //! let shot = Shoot::new(scene)?.take(&|_stage, _done| {})?;
 //! if let Some(verdict) = shot.verdict {

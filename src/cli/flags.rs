@@ -17,7 +17,7 @@ use crate::flight::Flight;
 use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
 use crate::plan::{Plan, Style};
 use crate::preflight::Profile;
-use crate::scene::{NamedScene, Scene};
+use crate::scene::{NamedScene, Preset, Scene};
 use crate::shoot::{Recording, Shoot};
 use crate::sim::read_lighthouse_config;
 
@@ -290,7 +290,8 @@ impl CameraFlags {
     /// The scene that the camera is from, with its word.
     pub(super) fn scene(&self) -> Result<Scene> {
         let named = self.camera.as_deref().filter(|named| *named != "auto");
-        let mut scene = named.map_or(Ok(Scene::default()), |n| Ok(find_scene(n, &[])?.scene))?;
+        let mut scene = named
+            .map_or(Ok(Scene::preset(Preset::default())), |n| Ok(find_scene(n, &[])?.scene))?;
         self.apply(&mut scene)?;
         Ok(scene)
     }

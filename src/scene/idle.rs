@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn what_the_meter_set_is_no_idle_key() {
-        let mut scene = Scene::default();
+        let mut scene = Scene::preset(Preset::default());
         (scene.camera.f_number, scene.camera.iso) = (4.5, 200.0);
         assert_eq!(scene.idle_keys(), []);
     }

@@ -37,42 +37,43 @@ pub use named::NamedScene;
 pub use preset::Preset;
 
 settings! {
-    /// Everything that a photo depends on.
+    /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that names no
+    /// preset begins with `cf21`.
     pub struct Scene {
         /// Preset that gives the keys left out.
-        preset: Preset = Preset::default();
+        preset: Preset = Preset::Ae4832022;
         /// Word to write; `\\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;
         /// The word's drawing.
-        letters: LetterOptions = Preset::default().letters();
+        letters: LetterOptions = LetterOptions::default();
         /// The way of flying.
-        plan: PlanOptions = Preset::default().plan();
+        plan: PlanOptions = PlanOptions::default();
         /// The drone.
-        vehicle: VehicleOptions = Preset::default().sim().vehicle;
+        vehicle: VehicleOptions = VehicleOptions::default();
         /// The battery.
-        battery: BatteryOptions = Preset::default().sim().battery, for "battery.capacity_ah";
+        battery: BatteryOptions = BatteryOptions::default(), for "battery.capacity_ah";
         /// The air.
-        air: AirOptions = Preset::default().sim().air;
+        air: AirOptions = AirOptions::default();
         /// The floor below the flight.
-        floor: FloorOptions = Preset::default().sim().floor;
+        floor: FloorOptions = FloorOptions::default();
         /// Clocks of the simulation.
-        rates: RateOptions = Preset::default().sim().rates;
+        rates: RateOptions = RateOptions::default();
         /// The controller: motor commands from the estimated state.
-        controller: ControllerOptions = Preset::default().sim().controller;
+        controller: ControllerOptions = ControllerOptions::default();
         /// The estimator: the state from the measurements.
-        observer: ObserverOptions = Preset::default().sim().observer;
+        observer: ObserverOptions = ObserverOptions::default();
         /// Sensors and their noise.
-        sensors: SensorOptions = Preset::default().sim().sensors, unless "observer.kind" = "truth";
+        sensors: SensorOptions = SensorOptions::default(), unless "observer.kind" = "truth";
         /// The lamps, and how they follow commands.
-        light: LightOptions = Preset::default().light();
+        light: LightOptions = LightOptions::default();
         /// The camera.
-        camera: CameraOptions = Preset::default().camera();
+        camera: CameraOptions = CameraOptions::default();
         /// Resolution of the exposure, and the floor that the lamps light.
         expose: ExposeOptions = ExposeOptions::default();
         /// Lens and sensor effects, and the tone curve.
-        photo: PhotoOptions = Preset::default().photo();
+        photo: PhotoOptions = PhotoOptions::default();
         /// The reader and its verdict.
         score: ScoreOptions = ScoreOptions::default();
     }
@@ -171,24 +172,7 @@ impl Scene {
     /// A scene that is the preset and nothing else.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
-        let sim = preset.sim();
-        Self {
-            preset,
-            letters: preset.letters(),
-            plan: preset.plan(),
-            light: preset.light(),
-            camera: preset.camera(),
-            photo: preset.photo(),
-            vehicle: sim.vehicle,
-            battery: sim.battery,
-            air: sim.air,
-            floor: sim.floor,
-            rates: sim.rates,
-            controller: sim.controller,
-            observer: sim.observer,
-            sensors: sim.sensors,
-            ..Self::default()
-        }
+        preset.scene().clone()
     }
 
     /// Whether the scene names a word or a drawing.
@@ -301,13 +285,14 @@ mod tests {
 
     #[test]
     fn the_printed_default_is_the_default() {
-        let text = Scene::default().to_toml();
-        assert_eq!(Scene::parse(&text, "scene.toml").unwrap(), Scene::default());
+        let default = Scene::preset(Preset::default());
+        assert_eq!(Scene::parse(&default.to_toml(), "scene.toml").unwrap(), default);
     }
 
     #[test]
     fn a_scene_reads_back_bit_by_bit() {
-        let mut scene = Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::default() };
+        let mut scene =
+            Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::preset(Preset::default()) };
         scene.camera.shutter_close_s = Some(0.1 + 0.2);
         scene.vehicle.mass_kg = 0.1 / 3.0;
         let mut fixtures = scene.light.fixtures();
@@ -361,7 +346,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("star.svg");
         std::fs::write(&path, "<svg xmlns='http://www.w3.org/2000/svg'/>").unwrap();
-        let mut scene = Scene::default();
+        let mut scene = Scene::preset(Preset::default());
         scene.letters.drawing = path.display().to_string();
         scene.settle_files().unwrap();
         assert_eq!(scene.letters.drawing_sha256.len(), 64);
@@ -386,10 +371,10 @@ mod tests {
                 .camera
                 .metering
         };
-        assert_eq!(metering(&[]), Scene::default().camera.metering);
+        assert_eq!(metering(&[]), Scene::preset(Preset::default()).camera.metering);
         assert_eq!(metering(&[("camera.iso", "200")]), Metering::Off);
         let both = [("camera.f_number", "5.6"), ("camera.metering", "trail")];
-        assert_eq!(metering(&both), Scene::default().camera.metering);
+        assert_eq!(metering(&both), Scene::preset(Preset::default()).camera.metering);
     }
 
     #[test]
@@ -401,7 +386,7 @@ mod tests {
             let name = format!("preset = \"{}\"\n", preset.name());
             assert_eq!(Scene::parse(&name, "my.toml").unwrap(), scene, "{preset:?} alone");
         }
-        assert_eq!(Scene::preset(Preset::default()), Scene::default());
+        assert_eq!(Scene::preset(Preset::Ae4832022), Scene::default());
     }
 
     #[test]
@@ -413,7 +398,7 @@ mod tests {
         assert!(names("").contains(&"ring 0".to_owned()));
         assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
         assert_eq!(names("[light]\ndeck = \"none\"").len(), 4, "those of the board");
-        let printed = Scene::default().to_toml();
+        let printed = Scene::preset(Preset::default()).to_toml();
         let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
         assert_ne!(printed, edited);
         assert_eq!(names(&edited)[0], "color LED", "in a printed scene too");

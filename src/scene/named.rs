@@ -197,7 +197,7 @@ mod tests {
         let find = |name| Scene::find(name, &[]).unwrap().scene;
         assert_eq!(find("team"), Scene::preset(Preset::Ae4832022));
         assert_eq!(find("ae483-2022"), find("team"));
-        assert_eq!(find("cf21"), Scene::default());
+        assert_eq!(find("cf21"), Scene::preset(Preset::default()));
         assert_eq!(find("pid").controller.kind, ControllerKind::Pid);
         assert_eq!(find("geometric").controller.kind, ControllerKind::Geometric);
         assert_eq!(find("tuned").controller.kind, ControllerKind::LqrIntegral);
@@ -210,15 +210,20 @@ mod tests {
 
     #[test]
     fn a_folder_of_learned_plans_reads_back() {
-        let strokes = crate::letters::write("I", &Scene::default().letters).unwrap();
-        let plan = crate::plan::plan(&strokes, &Scene::default().plan).unwrap();
+        let strokes =
+            crate::letters::write("I", &Scene::preset(Preset::default()).letters).unwrap();
+        let plan = crate::plan::plan(&strokes, &Scene::preset(Preset::default()).plan).unwrap();
         let mut csv = Vec::new();
         plan.write_csv(&mut csv).unwrap();
         let folder = tempfile::tempdir().unwrap();
         for name in ["plan-I.csv", "plan1-ON.csv", "plan2-ON.csv"] {
             std::fs::write(folder.path().join(name), &csv).unwrap();
         }
-        std::fs::write(folder.path().join("scene.toml"), Scene::default().to_toml()).unwrap();
+        std::fs::write(
+            folder.path().join("scene.toml"),
+            Scene::preset(Preset::default()).to_toml(),
+        )
+        .unwrap();
         let learned = Scene::find(folder.path().to_str().unwrap(), &[]).unwrap();
         assert_eq!((learned.plans["I"].len(), learned.plans["ON"].len()), (1, 2));
         for extra in ["plan-ON.csv", "plan4-ON.csv"] {

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use toml::de::DeTable;
 use toml::{Table, Value};
 
-use super::Scene;
+use super::{Preset, Scene};
 use crate::error::{Error, Result};
 use crate::settings::{Described, Setting, Shape, Variant, similar, unknown_name};
 
@@ -326,7 +326,7 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
 
 /// Whether the default of a key is text.
 fn is_text(key: &str) -> bool {
-    let defaults = Table::try_from(Scene::default()).expect("a scene is a table");
+    let defaults = Table::try_from(Scene::preset(Preset::default())).expect("a scene is a table");
     let mut parts = key.split('.');
     let first = parts.next().and_then(|part| defaults.get(part));
     parts.fold(first, |value, part| value?.get(part)).is_some_and(Value::is_str)
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn printed_lines_are_at_most_eighty_columns_of_comment() {
-        let text = document(&Scene::default());
+        let text = document(&Scene::preset(Preset::default()));
         let comments = text.lines().filter(|line| line.starts_with('#'));
         for line in comments {
             assert!(line.chars().count() <= WIDTH, "{line}");

@@ -39,12 +39,13 @@ mod tests {
     use super::super::planned::ends;
     use super::*;
     use crate::plan::StrokeEnd;
-    use crate::scene::Scene;
+    use crate::scene::{Preset, Scene};
 
     /// Largest error of the light at the ends of strokes, m, of simulated flights of the exports.
     #[test]
     fn the_firmwares_pid_lights_an_exported_trajectory_where_it_is() {
-        let shoot = Shoot::new(Scene { word: "NOOR".into(), ..Scene::default() }).unwrap();
+        let shoot =
+            Shoot::new(Scene { word: "NOOR".into(), ..Scene::preset(Preset::default()) }).unwrap();
         let worst_m =
             |ends: &[StrokeEnd]| ends.iter().map(|e| e.streak_m.abs()).fold(0.0, f64::max);
         for form in [Form::Compressed, Form::Poly4d] {

@@ -31,7 +31,6 @@ mod fly;
 mod noise;
 mod options;
 mod peers;
-mod presets;
 mod recorder;
 #[cfg(test)]
 mod reference_flight;

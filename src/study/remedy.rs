@@ -159,9 +159,10 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Preset;
 
     fn of(change: impl FnOnce(&mut Scene)) -> Vec<Remedy> {
-        let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::default() };
+        let mut scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };
         (scene.camera.width_px, scene.camera.height_px) = (480, 270);
         change(&mut scene);
         remedies(&Shoot::new(scene).unwrap()).unwrap()
@@ -187,8 +188,11 @@ mod tests {
     fn a_scene_that_reads_needs_none() {
         let found = of(|_| {});
         assert!(found.len() <= MOST && found.iter().all(|r| r.gain >= LEAST_GAIN), "{found:?}");
-        let own =
-            read_probability(&Scene { word: "HI".into(), seed: 1, ..Scene::default() }, 1).unwrap();
+        let own = read_probability(
+            &Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) },
+            1,
+        )
+        .unwrap();
         assert!(found.iter().map(|r| r.gain).all(|gain| gain < 1.0 - own + 0.2), "{found:?}");
     }
 }

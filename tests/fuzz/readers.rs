@@ -10,7 +10,7 @@ use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
-use noctograph::scene::{NamedScene, Scene};
+use noctograph::scene::{NamedScene, Preset, Scene};
 use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
 use noctograph::study::{Conditions, Store, Study, Sweep};
 
@@ -179,7 +179,7 @@ fn letters(path: &str) -> Vec<u8> {
 fn scenes() -> Vec<Vec<u8>> {
     let small = "word = \"NO\"\n[plan]\nstyle = \"even\"\n\
                  [camera.framing]\nkind = \"fixed\"\nposition_m = [0.0, -3.0, 1.0]\n";
-    vec![Scene::default().to_toml().into_bytes(), small.into()]
+    vec![Scene::preset(Preset::default()).to_toml().into_bytes(), small.into()]
 }
 
 fn planned() -> Plan {
@@ -305,7 +305,7 @@ fn jpeg() -> Vec<u8> {
 
 fn sweep() -> Vec<u8> {
     let study = Study {
-        contenders: vec![NamedScene::new("team", Scene::default())],
+        contenders: vec![NamedScene::new("team", Scene::preset(Preset::default()))],
         words: vec![("I".to_owned(), 2)],
         conditions: Conditions::default(),
         seed: 1,

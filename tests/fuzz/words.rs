@@ -5,7 +5,7 @@ use std::path::Path;
 use noctograph::camera::CameraOptions;
 use noctograph::letters::{LetterOptions, Strokes, write};
 use noctograph::photo::Photo;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::{ScoreOptions, View, read as read_blind, score};
 
 /// Lengths of words, up to the longest that is written.
@@ -36,7 +36,8 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     let (Ok(drawn), Ok(told)) = (strokes(drawn), strokes(told)) else { return false };
     let camera = CameraOptions { width_px: 4096, height_px: 120, ..CameraOptions::default() };
     let camera = camera.camera(drawn.bounds_m(), 10.0).unwrap();
-    let scene_toml = Some(Scene { word: told.word.clone(), ..Scene::default() }.to_toml());
+    let scene_toml =
+        Some(Scene { word: told.word.clone(), ..Scene::preset(Preset::default()) }.to_toml());
     let photo = Photo { scene_toml, ..photograph(&drawn, &View::from(&camera)) };
     photo.write_png(std::fs::File::create(path).unwrap(), Some(&camera), &[]).unwrap();
     let Ok((photo, _)) = Photo::read_with_notes(path) else { return false };

@@ -5,12 +5,22 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
+use noctograph::scene::{Preset, Scene};
 use noctograph::sim::{
     ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, ObserverOptions, Positioning,
     SensorOptions, SimOptions, fly,
 };
 
 use crate::golden::assert_golden;
+
+/// A preset's drone with the reference team's regulator, observer and sensors.
+fn drone(preset: Preset) -> SimOptions {
+    let mut sim = Scene::preset(preset).sim();
+    sim.controller.kind = ControllerKind::default();
+    sim.observer.kind = EstimatorKind::default();
+    sim.sensors.positioning = Positioning::default();
+    sim
+}
 
 /// Presets, controllers, estimators and sensors, each at least once.
 fn cases() -> Vec<(&'static str, SimOptions)> {
@@ -22,14 +32,14 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
     vec![
         ("ae483-2022", team()),
         ("cf21, 1 kHz, sweeps, Kalman filter", {
-            with(SimOptions::cf21(), |o| {
+            with(drone(Preset::Cf21), |o| {
                 o.rates.control_hz = 1000;
                 o.sensors.positioning = Positioning::Sweeps;
                 o.observer.kind = EstimatorKind::Ekf;
             })
         }),
         ("cf21, 1 kHz, gusts, crossing beams, cascade", {
-            with(SimOptions::cf21(), |o| {
+            with(drone(Preset::Cf21), |o| {
                 o.rates.control_hz = 1000;
                 o.air.gusts = Gusts::room();
                 o.sensors.positioning = Positioning::CrossingBeams;
@@ -37,13 +47,13 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
             })
         }),
         ("cf21-thrust-kit, wind, integrals", {
-            with(SimOptions::cf21_thrust_kit(), |o| {
+            with(drone(Preset::Cf21ThrustKit), |o| {
                 (o.air.wind_m_s, o.air.gusts) = ([0.5, 0.2, 0.0], Gusts::Dryden);
                 o.controller.kind = ControllerKind::LqrIntegral;
             })
         }),
         ("cf-brushless, ranges, geometric", {
-            with(SimOptions::cf_brushless(), |o| {
+            with(drone(Preset::CfBrushless), |o| {
                 o.sensors.positioning = Positioning::UwbTdoa;
                 o.sensors.heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
                 o.observer.kind = EstimatorKind::Ekf;
@@ -51,7 +61,7 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
             })
         }),
         ("bzzz, satellites", {
-            with(SimOptions::bzzz(), |o| {
+            with(drone(Preset::Bzzz), |o| {
                 o.sensors =
                     SensorOptions { positioning: Positioning::Gnss, ..SensorOptions::default() };
                 o.observer =

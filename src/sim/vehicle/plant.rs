@@ -14,9 +14,10 @@ use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
 ///
 /// ```
 /// use nalgebra::Vector3;
-/// use noctograph::sim::{Plant, SimOptions};
+/// use noctograph::scene::{Preset, Scene};
+/// use noctograph::sim::Plant;
 ///
-/// let options = SimOptions::cf21();
+/// let options = Scene::preset(Preset::Cf21).sim();
 /// let mut plant = Plant::new(&options, 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
 /// let hover = options.vehicle.mass_kg * 9.81 / (4.0 * options.vehicle.k_f_n);
 /// for _ in 0..100 {
