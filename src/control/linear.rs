@@ -51,28 +51,30 @@ fn jacobian<const N: usize, const M: usize>(
     slope
 }
 
-/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
-/// rank of `[C; CA; CA²; …]`. `N` means observable.
+/// A matrix of static size as one of dynamic size: analysis and design are compiled once, for all
+/// sizes of systems.
 #[must_use]
-pub fn observability_rank<const N: usize, const P: usize>(
-    a: &SMatrix<f64, N, N>,
-    c: &SMatrix<f64, P, N>,
-) -> usize {
+pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(R, C, m.as_slice())
+}
+
+/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
+/// rank of `[C; CA; CA²; …]`. The number of states means observable.
+#[must_use]
+pub fn observability_rank(a: &DMatrix<f64>, c: &DMatrix<f64>) -> usize {
     rank(observability_columns(a, c))
 }
 
 /// `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
-fn observability_columns<const N: usize, const P: usize>(
-    a: &SMatrix<f64, N, N>,
-    c: &SMatrix<f64, P, N>,
-) -> DMatrix<f64> {
+fn observability_columns(a: &DMatrix<f64>, c: &DMatrix<f64>) -> DMatrix<f64> {
+    let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A stay of one size.
     let a = a / a.norm().max(f64::MIN_POSITIVE);
-    let mut columns = DMatrix::zeros(N, N * P);
-    let mut block = *c;
-    for power in 0..N {
-        columns.view_mut((0, power * P), (N, P)).copy_from(&block.transpose());
-        block *= a;
+    let mut columns = DMatrix::zeros(n, n * p);
+    let mut block = c.clone();
+    for power in 0..n {
+        columns.columns_mut(power * p, p).copy_from(&block.transpose());
+        block *= &a;
     }
     columns
 }
@@ -89,15 +91,15 @@ fn rank(columns: DMatrix<f64>) -> usize {
 /// Maps the left half plane onto the unit disc and squares the result until it vanishes; a pole on
 /// the border counts as not stable. `false` for a matrix that is not finite.
 #[must_use]
-pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
+pub fn is_hurwitz(a: &DMatrix<f64>) -> bool {
     let scaled = a / a.norm();
-    let one = SMatrix::<f64, N, N>::identity();
-    let Some(inverse) = (one - scaled).try_inverse() else {
+    let one = DMatrix::identity(a.nrows(), a.ncols());
+    let Some(inverse) = (&one - &scaled).try_inverse() else {
         return false;
     };
     let mut power = (one + scaled) * inverse;
     for _ in 0..MAX_SQUARINGS {
-        power *= power;
+        power = &power * &power;
         let size = power.norm();
         if size < 0.5 {
             return true;
@@ -112,24 +114,22 @@ pub fn is_hurwitz<const N: usize>(a: &SMatrix<f64, N, N>) -> bool {
 /// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
 /// combination of the rows of `[C; CA; CA²; …]`, by index.
 #[must_use]
-pub fn unobservable_states<const N: usize, const P: usize>(
-    a: &SMatrix<f64, N, N>,
-    c: &SMatrix<f64, P, N>,
-) -> Vec<usize> {
+pub fn unobservable_states(a: &DMatrix<f64>, c: &DMatrix<f64>) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let seen = rank(columns.clone());
     let size = columns.norm().max(f64::MIN_POSITIVE);
     let seen_as_well = |state: usize| {
-        let mut more = columns.clone().insert_column(N * P, 0.0);
-        more[(state, N * P)] = size;
+        let last = columns.ncols();
+        let mut more = columns.clone().insert_column(last, 0.0);
+        more[(state, last)] = size;
         rank(more)
     };
-    (0..N).filter(|&state| seen_as_well(state) > seen).collect()
+    (0..a.nrows()).filter(|&state| seen_as_well(state) > seen).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix1x2, Matrix2, Vector1, Vector2};
+    use nalgebra::{Matrix2, Vector1, Vector2, dmatrix};
 
     use super::*;
 
@@ -149,27 +149,27 @@ mod tests {
 
     #[test]
     fn position_shows_velocity_but_velocity_hides_position() {
-        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
-        assert_eq!(observability_rank(&a, &Matrix1x2::new(1.0, 0.0)), 2);
-        assert_eq!(observability_rank(&a, &Matrix1x2::new(0.0, 1.0)), 1);
-        assert_eq!(observability_rank(&Matrix2::zeros(), &Matrix1x2::new(0.0, 1.0)), 1);
+        let a = dmatrix![0.0, 1.0; 0.0, 0.0];
+        assert_eq!(observability_rank(&a, &dmatrix![1.0, 0.0]), 2);
+        assert_eq!(observability_rank(&a, &dmatrix![0.0, 1.0]), 1);
+        assert_eq!(observability_rank(&DMatrix::zeros(2, 2), &dmatrix![0.0, 1.0]), 1);
     }
 
     #[test]
     fn the_state_that_no_output_shows_is_named() {
-        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
-        assert_eq!(unobservable_states(&a, &Matrix1x2::new(1.0, 0.0)), [] as [usize; 0]);
-        assert_eq!(unobservable_states(&a, &Matrix1x2::new(0.0, 1.0)), [0]);
+        let a = dmatrix![0.0, 1.0; 0.0, 0.0];
+        assert_eq!(unobservable_states(&a, &dmatrix![1.0, 0.0]), [] as [usize; 0]);
+        assert_eq!(unobservable_states(&a, &dmatrix![0.0, 1.0]), [0]);
     }
 
     #[test]
     fn stability_is_the_sign_of_the_slowest_pole() {
-        let with_pole = |pole: f64| Matrix2::new(-3.0, 100.0, 0.0, pole);
+        let with_pole = |pole: f64| dmatrix![-3.0, 100.0; 0.0, pole];
         assert!(is_hurwitz(&with_pole(-1e-6)), "slow but stable");
         assert!(!is_hurwitz(&with_pole(1e-6)), "slowly unstable");
         assert!(!is_hurwitz(&with_pole(0.0)), "on the border");
         assert!(!is_hurwitz(&with_pole(f64::NAN)), "not finite");
-        assert!(is_hurwitz(&Matrix2::new(-0.01, 5.0, -5.0, -0.01)), "a damped oscillator");
-        assert!(!is_hurwitz(&Matrix2::new(0.01, 5.0, -5.0, 0.01)), "a growing oscillator");
+        assert!(is_hurwitz(&dmatrix![-0.01, 5.0; -5.0, -0.01]), "a damped oscillator");
+        assert!(!is_hurwitz(&dmatrix![0.01, 5.0; -5.0, 0.01]), "a growing oscillator");
     }
 }

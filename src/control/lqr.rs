@@ -1,32 +1,29 @@
 //! Linear-quadratic regulator, and the observer gain as its dual.
 
-use nalgebra::{Cholesky, Const, DimMin, SMatrix};
+use nalgebra::DMatrix;
 
 use super::riccati::care;
 use crate::error::{Error, Result};
 
 /// Gain `K` of the feedback `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
 ///
-/// `K = R⁻¹ Bᵀ X` with `X` from [`care`]. Only the ratio of `Q` to `R` matters.
+/// `K = R⁻¹ Bᵀ X` with `X` of the continuous algebraic Riccati equation. Only the ratio of `Q` to `R` matters.
 ///
 /// # Errors
 ///
 /// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilizes the
 /// system at these weights.
-pub fn lqr<const N: usize, const M: usize>(
-    a: &SMatrix<f64, N, N>,
-    b: &SMatrix<f64, N, M>,
-    q: &SMatrix<f64, N, N>,
-    r: &SMatrix<f64, M, M>,
-) -> Result<SMatrix<f64, M, N>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
-    let r_inverse = Cholesky::new(*r).map(|r| r.inverse()).ok_or_else(|| Error::Infeasible {
+pub fn lqr(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+) -> Result<DMatrix<f64>> {
+    let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| Error::Infeasible {
         what: "the weight of the inputs is not positive definite".into(),
         hint: "give every input a weight above zero".into(),
     })?;
-    let x = care(a, &(b * r_inverse * b.transpose()), q)?;
+    let x = care(a, &(b * &r_inverse * b.transpose()), q)?;
     Ok(r_inverse * b.transpose() * x)
 }
 
@@ -39,21 +36,18 @@ where
 /// # Errors
 ///
 /// As [`lqr`], with "seen by an output" for "reached by an input".
-pub fn observer_gain<const N: usize, const P: usize>(
-    a: &SMatrix<f64, N, N>,
-    c: &SMatrix<f64, P, N>,
-    model: &SMatrix<f64, N, N>,
-    measurement: &SMatrix<f64, P, P>,
-) -> Result<SMatrix<f64, N, P>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
+pub fn observer_gain(
+    a: &DMatrix<f64>,
+    c: &DMatrix<f64>,
+    model: &DMatrix<f64>,
+    measurement: &DMatrix<f64>,
+) -> Result<DMatrix<f64>> {
     Ok(lqr(&a.transpose(), &c.transpose(), model, measurement)?.transpose())
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix1, Matrix2, Matrix4, SVector, Vector2, Vector4};
+    use nalgebra::{DVector, dmatrix, dvector};
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -63,10 +57,10 @@ mod tests {
     /// Closed form for `ẍ = b u`: `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)`.
     fn double_integrator_error(b: f64, q1: f64, q2: f64, r: f64) -> f64 {
         let k = lqr(
-            &Matrix2::new(0.0, 1.0, 0.0, 0.0),
-            &Vector2::new(0.0, b),
-            &Matrix2::from_diagonal(&Vector2::new(q1, q2)),
-            &Matrix1::new(r),
+            &dmatrix![0.0, 1.0; 0.0, 0.0],
+            &dmatrix![0.0; b],
+            &DMatrix::from_diagonal(&dvector![q1, q2]),
+            &dmatrix![r],
         )
         .unwrap();
         let k1 = f64::sqrt(q1 / r);
@@ -81,25 +75,21 @@ mod tests {
     }
 
     /// Hover of the reference flight and its weights, straight from the figures.
-    fn hover() -> (SMatrix<f64, 12, 12>, SMatrix<f64, 12, 4>, SMatrix<f64, 12, 12>, Matrix4<f64>) {
-        let (mut a, mut b) = (SMatrix::zeros(), SMatrix::zeros());
+    fn hover() -> [DMatrix<f64>; 4] {
+        let (mut a, mut b) = (DMatrix::zeros(12, 12), DMatrix::zeros(12, 4));
         let ones = [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)];
         ones.iter().for_each(|&at| a[at] = 1.0);
         (a[(6, 4)], a[(7, 5)]) = (9.81, -9.81);
         (b[(9, 0)], b[(10, 1)]) = (1.0 / 1.24e-5, 1.0 / 1.27e-5);
         (b[(11, 2)], b[(8, 3)]) = (1.0 / 3.32e-5, 1.0 / 0.0351);
         let q = [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
-        let r = Vector4::new(5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0);
-        let q = SMatrix::from_diagonal(&SVector::<f64, 12>::from(q));
-        (a, b, q, Matrix4::from_diagonal(&r))
+        let r = dvector![5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0];
+        [a, b, DMatrix::from_diagonal(&q.to_vec().into()), DMatrix::from_diagonal(&r)]
     }
 
     /// Largest error of a gain in any row, relative to the row.
-    fn row_error<const M: usize, const N: usize>(
-        k: &SMatrix<f64, M, N>,
-        want: &SMatrix<f64, M, N>,
-    ) -> f64 {
-        let rows = (0..M).map(|i| (k.row(i) - want.row(i)).norm() / want.row(i).norm());
+    fn row_error(k: &DMatrix<f64>, want: &DMatrix<f64>) -> f64 {
+        let rows = (0..k.nrows()).map(|i| (k.row(i) - want.row(i)).norm() / want.row(i).norm());
         rows.fold(0.0, f64::max)
     }
 
@@ -108,8 +98,8 @@ mod tests {
     /// `K = R**-1 * B.T * X`, `mp.nstr(K[i, j], 20)`.
     #[test]
     fn gain_of_the_hovering_drone_is_that_of_sixty_digits() {
-        let (a, b, q, r) = hover();
-        let mut want = SMatrix::<f64, 4, 12>::zeros();
+        let [a, b, q, r] = hover();
+        let mut want = DMatrix::zeros(4, 12);
         for (row, column, value) in [
             (0, 1, -0.003_981_881_847_969_638),
             (0, 5, 0.004_536_141_188_156_048_4),
@@ -135,66 +125,68 @@ mod tests {
     #[test]
     fn gain_of_a_dense_system_is_that_of_sixty_digits_and_of_scipy() {
         let whole = |i: usize| f64::from(u8::try_from(i).unwrap());
-        let a = SMatrix::<f64, 6, 6>::from_fn(|i, j| {
-            (whole((7 * i + 5 * j + 3 * i * j) % 11) - 5.0) / 4.0
-        });
-        let b = SMatrix::<f64, 6, 2>::from_fn(|i, j| {
-            (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0
-        });
-        let q = SMatrix::from_diagonal(&SVector::<f64, 6>::from_fn(|i, _| whole(i + 1)));
-        let k = lqr(&a, &b, &q, &Matrix2::from_diagonal(&Vector2::new(2.0, 0.5))).unwrap();
-        let sixty_digits = SMatrix::<f64, 2, 6>::from_row_slice(&[
-            0.159_177_140_995_514_26,
-            0.213_423_947_164_951_66,
-            -0.342_826_696_474_575_17,
-            -2.168_646_252_013_177_5,
-            4.900_163_300_871_512,
-            -0.772_841_134_126_938_9,
-            1.415_931_217_908_419_6,
-            2.682_164_449_216_46,
-            -1.697_787_632_719_335,
-            2.332_602_783_659_974_7,
-            -0.870_839_334_584_422_3,
-            -3.072_965_097_319_663_4,
-        ]);
-        let scipy = SMatrix::<f64, 2, 6>::from_row_slice(&[
-            0.159_177_140_995_510_34,
-            0.213_423_947_164_941_5,
-            -0.342_826_696_474_562_3,
-            -2.168_646_252_013_157_7,
-            4.900_163_300_871_46,
-            -0.772_841_134_126_936_4,
-            1.415_931_217_908_421_1,
-            2.682_164_449_216_458,
-            -1.697_787_632_719_327_5,
-            2.332_602_783_659_980_5,
-            -0.870_839_334_584_423_9,
-            -3.072_965_097_319_664,
-        ]);
+        let a =
+            DMatrix::from_fn(6, 6, |i, j| (whole((7 * i + 5 * j + 3 * i * j) % 11) - 5.0) / 4.0);
+        let b = DMatrix::from_fn(6, 2, |i, j| (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0);
+        let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| whole(i + 1)));
+        let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
+        let sixty_digits = DMatrix::from_row_slice(
+            2,
+            6,
+            &[
+                0.159_177_140_995_514_26,
+                0.213_423_947_164_951_66,
+                -0.342_826_696_474_575_17,
+                -2.168_646_252_013_177_5,
+                4.900_163_300_871_512,
+                -0.772_841_134_126_938_9,
+                1.415_931_217_908_419_6,
+                2.682_164_449_216_46,
+                -1.697_787_632_719_335,
+                2.332_602_783_659_974_7,
+                -0.870_839_334_584_422_3,
+                -3.072_965_097_319_663_4,
+            ],
+        );
+        let scipy = DMatrix::from_row_slice(
+            2,
+            6,
+            &[
+                0.159_177_140_995_510_34,
+                0.213_423_947_164_941_5,
+                -0.342_826_696_474_562_3,
+                -2.168_646_252_013_157_7,
+                4.900_163_300_871_46,
+                -0.772_841_134_126_936_4,
+                1.415_931_217_908_421_1,
+                2.682_164_449_216_458,
+                -1.697_787_632_719_327_5,
+                2.332_602_783_659_980_5,
+                -0.870_839_334_584_423_9,
+                -3.072_965_097_319_664,
+            ],
+        );
         let (exact, other) = (row_error(&k, &sixty_digits), row_error(&k, &scipy));
         assert!(exact < 1e-12, "worst row {exact:e}");
         assert!(other < 1e-10, "worst row {other:e} against SciPy");
     }
 
     /// Share of a residual in the terms of its equation.
-    fn residual<const N: usize>(
-        x: &SMatrix<f64, N, N>,
-        [a, g, q]: [&SMatrix<f64, N, N>; 3],
-    ) -> f64 {
+    fn residual(x: &DMatrix<f64>, [a, g, q]: [&DMatrix<f64>; 3]) -> f64 {
         let (linear, quadratic) = (a.transpose() * x, x * g * x);
-        let left = linear + linear.transpose() - quadratic + q;
+        let left = &linear + linear.transpose() - &quadratic + q;
         left.norm() / (q.norm() + 2.0 * linear.norm() + quadratic.norm())
     }
 
     #[test]
     fn a_thousand_hovering_drones_with_weights_six_decades_apart_are_solved() {
-        let (a, b, q, r) = hover();
+        let [a, b, q, r] = hover();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for case in 0..1000 {
             let mut by = || libm::pow(10.0, rng.random_range(-3.0..3.0));
-            let q = SMatrix::from_diagonal(&q.diagonal().map(|q| q * by()));
-            let r_inverse = Matrix4::from_diagonal(&r.diagonal().map(|r| by() / r));
-            let g = b * r_inverse * b.transpose();
+            let q = DMatrix::from_diagonal(&q.diagonal().map(|q| q * by()));
+            let r_inverse = DMatrix::from_diagonal(&r.diagonal().map(|r| by() / r));
+            let g = &b * r_inverse * b.transpose();
             let x = care(&a, &g, &q).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let residual = residual(&x, [&a, &g, &q]);
             assert!(residual < 1e-10, "case {case}: residual {residual:e}");
@@ -207,12 +199,12 @@ mod tests {
         for case in 0..1000 {
             let mut entry = || rng.random_range(-1.0..1.0);
             let spread = libm::pow(10.0, entry());
-            let a = SMatrix::<f64, 12, 12>::from_fn(|_, _| spread * entry());
-            let b = SMatrix::<f64, 12, 4>::from_fn(|_, _| entry());
-            let q = SMatrix::<f64, 12, 12>::from_fn(|_, _| entry());
-            let q = q * q.transpose() + SMatrix::identity() * 0.1;
-            let r = Vector4::from_fn(|_, _| libm::pow(10.0, entry()));
-            let g = b * Matrix4::from_diagonal(&r.map(|r| 1.0 / r)) * b.transpose();
+            let a = DMatrix::from_fn(12, 12, |_, _| spread * entry());
+            let b = DMatrix::from_fn(12, 4, |_, _| entry());
+            let q = DMatrix::from_fn(12, 12, |_, _| entry());
+            let q = &q * q.transpose() + DMatrix::identity(12, 12) * 0.1;
+            let r = DVector::from_fn(4, |_, _| libm::pow(10.0, entry()));
+            let g = &b * DMatrix::from_diagonal(&r.map(|r| 1.0 / r)) * b.transpose();
             let x = care(&a, &g, &q).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let residual = residual(&x, [&a, &g, &q]);
             assert!(residual < 1e-10, "case {case}: residual {residual:e}");
@@ -225,55 +217,50 @@ mod tests {
         for case in 0..300 {
             let spread = libm::pow(10.0, rng.random_range(-1.0..1.0));
             let mut entry = || rng.random_range(-1.0..1.0);
-            let a = SMatrix::<f64, 6, 6>::from_fn(|_, _| spread * entry());
-            let b = SMatrix::<f64, 6, 2>::from_fn(|_, _| entry());
+            let a = DMatrix::from_fn(6, 6, |_, _| spread * entry());
+            let b = DMatrix::from_fn(6, 2, |_, _| entry());
             let weight = |e: f64| libm::pow(10.0, e);
-            let q = SMatrix::from_diagonal(&SVector::<f64, 6>::from_fn(|_, _| weight(entry())));
-            let r = SMatrix::from_diagonal(&Vector2::from_fn(|_, _| weight(entry())));
+            let q = DMatrix::from_diagonal(&DVector::from_fn(6, |_, _| weight(entry())));
+            let r = DMatrix::from_diagonal(&DVector::from_fn(2, |_, _| weight(entry())));
 
             let k = lqr(&a, &b, &q, &r).unwrap_or_else(|e| panic!("case {case}: {e}"));
-            let closed = a - b * k;
+            let closed = &a - &b * &k;
             assert!(is_hurwitz(&closed), "case {case} is unstable");
             // X of the closed loop's Lyapunov equation, from K alone: independent of the solver.
-            let x = lyapunov(&closed, &(q + k.transpose() * r * k));
+            let x = lyapunov(&closed, &(q + k.transpose() * &r * &k));
             let again = r.try_inverse().unwrap() * b.transpose() * x;
-            assert!((again - k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");
+            assert!((again - &k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");
         }
     }
 
     /// `X` of `AᵀX + XA + Q = 0` by its linear system of N² unknowns.
-    fn lyapunov(a: &SMatrix<f64, 6, 6>, q: &SMatrix<f64, 6, 6>) -> SMatrix<f64, 6, 6> {
-        let one = SMatrix::<f64, 6, 6>::identity();
+    fn lyapunov(a: &DMatrix<f64>, q: &DMatrix<f64>) -> DMatrix<f64> {
+        let one = DMatrix::<f64>::identity(6, 6);
         let system = one.kronecker(&a.transpose()) + a.transpose().kronecker(&one);
-        let right = -SVector::<f64, 36>::from_column_slice(q.as_slice());
-        SMatrix::from_column_slice(system.lu().solve(&right).unwrap().as_slice())
+        let right = -DVector::from_column_slice(q.as_slice());
+        DMatrix::from_column_slice(6, 6, system.lu().solve(&right).unwrap().as_slice())
     }
 
     #[test]
     fn only_the_ratio_of_the_weights_matters() {
-        let (a, b) = (Matrix2::new(0.0, 1.0, 2.0, -0.3), Vector2::new(0.0, 1.0));
-        let q = Matrix2::new(3.0, 0.5, 0.5, 1.0);
-        let k = lqr(&a, &b, &q, &Matrix1::new(2.0)).unwrap();
-        let scaled = lqr(&a, &b, &(q * 1e3), &Matrix1::new(2e3)).unwrap();
-        assert!((k - scaled).norm() < 1e-13 * k.norm(), "{k} against {scaled}");
+        let (a, b) = (dmatrix![0.0, 1.0; 2.0, -0.3], dmatrix![0.0; 1.0]);
+        let q = dmatrix![3.0, 0.5; 0.5, 1.0];
+        let k = lqr(&a, &b, &q, &dmatrix![2.0]).unwrap();
+        let scaled = lqr(&a, &b, &(q * 1e3), &dmatrix![2e3]).unwrap();
+        assert!((&k - &scaled).norm() < 1e-13 * k.norm(), "{k} against {scaled}");
     }
 
     #[test]
     fn an_input_that_costs_nothing_is_refused() {
-        let q = Matrix2::identity();
-        let refused = lqr(&q, &Vector2::new(0.0, 1.0), &q, &Matrix1::new(0.0));
+        let q = DMatrix::identity(2, 2);
+        let refused = lqr(&q, &dmatrix![0.0; 1.0], &q, &dmatrix![0.0]);
         assert!(refused.is_err(), "R = 0");
     }
 
     #[test]
     fn observer_of_a_random_walk_is_the_stationary_kalman_gain() {
         // ẋ = w with density 4, y = x + v with density 9: L = √(4/9).
-        let l = observer_gain(
-            &Matrix1::new(0.0),
-            &Matrix1::new(1.0),
-            &Matrix1::new(4.0),
-            &Matrix1::new(9.0),
-        );
+        let l = observer_gain(&dmatrix![0.0], &dmatrix![1.0], &dmatrix![4.0], &dmatrix![9.0]);
         assert!((l.unwrap()[0] - 2.0 / 3.0).abs() < 1e-15, "√(4/9)");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Complex, Const, DimMin, SMatrix, SVector};
+use nalgebra::{Complex, DMatrix, DVector};
 
 use super::linear::is_hurwitz;
 
@@ -35,40 +35,31 @@ pub struct Margins {
 ///
 /// `None` where the closed loop is not stable to begin with.
 #[must_use]
-pub fn margins<const N: usize, const M: usize>(
-    a: &SMatrix<f64, N, N>,
-    b: &SMatrix<f64, N, M>,
-    k: &SMatrix<f64, M, N>,
-) -> Option<[Margins; M]>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
+pub fn margins(a: &DMatrix<f64>, b: &DMatrix<f64>, k: &DMatrix<f64>) -> Option<Vec<Margins>> {
     let closed = a - b * k;
-    is_hurwitz(&closed).then(|| {
-        std::array::from_fn(|i| {
-            let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
-            let open = closed + b * k.transpose();
-            let square = open * open;
-            of_loop(|frequency| response(&open, &square, &b, &k, frequency))
-        })
-    })
+    let of_input = |i| {
+        let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
+        let open = &closed + &b * k.transpose();
+        let square = &open * &open;
+        of_loop(|frequency| response(&open, &square, &b, &k, frequency))
+    };
+    is_hurwitz(&closed).then(|| (0..b.ncols()).map(of_input).collect())
 }
 
 /// `k (iω − A)⁻¹ b`, in real arithmetic: with `x = u + iv`, `(A² + ω²) v = −ω b` and `u = A v / ω`.
-fn response<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    a_squared: &SMatrix<f64, N, N>,
-    b: &SVector<f64, N>,
-    k: &SVector<f64, N>,
+fn response(
+    a: &DMatrix<f64>,
+    a_squared: &DMatrix<f64>,
+    b: &DVector<f64>,
+    k: &DVector<f64>,
     frequency_rad_s: f64,
-) -> Option<Complex<f64>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
-    let square = frequency_rad_s * frequency_rad_s;
-    let system = a_squared + SMatrix::<f64, N, N>::identity() * square;
+) -> Option<Complex<f64>> {
+    let mut system = a_squared.clone();
+    for i in 0..a.nrows() {
+        system[(i, i)] += frequency_rad_s * frequency_rad_s;
+    }
     let v = system.lu().solve(&(b * -frequency_rad_s))?;
-    let u = a * v / frequency_rad_s;
+    let u = a * &v / frequency_rad_s;
     Some(Complex::new(k.dot(&u), k.dot(&v)))
 }
 
@@ -132,39 +123,35 @@ fn crossing(
 
 /// The plant `ẋ = A x + B u` whose inputs follow their commands with a lag: `τ u̇ = u_command − u`.
 /// Its states are `[x u]`, and the feedback on them is `[K 0]`.
-///
-/// # Panics
-///
-/// If `P` is not `N + M`.
 #[must_use]
-pub fn with_input_lag<const N: usize, const M: usize, const P: usize>(
-    a: &SMatrix<f64, N, N>,
-    b: &SMatrix<f64, N, M>,
-    k: &SMatrix<f64, M, N>,
+pub fn with_input_lag(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    k: &DMatrix<f64>,
     lag_s: f64,
-) -> (SMatrix<f64, P, P>, SMatrix<f64, P, M>, SMatrix<f64, M, P>) {
-    assert_eq!(P, N + M, "states and inputs");
-    let mut lagging = a.fixed_resize::<P, P>(0.0);
-    lagging.fixed_view_mut::<N, M>(0, N).copy_from(b);
-    let one = SMatrix::<f64, M, M>::identity();
-    lagging.fixed_view_mut::<M, M>(N, N).copy_from(&(one / -lag_s));
-    let mut command = SMatrix::<f64, P, M>::zeros();
-    command.fixed_view_mut::<M, M>(N, 0).copy_from(&(one / lag_s));
-    (lagging, command, k.fixed_resize::<M, P>(0.0))
+) -> [DMatrix<f64>; 3] {
+    let (n, m) = b.shape();
+    let one = DMatrix::identity(m, m);
+    let mut lagging = a.clone().resize(n + m, n + m, 0.0);
+    lagging.view_mut((0, n), (n, m)).copy_from(b);
+    lagging.view_mut((n, n), (m, m)).copy_from(&(&one / -lag_s));
+    let mut command = DMatrix::zeros(n + m, m);
+    command.rows_mut(n, m).copy_from(&(one / lag_s));
+    [lagging, command, k.clone().resize_horizontally(n + m, 0.0)]
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix1, Matrix1x2, Matrix2, Matrix3, RowVector3, Vector2, Vector3};
+    use nalgebra::dmatrix;
 
     use super::*;
 
     #[test]
     fn margins_of_a_double_integrator_are_its_textbook_figures() {
         // L = (1 + √2 s)/s²: the regulator of ẍ = u with Q = diag(1, 0), R = 1.
-        let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
-        let k = Matrix1x2::new(1.0, 2.0_f64.sqrt());
-        let [found] = margins(&a, &Vector2::new(0.0, 1.0), &k).unwrap();
+        let a = dmatrix![0.0, 1.0; 0.0, 0.0];
+        let k = dmatrix![1.0, 2.0_f64.sqrt()];
+        let found = margins(&a, &dmatrix![0.0; 1.0], &k).unwrap()[0];
         // |L| = 1 at ω² = 1 + √2, phase atan(√2 ω).
         let crossover = (1.0 + 2.0_f64.sqrt()).sqrt();
         let phase = libm::atan(2.0_f64.sqrt() * crossover);
@@ -176,26 +163,26 @@ mod tests {
     #[test]
     fn three_lags_in_a_row_stand_eight_times_the_gain() {
         // L = 1/(s + 1)³: −1/8 at ω = √3.
-        let a = Matrix3::new(-1.0, 1.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0, -1.0);
-        let (b, k) = (Vector3::new(0.0, 0.0, 1.0), RowVector3::new(1.0, 0.0, 0.0));
-        let [found] = margins(&a, &b, &k).unwrap();
+        let a = dmatrix![-1.0, 1.0, 0.0; 0.0, -1.0, 1.0; 0.0, 0.0, -1.0];
+        let (b, k) = (dmatrix![0.0; 0.0; 1.0], dmatrix![1.0, 0.0, 0.0]);
+        let found = margins(&a, &b, &k).unwrap()[0];
         assert!((found.gain_up.unwrap() - 8.0).abs() < 1e-9, "{found:?}");
-        assert_eq!(margins(&a, &b, &(k * 8.1)), None, "unstable to begin with");
-        let [near] = margins(&a, &b, &(k * 7.9)).unwrap();
+        assert_eq!(margins(&a, &b, &(&k * 8.1)), None, "unstable to begin with");
+        let near = margins(&a, &b, &(k * 7.9)).unwrap()[0];
         assert!((near.gain_up.unwrap() - 8.0 / 7.9).abs() < 1e-9, "{near:?}");
     }
 
     #[test]
     fn an_unstable_plant_needs_its_gain() {
         // ẋ = x + u, u = −2 x: L = 2/(s − 1) begins at −2.
-        let (a, one) = (Matrix1::new(1.0), Matrix1::new(1.0));
-        let (lagging, b, k) = with_input_lag::<1, 1, 2>(&a, &one, &Matrix1::new(2.0), 0.1);
-        let [found] = margins(&lagging, &b, &k).unwrap();
+        let (a, one) = (dmatrix![1.0], dmatrix![1.0]);
+        let [lagging, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 0.1);
+        let found = margins(&lagging, &b, &k).unwrap()[0];
         // 0.1 s² + 0.9 s + (2g − 1): stable above g = ½, which L reaches at ω = 0 only.
         assert_eq!(found.gain_up, None, "{found:?}");
-        assert!(is_hurwitz(&(lagging - b * k)), "as it is");
+        assert!(is_hurwitz(&(&lagging - &b * &k)), "as it is");
         assert!(!is_hurwitz(&(lagging - b * k * 0.49)), "with half of it");
-        let (late, b, k) = with_input_lag::<1, 1, 2>(&a, &one, &Matrix1::new(2.0), 1.1);
+        let [late, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 1.1);
         assert_eq!(margins(&late, &b, &k), None, "a lag of 1.1 s is too long");
     }
 }

@@ -7,8 +7,6 @@
 //! Method: algebraic Riccati equations by structure-preserving doubling; the continuous one comes
 //! to the discrete one through a Cayley transform. No gain is made from eigenvalues: nalgebra's QR
 //! iteration does not converge on some Hamiltonian matrices. Those of a closed loop are reported.
-//! Every matrix of a gain has a static size, so that no product picks another kernel on another
-//! CPU.
 //!
 //! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
 //! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80; Chu, Fan, Lin, Wang, "Structure-
@@ -26,10 +24,9 @@ mod response;
 mod riccati;
 
 pub use linear::{
-    is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
+    dynamic, is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };
 pub use lqr::{lqr, observer_gain};
 pub use margins::{Margins, margins, with_input_lag};
 pub use poles::poles;
 pub use response::StepResponse;
-pub use riccati::{care, dare};

@@ -1,6 +1,6 @@
 //! Poles of a linear system.
 
-use nalgebra::{Complex, DMatrix, Dim, Matrix, Schur, Storage};
+use nalgebra::{Complex, DMatrix, Schur};
 
 /// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
@@ -15,11 +15,10 @@ const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 /// `None` where the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
 /// largest for well-separated poles; an n-fold pole spreads by the n-th root of the rounding error.
 #[must_use]
-pub fn poles<D: Dim, S: Storage<f64, D, D>>(a: &Matrix<f64, D, D, S>) -> Option<Vec<Complex<f64>>> {
+pub fn poles(a: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;
     }
-    let a = DMatrix::from_iterator(a.nrows(), a.ncols(), a.iter().copied());
     let schur = TOLERANCES
         .into_iter()
         .find_map(|ulps| Schur::try_new(a.clone(), ulps * f64::EPSILON, MAX_ITERATIONS))?;
@@ -30,23 +29,23 @@ pub fn poles<D: Dim, S: Storage<f64, D, D>>(a: &Matrix<f64, D, D, S>) -> Option<
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2, Matrix3};
+    use nalgebra::dmatrix;
 
     use super::*;
 
     #[test]
     fn poles_of_an_oscillator_and_of_a_triangle_are_known() {
         // ẍ + 2 ẋ + 5 x = 0: −1 ± 2i.
-        let found = poles(&Matrix2::new(0.0, 1.0, -5.0, -2.0)).unwrap();
+        let found = poles(&dmatrix![0.0, 1.0; -5.0, -2.0]).unwrap();
         assert!((found[0] - Complex::new(-1.0, 2.0)).norm() < 1e-14, "{found:?}");
         assert!((found[1] - Complex::new(-1.0, -2.0)).norm() < 1e-14, "{found:?}");
-        let triangle = Matrix3::new(-3.0, 7.0, 1.0, 0.0, 0.5, 9.0, 0.0, 0.0, -0.1);
+        let triangle = dmatrix![-3.0, 7.0, 1.0; 0.0, 0.5, 9.0; 0.0, 0.0, -0.1];
         let real: Vec<f64> = poles(&triangle).unwrap().iter().map(|p| p.re).collect();
         assert_eq!(real, [0.5, -0.1, -3.0]);
     }
 
     #[test]
     fn what_is_not_finite_has_no_poles() {
-        assert_eq!(poles(&Matrix2::new(0.0, f64::NAN, 1.0, 0.0)), None);
+        assert_eq!(poles(&dmatrix![0.0, f64::NAN; 1.0, 0.0]), None);
     }
 }

@@ -1,11 +1,11 @@
-//! Algebraic Riccati equations, continuous and discrete, by structured doubling.
+//! The continuous algebraic Riccati equation, by structured doubling.
 
-use nalgebra::{Cholesky, Const, DMatrix, DimMin, SMatrix};
+use nalgebra::{Cholesky, DMatrix};
 
 use super::linear::is_hurwitz;
 use crate::error::{Error, Result};
 
-type Square<const N: usize> = SMatrix<f64, N, N>;
+type Square = DMatrix<f64>;
 
 /// Doublings after which the recursion is given up. It squares its error, so that a solvable
 /// problem takes 7 to 15; only a closed loop with a pole within 1e-12 of the border takes more.
@@ -41,10 +41,7 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 ///
 /// [`Error::Infeasible`] where there is no such solution: a mode that no input reaches is
 /// unstable, or a mode costs nothing.
-pub fn care<const N: usize>(a: &Square<N>, g: &Square<N>, q: &Square<N>) -> Result<Square<N>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
+pub(super) fn care(a: &Square, g: &Square, q: &Square) -> Result<Square> {
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {
         let x = through_cayley(a, g, q, shift).map(|x| refined(x, a, g, q));
@@ -56,36 +53,16 @@ where
     Err(no_solution())
 }
 
-/// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`, `G = B R⁻¹ Bᵀ`.
-///
-/// `G` and `Q` are symmetric positive semidefinite.
-///
-/// # Errors
-///
-/// [`Error::Infeasible`] where the doubling does not converge to a positive definite solution.
-pub fn dare<const N: usize>(a: &Square<N>, g: &Square<N>, q: &Square<N>) -> Result<Square<N>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
-    doubling(*a, *g, *q).filter(|x| Cholesky::new(*x).is_some()).ok_or_else(no_solution)
-}
-
-/// Doubles the horizon of the discrete equation until its cost converges.
-fn doubling<const N: usize>(
-    mut a: Square<N>,
-    mut g: Square<N>,
-    mut h: Square<N>,
-) -> Option<Square<N>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
+/// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`: doubles its horizon
+/// until the cost converges.
+fn doubling(mut a: Square, mut g: Square, mut h: Square) -> Option<Square> {
     for _ in 0..MAX_DOUBLINGS {
-        let w = (Square::<N>::identity() + g * h).lu();
+        let w = (one_like(&a) + &g * &h).lu();
         let (w_a, w_g) = (w.solve(&a)?, w.solve(&g)?);
-        let next = symmetric(h + a.transpose() * h * w_a);
-        g = symmetric(g + a * w_g * a.transpose());
+        let next = symmetric(&h + a.transpose() * &h * &w_a);
+        g = symmetric(&g + &a * w_g * a.transpose());
         a *= w_a;
-        let change = (next - h).norm() / next.norm();
+        let change = (&next - &h).norm() / next.norm();
         h = next;
         if !change.is_finite() {
             return None;
@@ -99,33 +76,27 @@ where
 
 /// The continuous equation as a discrete one: `s = shift (z − 1) / (z + 1)` maps the left half
 /// plane onto the unit disc and leaves the solution as it is.
-fn through_cayley<const N: usize>(
-    a: &Square<N>,
-    g: &Square<N>,
-    q: &Square<N>,
-    shift: f64,
-) -> Option<Square<N>>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
-    let shifted = a - Square::identity() * shift;
+fn through_cayley(a: &Square, g: &Square, q: &Square, shift: f64) -> Option<Square> {
+    let shifted = a - one_like(a) * shift;
+    let w = shifted.transpose();
     let a_inverse = shifted.try_inverse()?;
-    let w_inverse = (shifted.transpose() + q * a_inverse * g).try_inverse()?;
+    let w_inverse = (w + q * &a_inverse * g).try_inverse()?;
     doubling(
-        Square::identity() + w_inverse.transpose() * (2.0 * shift),
-        symmetric(a_inverse * g * w_inverse * (2.0 * shift)),
-        symmetric(w_inverse * q * a_inverse * (2.0 * shift)),
+        one_like(a) + w_inverse.transpose() * (2.0 * shift),
+        symmetric(&a_inverse * g * &w_inverse * (2.0 * shift)),
+        symmetric(&w_inverse * q * &a_inverse * (2.0 * shift)),
     )
 }
 
 /// Geometric mean of the closed loop's |poles|: `|det H|^(1/2n)` of the Hamiltonian matrix, whose
 /// spectrum is that of the closed loop and its mirror image. The best-conditioned shift.
-fn mean_pole<const N: usize>(a: &Square<N>, g: &Square<N>, q: &Square<N>) -> f64 {
-    let mut hamiltonian = DMatrix::zeros(2 * N, 2 * N);
-    hamiltonian.view_mut((0, 0), (N, N)).copy_from(a);
-    hamiltonian.view_mut((0, N), (N, N)).copy_from(&-g);
-    hamiltonian.view_mut((N, 0), (N, N)).copy_from(&-q);
-    hamiltonian.view_mut((N, N), (N, N)).copy_from(&-a.transpose());
+fn mean_pole(a: &Square, g: &Square, q: &Square) -> f64 {
+    let n = a.nrows();
+    let mut hamiltonian = Square::zeros(2 * n, 2 * n);
+    hamiltonian.view_mut((0, 0), (n, n)).copy_from(a);
+    hamiltonian.view_mut((0, n), (n, n)).copy_from(&-g);
+    hamiltonian.view_mut((n, 0), (n, n)).copy_from(&-q);
+    hamiltonian.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
     #[expect(clippy::cast_precision_loss, reason = "a matrix size is far below 2^53")]
     let n = pivots.len() as f64;
@@ -134,19 +105,14 @@ fn mean_pole<const N: usize>(a: &Square<N>, g: &Square<N>, q: &Square<N>) -> f64
 
 /// Newton's method (Kleinman 1968): adds the `D` of `A_cᵀ D + D A_c + residual = 0`,
 /// `A_c = A − GX`, as long as there is a residual to speak of.
-fn refined<const N: usize>(
-    mut x: Square<N>,
-    a: &Square<N>,
-    g: &Square<N>,
-    q: &Square<N>,
-) -> Square<N> {
+fn refined(mut x: Square, a: &Square, g: &Square, q: &Square) -> Square {
     for _ in 0..MAX_REFINEMENTS {
-        let quadratic = x * g * x;
-        let left = symmetric(a.transpose() * x + x * a - quadratic + q);
+        let quadratic = &x * g * &x;
+        let left = symmetric(a.transpose() * &x + &x * a - &quadratic + q);
         if left.norm() <= REFINED_FROM * (q.norm() + quadratic.norm()) {
             break;
         }
-        let Some(added) = lyapunov(&(a - g * x), &left) else { break };
+        let Some(added) = lyapunov(&(a - g * &x), &left) else { break };
         x += added;
     }
     x
@@ -154,15 +120,14 @@ fn refined<const N: usize>(
 
 /// `X` of `AᵀX + XA + Q = 0` for a stable `A`: the Cayley transform makes it the sum
 /// `Σ Fᵀᵏ H Fᵏ`, whose length doubles with every squaring of `F` (Smith 1968).
-fn lyapunov<const N: usize>(a: &Square<N>, q: &Square<N>) -> Option<Square<N>> {
-    let one = Square::<N>::identity();
-    let shift = a.norm() * LYAPUNOV_SHIFT;
-    let inverse = (a - one * shift).try_inverse()?;
-    let mut f = (a + one * shift) * inverse;
-    let mut x = symmetric(inverse.transpose() * q * inverse * (2.0 * shift));
+fn lyapunov(a: &Square, q: &Square) -> Option<Square> {
+    let shift = one_like(a) * (a.norm() * LYAPUNOV_SHIFT);
+    let inverse = (a - &shift).try_inverse()?;
+    let mut f = (a + &shift) * &inverse;
+    let mut x = symmetric(inverse.transpose() * q * &inverse * (2.0 * shift[0]));
     for _ in 0..MAX_DOUBLINGS {
-        let added = f.transpose() * x * f;
-        x = symmetric(x + added);
+        let added = f.transpose() * &x * &f;
+        x = symmetric(&x + &added);
         let (change, size) = (added.norm(), x.norm());
         if !size.is_finite() {
             return None;
@@ -170,20 +135,27 @@ fn lyapunov<const N: usize>(a: &Square<N>, q: &Square<N>) -> Option<Square<N>> {
         if change <= CONVERGED * size {
             return Some(x);
         }
-        f *= f;
+        f = &f * &f;
     }
     None
 }
 
-fn solves_care<const N: usize>(x: &Square<N>, a: &Square<N>, g: &Square<N>, q: &Square<N>) -> bool {
+fn solves_care(x: &Square, a: &Square, g: &Square, q: &Square) -> bool {
     let g_x = g * x;
-    let residual = a.transpose() * x + x * a - x * g_x + q;
+    let residual = a.transpose() * x + x * a - x * &g_x + q;
     let size = q.norm() + x.norm() * (2.0 * a.norm() + g_x.norm());
-    residual.norm() < MAX_RESIDUAL * size && Cholesky::new(*x).is_some() && is_hurwitz(&(a - g_x))
+    residual.norm() < MAX_RESIDUAL * size
+        && Cholesky::new(x.clone()).is_some()
+        && is_hurwitz(&(a - g_x))
 }
 
-fn symmetric<const N: usize>(m: Square<N>) -> Square<N> {
-    (m + m.transpose()) * 0.5
+fn symmetric(m: Square) -> Square {
+    let transpose = m.transpose();
+    (m + transpose) * 0.5
+}
+
+fn one_like(m: &Square) -> Square {
+    Square::identity(m.nrows(), m.ncols())
 }
 
 fn no_solution() -> Error {
@@ -197,7 +169,7 @@ fn no_solution() -> Error {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix1, Matrix2};
+    use nalgebra::dmatrix;
 
     use super::*;
 
@@ -205,43 +177,31 @@ mod tests {
     fn scalar_continuous_equation_has_its_textbook_root() {
         // 2 a x − g x² + q = 0, the root that makes a − g x negative.
         let (a, g, q) = (0.7, 2.0, 3.0);
-        let x = care(&Matrix1::new(a), &Matrix1::new(g), &Matrix1::new(q)).unwrap()[0];
+        let x = care(&dmatrix![a], &dmatrix![g], &dmatrix![q]).unwrap()[0];
         let root = (a + f64::sqrt(a * a + g * q)) / g;
         assert!((x - root).abs() < 1e-15 * root, "{x} against {root}");
     }
 
     #[test]
-    fn scalar_discrete_equation_has_its_textbook_root() {
-        // x = q + a² x / (1 + g x)  ⇔  g x² + (1 − a² − g q) x − q = 0.
-        let (a, g, q) = (1.2, 0.5, 2.0);
-        let x = dare(&Matrix1::new(a), &Matrix1::new(g), &Matrix1::new(q)).unwrap()[0];
-        let b = 1.0 - a * a - g * q;
-        let root = (-b + f64::sqrt(b * b + 4.0 * g * q)) / (2.0 * g);
-        assert!((x - root).abs() < 1e-14 * root, "{x} against {root}");
-    }
-
-    #[test]
     fn an_unreachable_unstable_mode_is_refused() {
-        let a = Matrix2::new(-1.0, 0.0, 0.0, 0.5);
-        let g = Matrix2::new(1.0, 0.0, 0.0, 0.0);
-        assert!(care(&a, &g, &Matrix2::identity()).is_err(), "pole at 0.5 stays");
-        assert!(dare(&(a * 3.0), &g, &Matrix2::identity()).is_err(), "pole at 1.5 stays");
+        let a = dmatrix![-1.0, 0.0; 0.0, 0.5];
+        let g = dmatrix![1.0, 0.0; 0.0, 0.0];
+        assert!(care(&a, &g, &Square::identity(2, 2)).is_err(), "pole at 0.5 stays");
     }
 
     #[test]
     fn a_state_without_cost_is_refused() {
-        let a = Matrix2::identity() * 0.5;
-        let (g, q) = (Matrix2::identity(), Matrix2::new(1.0, 0.0, 0.0, 0.0));
-        assert!(care(&-a, &g, &q).is_err(), "X = diag(x, 0)");
-        assert!(dare(&a, &g, &q).is_err(), "X = diag(x, 0)");
-        assert!(care(&-a, &g, &Matrix2::zeros()).is_err(), "X = 0");
+        let a = Square::identity(2, 2) * -0.5;
+        let (g, q) = (Square::identity(2, 2), dmatrix![1.0, 0.0; 0.0, 0.0]);
+        assert!(care(&a, &g, &q).is_err(), "X = diag(x, 0)");
+        assert!(care(&a, &g, &Square::zeros(2, 2)).is_err(), "X = 0");
     }
 
     #[test]
     fn of_two_positive_roots_only_the_stabilizing_one_is_accepted() {
         // 2 x − x² − 1/2 = 0 has the roots 1 ± √½.
-        let (one, q) = (Matrix1::new(1.0), Matrix1::new(-0.5));
-        let accepted = |x| solves_care(&Matrix1::new(x), &one, &one, &q);
+        let (one, q) = (dmatrix![1.0], dmatrix![-0.5]);
+        let accepted = |x| solves_care(&dmatrix![x], &one, &one, &q);
         assert!(accepted(1.0 + f64::sqrt(0.5)), "closed loop −√½");
         assert!(!accepted(1.0 - f64::sqrt(0.5)), "closed loop +√½");
         assert!(!accepted(2.0), "no root");
@@ -250,10 +210,10 @@ mod tests {
     #[test]
     fn a_shift_on_an_eigenvalue_is_moved() {
         // Poles of the closed loop −0.5 and −2: their mean 1 is an eigenvalue of A.
-        let a = Matrix2::new(0.0, 0.0, 0.0, 1.0);
-        let (g, q) = (Matrix2::identity(), Matrix2::new(0.25, 0.0, 0.0, 3.0));
+        let a = dmatrix![0.0, 0.0; 0.0, 1.0];
+        let (g, q) = (Square::identity(2, 2), dmatrix![0.25, 0.0; 0.0, 3.0]);
         assert!(through_cayley(&a, &g, &q, mean_pole(&a, &g, &q)).is_none(), "singular there");
         let x = care(&a, &g, &q).unwrap();
-        assert!((x - Matrix2::new(0.5, 0.0, 0.0, 3.0)).norm() < 1e-14, "a + √(a² + q): {x}");
+        assert!((&x - dmatrix![0.5, 0.0; 0.0, 3.0]).norm() < 1e-14, "a + √(a² + q): {x}");
     }
 }

@@ -10,16 +10,14 @@
 //! (1975), for the weights. Not modeled: the observer's own part in the margins, drag,
 //! the time between two ticks.
 
-use nalgebra::{Complex, Const, DMatrix, DimMin, Matrix4, SMatrix, SVector, Vector4};
+use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
-use super::controller::{
-    GEOMETRIC_MEMORY, Gain, LinearController, PID_MEMORY, modeled_lag_s, with_integrals,
-};
+use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
 use super::vehicle::{GRAVITY_M_S2, Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
 use crate::control::{
-    Margins, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain, poles,
-    unobservable_states, with_input_lag,
+    Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain,
+    poles, unobservable_states, with_input_lag,
 };
 use crate::error::{Error, Result, within};
 
@@ -100,29 +98,23 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let vehicle = Vehicle::new(&options.vehicle);
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-    let known_s = modeled_lag_s(options);
     let mut design = match options.controller.kind {
-        ControllerKind::LqrIntegral => {
-            let (a, b) = with_integrals(&a, &b);
-            let gain = Gain::<15>::new(options, &a, &b)?;
-            Design::of_gain::<15, 19, 23>(&a, &b, &gain, known_s, motor_lag_s)
-        }
-        ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::Altitude => {
-            let gain = Gain::<12>::new(options, &a, &b)?;
-            Design::of_gain::<12, 16, 20>(&a, &b, &gain, known_s, motor_lag_s)
-        }
-        ControllerKind::Pid => {
-            let loops = LinearController::<PID_MEMORY>::new(options);
-            Design::of_loops::<PID_MEMORY, 33, 37>(&a, &b, &loops, motor_lag_s)
-        }
-        ControllerKind::Geometric => {
-            let loops = LinearController::<GEOMETRIC_MEMORY>::new(options);
-            Design::of_loops::<GEOMETRIC_MEMORY, 18, 22>(&a, &b, &loops, motor_lag_s)
+        ControllerKind::Pid | ControllerKind::Geometric => Design::of_loops(
+            &dynamic(&a),
+            &dynamic(&b),
+            &LinearController::new(options),
+            motor_lag_s,
+        ),
+        _ => {
+            let model = with_integrals(options, &a, &b);
+            let gain = Gain::new(options, &model)?;
+            Design::of_gain(&model, &gain, modeled_lag_s(options), motor_lag_s)
         }
     };
     // The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
-    design.controllability_rank = observability_rank(&a.transpose(), &per_size.transpose());
+    design.controllability_rank =
+        observability_rank(&dynamic(&a.transpose()), &dynamic(&per_size.transpose()));
     design.observe(options)?;
     design.weigh(options, &vehicle);
     design.warn(options);
@@ -130,97 +122,76 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
 }
 
 impl Design {
-    /// The regulator's part, for lagging or immediate motors. `P` is `N + 4`, `Q` is `N + 8`.
-    fn of_gain<const N: usize, const P: usize, const Q: usize>(
-        a: &SMatrix<f64, N, N>,
-        b: &SMatrix<f64, N, 4>,
-        gain: &Gain<N>,
+    /// The regulator's part, for lagging or immediate motors.
+    fn of_gain(
+        [a, b]: &[DMatrix<f64>; 2],
+        gain: &Gain,
         known_lag_s: Option<f64>,
         motor_lag_s: f64,
-    ) -> Self
-    where
-        Const<N>: DimMin<Const<N>, Output = Const<N>>,
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-        Const<Q>: DimMin<Const<Q>, Output = Const<Q>>,
-    {
-        let states = STATES[..N].iter().copied();
+    ) -> Self {
+        let n = a.nrows();
+        let states = STATES[..n].iter().copied();
         let Some(known_lag_s) = known_lag_s else {
             return Self {
-                k: Some(dynamic(&gain.k)),
+                k: Some(gain.k.clone()),
                 states: states.collect(),
-                ..Self::of_feedback::<N, P>(a, b, &gain.k, N - 12, motor_lag_s)
+                ..Self::of_feedback(a, b, &gain.k, motor_lag_s)
             };
         };
         // The modeled rotors run on the regulator's own commands: they are part of it, not of the
         // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
-        let mut whole = a.fixed_resize::<P, P>(0.0);
-        whole.fixed_view_mut::<4, N>(N, 0).copy_from(&(-gain.k / known_lag_s));
+        let mut whole = a.clone().resize(n + 4, n + 4, 0.0);
+        whole.view_mut((n, 0), (4, n)).copy_from(&(-&gain.k / known_lag_s));
         let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
-        whole.fixed_view_mut::<4, 4>(N, N).copy_from(&back);
-        let mut k = gain.k.fixed_resize::<4, P>(0.0);
-        k.fixed_view_mut::<4, 4>(0, N).copy_from(&gain.k_rotor);
-        let b = b.fixed_resize::<P, 4>(0.0);
-        Self {
-            k: Some(dynamic(&k)),
-            states: states.chain(ROTOR_STATES).collect(),
-            ..Self::of_feedback::<P, Q>(&whole, &b, &k, P - 12, motor_lag_s)
-        }
+        whole.view_mut((n, n), (4, 4)).copy_from(&back);
+        let mut k = gain.k.clone().resize_horizontally(n + 4, 0.0);
+        k.columns_mut(n, 4).copy_from(&gain.k_rotor);
+        let b = b.clone().resize_vertically(n + 4, 0.0);
+        let feedback = Self::of_feedback(&whole, &b, &k, motor_lag_s);
+        Self { k: Some(k), states: states.chain(ROTOR_STATES).collect(), ..feedback }
     }
 
-    /// The loops of a controller with `M` states of its own. `N` is `12 + M`, `P` is `N + 4`.
-    fn of_loops<const M: usize, const N: usize, const P: usize>(
-        a: &SMatrix<f64, 12, 12>,
-        b: &SMatrix<f64, 12, 4>,
-        loops: &LinearController<M>,
+    /// The loops of a controller with states of its own.
+    fn of_loops(
+        a: &DMatrix<f64>,
+        b: &DMatrix<f64>,
+        loops: &LinearController,
         motor_lag_s: f64,
-    ) -> Self
-    where
-        Const<N>: DimMin<Const<N>, Output = Const<N>>,
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-    {
-        let mut whole = a.fixed_resize::<N, N>(0.0);
-        whole.fixed_view_mut::<M, 12>(12, 0).copy_from(&loops.g);
-        whole.fixed_view_mut::<M, M>(12, 12).copy_from(&loops.f);
-        let mut k = (-loops.k).fixed_resize::<4, N>(0.0);
-        k.fixed_view_mut::<4, M>(0, 12).copy_from(&-loops.h);
-        let b = b.fixed_resize::<N, 4>(0.0);
-        Self::of_feedback::<N, P>(&whole, &b, &k, loops.n_memory, motor_lag_s)
+    ) -> Self {
+        let m = loops.f.nrows();
+        let mut whole = a.clone().resize(12 + m, 12 + m, 0.0);
+        whole.view_mut((12, 0), (m, 12)).copy_from(&loops.g);
+        whole.view_mut((12, 12), (m, m)).copy_from(&loops.f);
+        let mut k = (-&loops.k).resize_horizontally(12 + m, 0.0);
+        k.columns_mut(12, m).copy_from(&-&loops.h);
+        Self::of_feedback(&whole, &b.clone().resize_vertically(12 + m, 0.0), &k, motor_lag_s)
     }
 
-    /// Poles and margins of the feedback `u = −K x`, for lagging and immediate motors, with `n_own`
-    /// states of the controller behind the drone's twelve; what follows these is unused.
-    fn of_feedback<const N: usize, const P: usize>(
-        a: &SMatrix<f64, N, N>,
-        b: &SMatrix<f64, N, 4>,
-        k: &SMatrix<f64, 4, N>,
-        n_own: usize,
-        motor_lag_s: f64,
-    ) -> Self
-    where
-        Const<N>: DimMin<Const<N>, Output = Const<N>>,
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-    {
-        let (a_lag, b_lag, k_lag) = with_input_lag::<N, 4, P>(a, b, k, motor_lag_s);
-        let stable = |lag_s: f64| {
-            let (a, b, k) = with_input_lag::<N, 4, P>(a, b, k, lag_s);
-            is_hurwitz(&(a - b * k))
+    /// Poles and margins of the feedback `u = −K x`, for lagging and immediate motors; the
+    /// controller's own states follow the drone's twelve.
+    fn of_feedback(a: &DMatrix<f64>, b: &DMatrix<f64>, k: &DMatrix<f64>, motor_lag_s: f64) -> Self {
+        let lagging = |lag_s: f64| {
+            let [a, b, k] = with_input_lag(a, b, k, lag_s);
+            let closed = &a - &b * &k;
+            ([a, b, k], closed)
         };
-        let unused = [12 + n_own, N - 12 - n_own];
+        let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
+        let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
         Self {
             k: None,
             states: Vec::new(),
-            n_controller_states: n_own,
+            n_controller_states: a.nrows() - 12,
             l: DMatrix::zeros(8, 3),
             controllability_rank: 0,
             observability_rank: 0,
             unobservable: Vec::new(),
-            regulator_poles: poles(&without(&(a - b * k), unused)),
+            regulator_poles: poles(&(a - b * k)),
             observer_poles: None,
-            margins: margins(a, b, k),
+            margins: margins(a, b, k).map(of_inputs),
             motor_lag_s,
-            lagging_poles: poles(&without(&(a_lag - b_lag * k_lag), unused)),
-            lagging_margins: margins(&a_lag, &b_lag, &k_lag),
-            longest_lag_s: longest(stable),
+            lagging_poles: poles(&closed_lag),
+            lagging_margins: margins(&a_lag, &b_lag, &k_lag).map(of_inputs),
+            longest_lag_s: longest(|lag_s| is_hurwitz(&lagging(lag_s).1)),
             largest_inputs: [0.0; 4],
             bryson_r: [0.0; 4],
             warnings: Vec::new(),
@@ -236,23 +207,24 @@ impl Design {
             &Motion::zeros(),
             &at_hover,
         );
-        let position = SMatrix::<f64, 3, 9>::identity();
+        let a = dynamic(&a);
+        let position = DMatrix::identity(3, 9);
         self.observability_rank = observability_rank(&a, &position);
         self.unobservable =
             unobservable_states(&a, &position).iter().map(|&state| STATES[state]).collect();
-        let a: SMatrix<f64, 8, 8> = a.remove_row(YAW).remove_column(YAW);
-        let c = SMatrix::<f64, 3, 8>::identity();
-        let variance = |trust: f64| 1.0 / trust;
-        let model =
-            SMatrix::from_diagonal(&SVector::from(options.observer.luenberger.r).map(variance));
-        let measured =
-            SMatrix::from_diagonal(&SVector::from(options.observer.luenberger.q).map(variance));
+        let a = a.remove_row(YAW).remove_column(YAW);
+        let c = DMatrix::identity(3, 8);
+        let variances = |trust: &[f64]| {
+            DMatrix::from_diagonal(&DVector::from_column_slice(trust).map(f64::recip))
+        };
+        let model = variances(&options.observer.luenberger.r);
+        let measured = variances(&options.observer.luenberger.q);
         let l = observer_gain(&a, &c, &model, &measured).map_err(|error| Error::Infeasible {
             what: format!("observer.luenberger.q and .r have no gain: {error}"),
             hint: error.hint().into(),
         })?;
-        self.observer_poles = poles(&(a - l * c));
-        self.l = dynamic(&l);
+        self.observer_poles = poles(&(a - &l * c));
+        self.l = l;
         Ok(())
     }
 
@@ -300,15 +272,6 @@ fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {
         if stable(middle) { low = middle } else { high = middle }
     }
     Some(low)
-}
-
-/// A matrix without `n` rows and columns from `first` on.
-fn without<const N: usize>(a: &SMatrix<f64, N, N>, [first, n]: [usize; 2]) -> DMatrix<f64> {
-    dynamic(a).remove_rows(first, n).remove_columns(first, n)
-}
-
-fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> DMatrix<f64> {
-    DMatrix::from_column_slice(R, C, m.as_slice())
 }
 
 #[cfg(test)]

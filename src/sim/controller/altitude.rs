@@ -4,7 +4,7 @@
 //! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed: α⁰
 //! and α¹ follow the battery and the load.
 
-use nalgebra::{Matrix1, Matrix2, Vector2, Vector3};
+use nalgebra::{Vector3, dmatrix};
 
 use super::lqr::Lqr;
 use super::{Command, Controller, Reference};
@@ -45,12 +45,10 @@ impl ThrustMap {
 ///
 /// None that weights within their ranges can meet.
 pub(in crate::sim) fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
-    let a = Matrix2::new(0.0, 1.0, 0.0, 0.0);
-    let b = Vector2::new(0.0, 1.0);
     let weight = |scale: f64| 1.0 / (scale * scale);
-    let q =
-        Matrix2::from_diagonal(&Vector2::new(weight(options.error_m), weight(options.error_m_s)));
-    let k = lqr(&a, &b, &q, &Matrix1::new(weight(options.acceleration_m_s2)))?;
+    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(options.error_m_s)];
+    let r = dmatrix![weight(options.acceleration_m_s2)];
+    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &r)?;
     Ok([k[0], k[1]])
 }
 

@@ -5,96 +5,65 @@
 //! are added as states, and where the position is integrated, the three integrals as well
 //! (Anderson, Moore, "Optimal Control", 1990, chapters 3 and 4).
 
-use nalgebra::{Const, DimMin, Matrix4, SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
-use crate::control::{lqr, with_input_lag};
+use crate::control::{dynamic, lqr, with_input_lag};
 use crate::error::{Error, Result};
-use crate::sim::options::{MotorLag, SimOptions};
+use crate::sim::options::{ControllerKind, MotorLag, SimOptions};
 
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Gain<const N: usize> {
-    pub(in crate::sim) k: SMatrix<f64, 4, N>,
+pub(in crate::sim) struct Gain {
+    /// 4×12; 4×15 where the position is integrated.
+    pub(in crate::sim) k: DMatrix<f64>,
     /// Zero for immediate rotors.
     pub(in crate::sim) k_rotor: Matrix4<f64>,
 }
 
-impl Gain<12> {
-    /// The gain for the model `ẋ = A x + B u`.
+impl Gain {
+    /// The gain for the model `ẋ = A x + B u`, from [`with_integrals`] where the position is
+    /// integrated.
     ///
     /// # Errors
     ///
     /// [`Error::Infeasible`] where the weights have no gain.
-    pub(in crate::sim) fn new(
-        options: &SimOptions,
-        a: &SMatrix<f64, 12, 12>,
-        b: &SMatrix<f64, 12, 4>,
-    ) -> Result<Self> {
-        Self::solve::<16>(options, a, b, &SVector::from(options.controller.lqr.q))
-    }
-}
-
-impl Gain<15> {
-    /// The gain with integrals for a model from [`with_integrals`].
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] where the weights have no gain.
-    pub(in crate::sim) fn new(
-        options: &SimOptions,
-        a: &SMatrix<f64, 15, 15>,
-        b: &SMatrix<f64, 15, 4>,
-    ) -> Result<Self> {
+    pub(in crate::sim) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
-        let mut q = SVector::<f64, 15>::zeros();
-        q.fixed_rows_mut::<12>(0).copy_from(&SVector::from(weights.q));
-        q.fixed_rows_mut::<3>(12).copy_from(&SVector::from(weights.q_integral));
-        Self::solve::<19>(options, a, b, &q)
-    }
-}
-
-impl<const N: usize> Gain<N>
-where
-    Const<N>: DimMin<Const<N>, Output = Const<N>>,
-{
-    /// Gain for the weights Q (diagonal) of the states and those of the options for the inputs. `P`
-    /// is `N + 4`.
-    fn solve<const P: usize>(
-        options: &SimOptions,
-        a: &SMatrix<f64, N, N>,
-        b: &SMatrix<f64, N, 4>,
-        q: &SVector<f64, N>,
-    ) -> Result<Self>
-    where
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-    {
-        let r = SVector::from(options.controller.lqr.r);
+        let n = a.nrows();
+        let q = weights.q.iter().chain(&weights.q_integral).copied().take(n);
+        let r = Vector4::from(weights.r);
         let Some(lag_s) = modeled_lag_s(options) else {
-            let (q, r) = (SMatrix::from_diagonal(q), SMatrix::from_diagonal(&r));
+            let q = DMatrix::from_diagonal(&DVector::from_iterator(n, q));
+            let r = dynamic(&Matrix4::from_diagonal(&r));
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
         };
         // Inputs in units that cost 1, so that newtons and millinewton meters are of one size.
-        let size = SMatrix::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
-        let per_size = SMatrix::from_diagonal(&r.map(f64::sqrt));
-        let (a, b, _) = with_input_lag::<N, 4, P>(a, &(b * size), &SMatrix::zeros(), lag_s);
-        let q = SMatrix::from_diagonal(&q.fixed_resize::<P, 1>(0.0));
-        let k = lqr(&a, &b, &q, &Matrix4::identity()).map_err(without_gain)?;
-        Ok(Self {
-            k: size * k.fixed_columns::<N>(0),
-            k_rotor: size * k.fixed_columns::<4>(N) * per_size,
-        })
+        let size = Matrix4::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
+        let per_size = Matrix4::from_diagonal(&r.map(f64::sqrt));
+        let b = b * dynamic(&size);
+        let [a, b, _] = with_input_lag(a, &b, &DMatrix::zeros(4, n), lag_s);
+        let q = DVector::from_iterator(n + 4, q.chain([0.0; 4]));
+        let k = lqr(&a, &b, &DMatrix::from_diagonal(&q), &DMatrix::identity(4, 4));
+        let k = k.map_err(without_gain)?;
+        let k_rotor = size * k.fixed_view::<4, 4>(0, n) * per_size;
+        Ok(Self { k: dynamic(&size) * k.columns(0, n), k_rotor })
     }
 }
 
-/// The model with the integrals of its position as states 12 to 14.
+/// The model at hover, with the integrals of its position as states 12 to 14 where the controller
+/// integrates it.
 pub(in crate::sim) fn with_integrals(
+    options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
     b: &SMatrix<f64, 12, 4>,
-) -> (SMatrix<f64, 15, 15>, SMatrix<f64, 15, 4>) {
+) -> [DMatrix<f64>; 2] {
+    if options.controller.kind != ControllerKind::LqrIntegral {
+        return [dynamic(a), dynamic(b)];
+    }
     let mut a = a.fixed_resize::<15, 15>(0.0);
     a.fixed_view_mut::<3, 3>(12, 0).fill_with_identity();
-    (a, b.fixed_resize::<15, 4>(0.0))
+    [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
 /// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate motors
@@ -118,10 +87,10 @@ mod tests {
     use crate::control::linearize;
     use crate::sim::vehicle::{State, Vehicle};
 
-    fn gain(options: &SimOptions) -> Gain<12> {
+    fn gain(options: &SimOptions) -> Gain {
         let vehicle = Vehicle::new(&options.vehicle);
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-        Gain::<12>::new(options, &a, &b).unwrap()
+        Gain::new(options, &with_integrals(options, &a, &b)).unwrap()
     }
 
     #[test]

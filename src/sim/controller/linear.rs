@@ -9,42 +9,30 @@
 //! Not modeled: saturation, and the time for which a command is held. The position loop of the
 //! cascade, which runs at a fifth of the rate, is taken at the full one.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::geometric::Geometric;
 use super::pid::PidCascade;
 use super::{Controller, Reference};
 use crate::sim::options::{ControllerKind, SimOptions};
-use crate::sim::vehicle::{Mixer, State, Wrench};
+use crate::sim::vehicle::{Mixer, State};
 
 /// Step of the differences: 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the units of the
 /// memory. No loop saturates, and rounding stays below 1e-9 of a gain.
 const STEP: f64 = 1e-4;
 
 /// `u = K x + H m` and `dm/dt = F m + G x`: the wrench's deviation from hover for the state's
-/// deviation `x`, and the memory `m`. Rows and columns of `m` beyond `n_memory` are unused: they die
-/// out and act on nothing.
+/// deviation `x`, and the memory `m`.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct LinearController<const M: usize> {
-    pub(in crate::sim) k: SMatrix<f64, 4, 12>,
-    pub(in crate::sim) h: SMatrix<f64, 4, M>,
-    pub(in crate::sim) f: SMatrix<f64, M, M>,
-    pub(in crate::sim) g: SMatrix<f64, M, 12>,
-    pub(in crate::sim) n_memory: usize,
+pub(in crate::sim) struct LinearController {
+    pub(in crate::sim) k: DMatrix<f64>,
+    pub(in crate::sim) h: DMatrix<f64>,
+    pub(in crate::sim) f: DMatrix<f64>,
+    pub(in crate::sim) g: DMatrix<f64>,
 }
 
-/// Most that the cascade remembers: ten integrals, three last measurements, and two filters with four
-/// values each.
-pub(in crate::sim) const PID_MEMORY: usize = 21;
-/// Most that the geometric controller remembers: six integrals.
-pub(in crate::sim) const GEOMETRIC_MEMORY: usize = 6;
-
-impl<const M: usize> LinearController<M> {
+impl LinearController {
     /// Linearizes the cascade or the geometric controller of the options.
-    ///
-    /// # Panics
-    ///
-    /// If the controller remembers more than `M` values.
     pub(in crate::sim) fn new(options: &SimOptions) -> Self {
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();
@@ -61,48 +49,40 @@ impl<const M: usize> LinearController<M> {
         let zero = Vector3::zeros();
         let (position_m, velocity_m_s, acceleration_m_s2) = (zero, zero, zero);
         let at_rest = Reference { held_m: zero, position_m, velocity_m_s, acceleration_m_s2 };
-        let n_memory = controller.clone().memory().len();
-        assert!(n_memory <= M, "a memory of {n_memory} values");
-        let tick = |state: &State, memory: &SVector<f64, M>| {
+        let n = controller.clone().memory().len();
+        // Wrench and next memory, for the deviation of one state or one value of the memory.
+        let tick = |index: usize, step: f64| {
+            let mut deviation = vec![0.0; 12 + n];
+            deviation[index] = step;
             let mut controller = controller.clone();
             controller.rest(&State::zeros());
-            controller.memory().into_iter().zip(memory.iter()).for_each(|(to, from)| *to = *from);
-            let wrench = mixer.wrench(&controller.command(state, &at_rest).motors);
-            let mut next = SVector::<f64, M>::zeros();
-            next.iter_mut().zip(controller.memory()).for_each(|(to, from)| *to = *from);
-            (wrench, next)
+            controller
+                .memory()
+                .into_iter()
+                .zip(&deviation[12..])
+                .for_each(|(to, from)| *to = *from);
+            let state = State::from_column_slice(&deviation[..12]);
+            let wrench = mixer.wrench(&controller.command(&state, &at_rest).motors);
+            let next = controller.memory().into_iter().map(|value| *value);
+            DVector::from_iterator(4 + n, wrench.iter().copied().chain(next))
         };
-        let slope = |[high, low]: [(Wrench, SVector<f64, M>); 2]| {
-            ((high.0 - low.0) / (2.0 * STEP), (high.1 - low.1) / (2.0 * STEP))
-        };
-        let (mut k, mut g) = (SMatrix::<f64, 4, 12>::zeros(), SMatrix::<f64, M, 12>::zeros());
-        for i in 0..12 {
-            let off = |step| State::from_fn(|row, _| if row == i { step } else { 0.0 });
-            let ends = [STEP, -STEP].map(|step| tick(&off(step), &SVector::zeros()));
-            let (wrench, next) = slope(ends);
-            k.set_column(i, &wrench);
-            g.set_column(i, &next);
-        }
-        let (mut h, mut f) = (SMatrix::<f64, 4, M>::zeros(), SMatrix::<f64, M, M>::zeros());
-        for i in 0..n_memory {
-            let off = |step| SVector::from_fn(|row, _| if row == i { step } else { 0.0 });
-            let ends = [STEP, -STEP].map(|step| tick(&State::zeros(), &off(step)));
-            let (wrench, next) = slope(ends);
-            h.set_column(i, &wrench);
-            f.set_column(i, &next);
-        }
-        Self { k, h, f, g, n_memory }.continuous(tick_s)
+        let slopes: Vec<_> =
+            (0..12 + n).map(|i| (tick(i, STEP) - tick(i, -STEP)) / (2.0 * STEP)).collect();
+        let slopes = DMatrix::from_columns(&slopes);
+        let part = |at, size| slopes.view(at, size).into_owned();
+        let (k, h) = (part((0, 0), (4, 12)), part((0, 12), (4, n)));
+        Self { k, h, f: part((4, 12), (n, n)), g: part((4, 0), (n, 12)) }.continuous(tick_s)
     }
 
     /// The continuous system whose transform by Tustin, `s = 2 (z − 1) / (T (z + 1))`, is this.
     fn continuous(self, tick_s: f64) -> Self {
-        let one = SMatrix::<f64, M, M>::identity();
-        let inverse = (one + self.f).try_inverse().expect("no memory alternates for ever");
+        let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
+        let inverse = (&one + &self.f).try_inverse().expect("no memory alternates for ever");
         Self {
-            f: (self.f - one) * inverse * (2.0 / tick_s),
-            k: self.k - self.h * inverse * self.g,
-            h: self.h * inverse * inverse * (4.0 / tick_s),
-            ..self
+            f: (self.f - one) * &inverse * (2.0 / tick_s),
+            k: self.k - &self.h * &inverse * &self.g,
+            h: self.h * &inverse * &inverse * (4.0 / tick_s),
+            g: self.g,
         }
     }
 }
@@ -120,13 +100,13 @@ mod tests {
     fn the_geometric_law_is_linearized_to_its_own_gains() {
         let mut options = SimOptions::default();
         options.controller.kind = ControllerKind::Geometric;
-        let found = LinearController::<GEOMETRIC_MEMORY>::new(&options);
+        let found = LinearController::new(&options);
         let (gains, vehicle) = (&options.controller.geometric, &options.vehicle);
         let [_, j_y, _] = vehicle.inertia_kg_m2;
         let near = |found: f64, want: f64, what: &str| {
             assert!((found / want - 1.0).abs() < 2e-3, "{what}: {found} instead of {want}");
         };
-        assert_eq!(found.n_memory, 6);
+        assert_eq!(found.f.nrows(), 6);
         near(found.k[(3, 2)], -vehicle.mass_kg * gains.k_position, "thrust per height");
         near(found.k[(3, 8)], -vehicle.mass_kg * gains.k_velocity, "thrust per climb");
         near(found.k[(1, 10)], -j_y * gains.k_rate[1], "torque per pitch rate");
@@ -134,7 +114,7 @@ mod tests {
         near(found.k[(1, 0)], forward, "torque per distance");
         // An integral of the position error acts as k_position_integral per second.
         let integral = found.h.row(3) * found.g.column(2);
-        near(integral.x, -vehicle.mass_kg * gains.k_position_integral, "thrust per integral");
+        near(integral[0], -vehicle.mass_kg * gains.k_position_integral, "thrust per integral");
         assert!(found.f.diagonal().norm() < 1e-6, "integrals do not decay: {}", found.f);
     }
 
@@ -142,7 +122,7 @@ mod tests {
     fn the_cascades_memory_is_what_its_gains_use() {
         let mut options = SimOptions::cf21();
         options.controller.kind = ControllerKind::Pid;
-        let of = |options: &SimOptions| LinearController::<PID_MEMORY>::new(options).n_memory;
+        let of = |options: &SimOptions| LinearController::new(options).f.nrows();
         assert_eq!(of(&options), 13, "ten integrals, three derivatives");
         options.controller.pid.rate_pid[1] = 0.0;
         assert_eq!(of(&options), 11, "no integral of the roll and pitch rate");

@@ -53,18 +53,13 @@ impl Lqr {
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
         let kind = options.controller.kind;
-        let (k, k_integral, k_rotor) = if kind == ControllerKind::LqrIntegral {
-            let (a, b) = with_integrals(&a, &b);
-            let Gain { k, k_rotor } = Gain::<15>::new(options, &a, &b)?;
-            (k.fixed_columns::<12>(0).into(), k.fixed_columns::<3>(12).into(), k_rotor)
-        } else {
-            let Gain { k, k_rotor } = Gain::<12>::new(options, &a, &b)?;
-            (k, SMatrix::zeros(), k_rotor)
-        };
+        let Gain { k, k_rotor } = Gain::new(options, &with_integrals(options, &a, &b))?;
+        let is_integral = kind == ControllerKind::LqrIntegral;
+        let k_integral = is_integral.then(|| k.fixed_view::<4, 3>(0, 12).into_owned());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         Ok(Self {
-            k,
-            k_integral,
+            k: k.fixed_view::<4, 12>(0, 0).into_owned(),
+            k_integral: k_integral.unwrap_or_default(),
             k_rotor,
             follows_design: kind.follows_design(),
             hover,

@@ -19,7 +19,7 @@ use self::altitude::AltitudeHold;
 pub(super) use self::altitude::{ThrustMap, altitude_gains};
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
-pub(super) use self::linear::{GEOMETRIC_MEMORY, LinearController, PID_MEMORY};
+pub(super) use self::linear::LinearController;
 use self::lqr::Lqr;
 use self::pid::PidCascade;
 pub(crate) use self::pid::pid_gains;

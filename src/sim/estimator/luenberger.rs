@@ -4,7 +4,7 @@
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
 use super::Estimator;
-use crate::control::{linearize, observer_gain};
+use crate::control::{dynamic, linearize, observer_gain};
 use crate::error::{Error, Result};
 use crate::sim::options::LuenbergerOptions;
 use crate::sim::sensors::Readings;
@@ -75,10 +75,12 @@ fn gain(options: &LuenbergerOptions) -> Result<SMatrix<f64, 8, 3>> {
     let (a, _, c) = model();
     let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
     let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
-    observer_gain(&a, &c, &model, &measurement).map_err(|error| Error::Infeasible {
+    let gain = observer_gain(&dynamic(&a), &dynamic(&c), &dynamic(&model), &dynamic(&measurement));
+    let gain = gain.map_err(|error| Error::Infeasible {
         what: format!("observer.luenberger.q and .r have no gain: {error}"),
         hint: error.hint().into(),
-    })
+    })?;
+    Ok(SMatrix::from_column_slice(gain.as_slice()))
 }
 
 /// `A`, `B`, `C` at hover, yaw left out.
@@ -145,9 +147,9 @@ mod tests {
     #[test]
     fn yaw_is_the_one_state_that_no_position_shows() {
         let (a, _) = hover_model();
-        assert_eq!(observability_rank(&a, &SMatrix::<f64, 3, 9>::identity()), 8);
+        assert_eq!(observability_rank(&dynamic(&a), &nalgebra::DMatrix::identity(3, 9)), 8);
         let (a, _, c) = model();
-        assert_eq!(observability_rank(&a, &c), 8);
+        assert_eq!(observability_rank(&dynamic(&a), &dynamic(&c)), 8);
     }
 
     #[test]
