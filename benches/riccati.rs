@@ -1,5 +1,6 @@
 //! Time of one gain: regulator of the hovering drone (12 states, 4 inputs), its observer (8 states,
-//! 3 outputs), the regulator with integrals (15 states). Goal: 100 µs for the first.
+//! 3 outputs), the regulator with integrals (15 states). Goal: 100 µs for the first; measured in
+//! November 2026 on a busy core: 200, 480 and 90 µs. A flight takes 13 ms.
 
 use std::hint::black_box;
 
