@@ -194,6 +194,18 @@ impl Latent {
         self.film(cpu::splat(cores.get() as u64, self))
     }
 
+    /// The same on as many cores as there are.
+    #[must_use]
+    pub fn develop_on_all(&self) -> Film {
+        self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
+    }
+
+    /// One count of the film is `2^scale_log2` lx s.
+    #[must_use]
+    pub fn scale_log2(&self) -> i32 {
+        self.scale_log2
+    }
+
     /// Number of segments in the picture.
     #[must_use]
     pub fn n_segments(&self) -> usize {
@@ -201,8 +213,7 @@ impl Latent {
     }
 
     fn on_cpu(&self) -> Exposure {
-        let cores = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
-        let film = self.develop_on(cores);
+        let film = self.develop_on_all();
         Exposure { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
 

@@ -30,6 +30,7 @@ use sensor::Sensor;
 use starburst::Change;
 use tone::{Levels8, Levels16};
 
+mod animation;
 mod backdrop;
 pub mod exr;
 pub mod flip;

@@ -40,6 +40,7 @@ mod file;
 mod keys;
 mod lighting;
 mod metering;
+mod movie;
 mod planned;
 mod problems;
 mod shot;
