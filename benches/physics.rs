@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use noctograph::scene::{Preset, Scene};
-use noctograph::sim::{GroundEffect, Gusts, Plant, SimOptions};
+use noctograph::sim::SimOptions;
+use noctograph::vehicle::{GroundEffect, Gusts, Plant};
 
 const STEPS: u64 = 100_000;
 
@@ -53,7 +54,7 @@ fn physics(criterion: &mut Criterion) {
             bencher.iter_custom(|n| {
                 let (clock, processor) = (Instant::now(), processor_time());
                 for _ in 0..n {
-                    let mut plant = Plant::new(&options, 0.001, 1, 0, Vector3::z());
+                    let mut plant = Plant::new(options.plant(), 0.001, 1, 0, Vector3::z());
                     for _ in 0..STEPS {
                         plant.advance(black_box(&[hover; 4]));
                     }

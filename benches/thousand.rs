@@ -18,7 +18,9 @@ use std::time::{Duration, Instant};
 use noctograph::letters::{LetterOptions, write};
 use noctograph::plan::{Extent, Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
-use noctograph::sim::{ControllerKind, Drone, EstimatorKind, Gusts, Positioning, SimOptions, fly};
+use noctograph::sensors::Positioning;
+use noctograph::sim::{ControllerKind, Drone, EstimatorKind, SimOptions, fly};
+use noctograph::vehicle::Gusts;
 
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;

@@ -45,11 +45,13 @@
 //! | 2 | [`plan`] | Strokes → [`plan::Plan`] |
 //! | 2 | [`light`] | Flight → [`light::LightTrace`] |
 //! | 2 | [`logs`] | a real flight's log → Flight |
-//! | 3 | [`identify`] | Flight → parameters of its drone |
-//! | 3 | [`sim`] | Plan → Flight |
+//! | 2 | [`vehicle`] | motor commands → motion: rotors, body, battery, the air and the floor around them |
+//! | 3 | [`sensors`] | motion → measurements: inertial, Lighthouse, ranges, heights; messages between drones |
 //! | 3 | [`expose`] | [`light::LightTrace`] × Camera → [`expose::Film`], on a graphics device or the CPU |
+//! | 4 | [`sim`] | Plan → Flight: estimator, controller and the loop that runs them |
 //! | 4 | [`photo`] | Film → [`photo::Photo`], its file |
-//! | 4 | [`export`] | Plan → files for drones and other programs |
+//! | 5 | [`identify`] | Flight → parameters of its drone |
+//! | 5 | [`export`] | Plan → files for drones and other programs |
 //! | 5 | [`score`] | Photo → [`score::Verdict`] |
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
 //! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
@@ -103,8 +105,10 @@ mod random;
 pub mod report;
 pub mod scene;
 pub mod score;
+pub mod sensors;
 mod settings;
 pub mod shoot;
 pub mod sim;
 mod statistics;
 pub mod study;
+pub mod vehicle;

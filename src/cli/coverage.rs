@@ -15,8 +15,9 @@ use crate::error::Result;
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
+use crate::sensors::{Coverage, Positioning, coverage};
 use crate::shoot::Shoot;
-use crate::sim::{Coverage, Positioning, bounds, coverage, one_more_anchor, writing_sigma_m};
+use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
 
 /// Margin around the word, and the region where there is no word.
 const MARGIN_M: f64 = 0.5;

@@ -18,8 +18,8 @@ use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
 use crate::plan::{Plan, Style};
 use crate::preflight::Profile;
 use crate::scene::{NamedScene, Preset, Scene};
+use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
-use crate::sim::read_lighthouse_config;
 
 /// The scene.
 #[derive(Debug, Args)]

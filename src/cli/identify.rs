@@ -10,7 +10,7 @@ use super::report::{Report, wrapped};
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
-use crate::sim::VehicleOptions;
+use crate::vehicle::VehicleOptions;
 
 #[derive(Debug, Args)]
 pub(super) struct IdentifyArgs {

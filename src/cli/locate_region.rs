@@ -10,8 +10,8 @@ use crate::estimate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
 };
 use crate::scene::Scene;
+use crate::sensors::UwbOptions;
 use crate::shoot::Shoot;
-use crate::sim::UwbOptions;
 
 /// Start errors, gains and times of the map.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

@@ -130,14 +130,15 @@ mod tests {
     use crate::identify::identify;
     use crate::identify::tests::assumed_of;
     use crate::random::split_mix;
-    use crate::sim::{Plant, SimOptions};
+    use crate::sim::SimOptions;
+    use crate::vehicle::Plant;
 
     /// Half a minute of hovering while the yaw is pushed to and fro, logged at 100 Hz with a
     /// gyroscope's noise.
     fn pushed(options: &SimOptions, amplitude: f64) -> Flight {
         let vehicle = &options.vehicle;
         let hover = vehicle.mass_kg * 9.81 / (4.0 * vehicle.k_f_n);
-        let mut plant = Plant::new(options, 0.001, 1, 0, Vector3::z() * 2.0);
+        let mut plant = Plant::new(options.plant(), 0.001, 1, 0, Vector3::z() * 2.0);
         let mut key = 3;
         // The sum of twelve uniform numbers is nearly normal.
         let mut normal = || {

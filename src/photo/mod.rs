@@ -20,6 +20,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::expose::Film;
 
+pub use animation::Animation;
 pub use metadata::Metadata;
 pub use options::{Noise, PhotoOptions, SensorNoise};
 pub use tone::Tone;

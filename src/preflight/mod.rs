@@ -19,8 +19,8 @@ use crate::letters::Strokes;
 use crate::light::{Lamp, LightTrace};
 use crate::plan::Plan;
 use crate::scene::Scene;
+use crate::sensors::coverage;
 use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
-use crate::sim::coverage;
 
 mod finding;
 mod flown;

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
 use super::coverage::viridis;
 use crate::plan::Plan;
-use crate::sim::{Bound, UwbOptions};
+use crate::sensors::UwbOptions;
+use crate::sim::Bound;
 
 /// Width of each of the two views, their margin, and the width of the legend.
 const VIEW_PX: f64 = 420.0;

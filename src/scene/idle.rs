@@ -8,7 +8,7 @@ use crate::camera::Metering;
 use crate::light::{Drive, Fixture, RingEffect};
 use crate::plan::{PlanOptions, Style};
 use crate::settings::{Described, Need, Setting, Shape};
-use crate::sim::{Gusts, VehicleOptions};
+use crate::vehicle::{Gusts, VehicleOptions};
 
 /// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
 /// needs of another one stands in its declaration ([`Need`]); here is what depends on more.

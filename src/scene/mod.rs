@@ -18,11 +18,10 @@ use crate::light::LightOptions;
 use crate::photo::{Photo, PhotoOptions};
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
+use crate::sensors::SensorOptions;
 use crate::settings::{Described, settings};
-use crate::sim::{
-    AirOptions, BatteryOptions, ControllerOptions, FloorOptions, ObserverOptions, RateOptions,
-    SensorOptions, SimOptions, VehicleOptions,
-};
+use crate::sim::{ControllerOptions, ObserverOptions, RateOptions, SimOptions};
+use crate::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 
 mod advice;
 mod idle;
@@ -306,7 +305,7 @@ mod tests {
         let toml = "preset = \"cf21\"\n[vehicle]\nmass_kg = 0.0351\n[air]\ngusts = \"dryden\"\n";
         let mut want = Scene::preset(Preset::Cf21);
         want.vehicle.mass_kg = 0.0351;
-        want.air.gusts = crate::sim::Gusts::Dryden;
+        want.air.gusts = crate::vehicle::Gusts::Dryden;
         assert_eq!(Scene::parse(toml, "my.toml").unwrap(), want);
         assert_ne!(want.controller, Scene::preset(Preset::Ae4832022).controller, "its own gains");
     }

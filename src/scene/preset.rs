@@ -6,9 +6,11 @@
 use std::sync::OnceLock;
 
 use super::Scene;
+#[cfg(test)]
+use crate::sensors::Positioning;
 use crate::settings::settings;
 #[cfg(test)]
-use crate::sim::{ControllerKind, EstimatorKind, Positioning, SimOptions};
+use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
 
 settings! {
     /// A named set of values that a scene starts from. `ae483-2022` is a whole system; the others
@@ -82,7 +84,9 @@ mod tests {
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, plan};
-    use crate::sim::{Drone, Gusts, MotorLag, SensorOptions, fly};
+    use crate::sensors::SensorOptions;
+    use crate::sim::{Drone, MotorLag, fly};
+    use crate::vehicle::Gusts;
 
     #[test]
     fn names_are_those_of_the_file_and_lead_back() {

@@ -9,8 +9,10 @@ use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS};
 use crate::plan::feedforward::{feedforward, learn};
-use crate::plan::{Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd};
-use crate::plan::{fleet, stroke_ends, time_lights};
+use crate::plan::{
+    Between, LampTiming, LightClock, Plan, ReferenceKind, StrokeEnd, fleet, stroke_ends,
+    time_lights,
+};
 use crate::scene::Scene;
 use crate::sim::{Drone, fly, step_responses};
 
@@ -151,7 +153,8 @@ mod tests {
     use crate::letters::{LetterOptions, write};
     use crate::plan::PlanOptions;
     use crate::scene::Preset;
-    use crate::sim::{ControllerKind, SensorOptions, SimOptions};
+    use crate::sensors::SensorOptions;
+    use crate::sim::{ControllerKind, SimOptions};
 
     fn noor() -> Strokes {
         write("NOOR", &LetterOptions::default()).unwrap()

@@ -6,13 +6,12 @@ use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
 use super::options::{ControllerKind, EstimatorKind};
-use super::peers::{Fleet, Message};
 use super::recorder::Snapshot;
-use super::sensors::{Readings, Sensors};
-use super::vehicle::{Plant, RigidBody, State};
 use crate::error::{Error, Result};
 use crate::flight::Warning;
 use crate::plan::Plan;
+use crate::sensors::{Fleet, Message, Readings, Sensors};
+use crate::vehicle::{Plant, RigidBody, State};
 
 /// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;

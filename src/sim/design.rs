@@ -14,12 +14,13 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
-use super::vehicle::{GRAVITY_M_S2, Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
 use crate::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, observer_gain,
     poles, unobservable_states, with_input_lag,
 };
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::{Error, Result, within};
+use crate::vehicle::{Mixer, Motion, State, Vehicle, Wrench, motion_derivative};
 
 /// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
 /// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights

@@ -4,14 +4,13 @@ use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
 use super::drone::Drone;
-use super::options::FloorOptions;
-use super::peers::{Air, Fleet, Member};
 use super::recorder::Recorder;
-use super::vehicle::Plant;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::flight::table::MAX_DURATION_S;
 use crate::plan::{Plan, Setpoint};
+use crate::sensors::{Air, Fleet, Member};
+use crate::vehicle::{FloorOptions, Plant};
 
 /// Ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
@@ -70,7 +69,7 @@ pub(super) fn fly_watched(
         actual.check()?;
         actual.sensors.uwb.heard_by(index)?;
         check_plan(plan, &actual.floor)?;
-        members.push(Member::new(actual, seed, index, start_m(plan, &actual.floor)));
+        members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
     }
     let indices: Vec<u64> = members.iter().map(|member| member.index).collect();
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
@@ -129,7 +128,7 @@ impl<'a> Rig<'a> {
         Ok(Self {
             plan,
             plant: Plant::new(
-                drone.actual,
+                drone.actual.plant(),
                 dt_s,
                 drone.seed,
                 drone.index,
@@ -240,7 +239,9 @@ mod tests {
 
     use super::*;
     use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
-    use crate::sim::{EstimatorKind, FloorStep, Gusts, Positioning, SimOptions};
+    use crate::sensors::Positioning;
+    use crate::sim::{EstimatorKind, SimOptions};
+    use crate::vehicle::{FloorStep, Gusts};
 
     /// Setpoints `(time, x, z)` with a light on all of them.
     fn plan(points: &[(f64, f64, f64)]) -> Plan {

@@ -5,7 +5,7 @@
 //!
 //! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
 //! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
-//! drone ([`Plant`]): rotors, rigid body, battery, air and floor. The drone starts at rest at the
+//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone starts at rest at the
 //! first setpoint, and a setpoint at or below the floor switches the motors off. The reference
 //! team's controller, the default of [`SimOptions`] (a scene's is the firmware's PID), holds each
 //! setpoint as it was sent: a position with no velocity, which the drone trails by about half a
@@ -23,34 +23,23 @@
 pub mod altitude;
 mod avionics;
 mod controller;
-mod coverage;
 pub mod design;
 mod drone;
 mod estimator;
 mod fly;
-mod noise;
 mod options;
-mod peers;
 mod recorder;
 #[cfg(test)]
 mod reference_flight;
 mod response;
-mod sensors;
-mod vehicle;
 
 pub(crate) use controller::pid_gains;
-pub use coverage::{Coverage, Place, coverage};
 pub use drone::Drone;
 pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
 pub use fly::{fly, fly_fleet};
 pub use options::{
-    AirOptions, AltitudeHoldOptions, AltitudeOptions, BarometerOptions, BatteryOptions,
-    Compensation, ControllerKind, ControllerOptions, CooperativeOptions, EkfOptions, EstimatorKind,
-    FloorOptions, FloorStep, Generation, GeometricOptions, GnssOptions, GroundEffect, GustOptions,
-    Gusts, HeightSensor, ImuOptions, LighthouseOptions, LqrOptions, LuenbergerOptions, MotorLag,
-    ObserverOptions, PeerOptions, PidOptions, Positioning, RateOptions, SensorOptions, Share,
-    SimOptions, Station, TimeOfFlightOptions, UwbOptions, VehicleOptions,
+    AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
+    EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
+    ObserverOptions, PidOptions, RateOptions, Share, SimOptions,
 };
 pub use response::step_responses;
-pub use sensors::{LighthouseConfig, read_lighthouse_config};
-pub use vehicle::{Plant, RigidBody};

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::settings::{Described, settings, similar};
 use crate::shoot::Actual;
-use crate::sim::{GustOptions, Gusts};
+use crate::vehicle::{GustOptions, Gusts};
 
 /// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on where the scene
 /// has none.
@@ -58,7 +58,7 @@ settings! {
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
         /// Moment of the air per airspeed on top of the scene's, uniform from 0 to this, N m/(m/s):
         /// the drone rears up against its motion. As much as the log of the reference flight shows
-        /// ([`crate::sim::VehicleOptions::airspeed_moment_n_s`]); none is measured on other drones.
+        /// ([`crate::vehicle::VehicleOptions::airspeed_moment_n_s`]); none is measured on other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
         /// Gusts, σ on top of the scene's, m/s (Ornstein–Uhlenbeck), of a ventilated room. Uneven
         /// air turns the drone in proportion, as measured at 0.08.

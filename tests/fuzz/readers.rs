@@ -11,7 +11,8 @@ use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{NamedScene, Preset, Scene};
-use noctograph::sim::{Drone, SimOptions, fly, read_lighthouse_config};
+use noctograph::sensors::read_lighthouse_config;
+use noctograph::sim::{Drone, SimOptions, fly};
 use noctograph::study::{Conditions, Store, Study, Sweep};
 
 /// A reader of files.

@@ -6,10 +6,9 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::plan::{Plan, Setpoint};
 use noctograph::scene::{Preset, Scene};
-use noctograph::sim::{
-    ControllerKind, Drone, EstimatorKind, Gusts, HeightSensor, ObserverOptions, Positioning,
-    SensorOptions, SimOptions, fly,
-};
+use noctograph::sensors::{HeightSensor, Positioning, SensorOptions};
+use noctograph::sim::{ControllerKind, Drone, EstimatorKind, ObserverOptions, SimOptions, fly};
+use noctograph::vehicle::Gusts;
 
 use crate::golden::assert_golden;
 

@@ -12,8 +12,10 @@ use noctograph::flight::tracking::{Part, track};
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::logs::ImportOptions;
 use noctograph::scene::{Preset, Scene};
-use noctograph::sim::{Drone, Gusts, SensorOptions, SimOptions, fly};
+use noctograph::sensors::SensorOptions;
+use noctograph::sim::{Drone, SimOptions, fly};
 use noctograph::study::{Band, Conditions, Factor, Held};
+use noctograph::vehicle::Gusts;
 use predicates::prelude::*;
 use serde_json::Value;
 

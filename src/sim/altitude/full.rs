@@ -4,13 +4,14 @@ use nalgebra::Vector3;
 
 use super::scenario::SPEED_M_S;
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M, Scenario};
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
 use crate::plan::{Plan, Setpoint};
 use crate::sim::avionics::Avionics;
 use crate::sim::drone::Drone;
 use crate::sim::fly::fly_watched;
-use crate::sim::options::{GRAVITY_M_S2, SimOptions};
-use crate::sim::vehicle::Plant;
+use crate::sim::options::SimOptions;
+use crate::vehicle::Plant;
 
 /// Flies a scenario, as [`super::hold`] says.
 pub(super) fn hold(

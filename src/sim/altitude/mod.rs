@@ -17,8 +17,9 @@ mod scenario;
 pub use super::estimator::{AltitudeFilter, AltitudeState, HeightReading, Sensor};
 pub use scenario::Scenario;
 
-use super::options::{EstimatorKind, HeightSensor, Positioning, SimOptions};
+use super::options::{EstimatorKind, SimOptions};
 use crate::error::{Error, Result};
+use crate::sensors::{HeightSensor, Positioning};
 use crate::settings::settings;
 
 /// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
@@ -242,7 +243,7 @@ mod tests {
             }),
             ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
                 let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
-                o.floor.steps = vec![crate::sim::options::FloorStep { x_m, y_m, height_m: 3.0 }];
+                o.floor.steps = vec![crate::vehicle::FloorStep { x_m, y_m, height_m: 3.0 }];
             }),
             ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
         ];

@@ -7,11 +7,12 @@ use super::scenario::DRONE;
 use super::{
     GAIN_SPREAD, GUST, Hold, HoldSample, OFFSET_SPREAD_M_S2, SAMPLES_HZ, SET_M, Scenario, sensors,
 };
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
+use crate::random::Noise;
 use crate::sim::controller::altitude_gains;
 use crate::sim::estimator::{AltitudeFilter, AltitudeState, Sensor};
-use crate::sim::noise::Noise;
-use crate::sim::options::{GRAVITY_M_S2, SimOptions};
+use crate::sim::options::SimOptions;
 
 /// Steps of the truth per second.
 const TRUTH_HZ: u32 = 100;

@@ -1,11 +1,10 @@
 //! Events of a flight at constant altitude, in the scalar model and in the full simulator.
 
 use super::{GAIN_SPREAD, GUST, OFFSET_SPREAD_M_S2};
+use crate::random::Noise;
 use crate::settings::settings;
-use crate::sim::noise::Noise;
-use crate::sim::options::{
-    BatteryOptions, Compensation, FloorStep, GustOptions, Gusts, SimOptions,
-};
+use crate::sim::options::SimOptions;
+use crate::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
 /// Height of the table, m, and when it is below the drone, s.
 const TABLE_M: f64 = 0.5;
@@ -116,7 +115,7 @@ pub(super) const DRONE: &str = "hold drone";
 /// Gives a drone in hover a battery whose lift falls as the scenario says, through its own resistance
 /// and thrust: a straight open-circuit curve, and a charge that lasts as long.
 fn drain(options: &mut SimOptions) {
-    let weight_n = options.vehicle.mass_kg * super::super::options::GRAVITY_M_S2;
+    let weight_n = options.vehicle.mass_kg * crate::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let lift_n = |open_v: f64| {

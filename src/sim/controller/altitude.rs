@@ -9,9 +9,10 @@ use nalgebra::{Vector3, dmatrix};
 use super::lqr::Lqr;
 use super::{Command, Controller, Reference};
 use crate::control::lqr;
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
 use crate::sim::options::{AltitudeHoldOptions, SimOptions};
-use crate::sim::vehicle::{GRAVITY_M_S2, State, attitude, position, velocity};
+use crate::vehicle::{State, attitude, position, velocity};
 
 /// Least lift per throttle, m/s²: a gain near zero or below would turn the loop around.
 const LEAST_GAIN_M_S2: f64 = 1.0;
@@ -116,7 +117,7 @@ impl Controller for AltitudeHold {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::at;
+    use crate::vehicle::at;
 
     #[test]
     fn gains_are_those_of_the_double_integrator() {

@@ -85,7 +85,7 @@ fn without_gain(error: Error) -> Error {
 mod tests {
     use super::*;
     use crate::control::linearize;
-    use crate::sim::vehicle::{State, Vehicle};
+    use crate::vehicle::{State, Vehicle};
 
     fn gain(options: &SimOptions) -> Gain {
         let vehicle = Vehicle::new(&options.vehicle);

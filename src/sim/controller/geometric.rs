@@ -8,9 +8,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Command, Controller, Reference};
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::sim::options::SimOptions;
-use crate::sim::vehicle::Mixer;
-use crate::sim::vehicle::{GRAVITY_M_S2, State, Wrench, attitude, position, rate, velocity};
+use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 
 /// Bound of the integral of the position error per axis, m s (`Kpos_I_limit` of the firmware).
 const MAX_POSITION_SUM: f64 = 2.0;

@@ -15,7 +15,7 @@ use super::geometric::Geometric;
 use super::pid::PidCascade;
 use super::{Controller, Reference};
 use crate::sim::options::{ControllerKind, SimOptions};
-use crate::sim::vehicle::{Mixer, State};
+use crate::vehicle::{Mixer, State};
 
 /// Step of the differences: 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the units of the
 /// memory. No loop saturates, and rounding stays below 1e-9 of a gain.
@@ -93,8 +93,9 @@ mod tests {
 
     use super::super::controller;
     use super::*;
+    use crate::crazyflie::GRAVITY_M_S2;
     use crate::sim::design::design;
-    use crate::sim::vehicle::{GRAVITY_M_S2, Vehicle};
+    use crate::vehicle::Vehicle;
 
     #[test]
     fn the_geometric_law_is_linearized_to_its_own_gains() {

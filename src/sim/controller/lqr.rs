@@ -8,7 +8,7 @@ use super::{Command, Controller, Reference};
 use crate::control::linearize;
 use crate::error::Result;
 use crate::sim::options::{ControllerKind, SimOptions};
-use crate::sim::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
+use crate::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
 
 /// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
 /// needs 0.16; more than the bound would take seconds to undo.

@@ -25,8 +25,8 @@ use self::pid::PidCascade;
 pub(crate) use self::pid::pid_gains;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
-use super::vehicle::State;
 use crate::error::Result;
+use crate::vehicle::State;
 
 /// A controller.
 pub(super) trait Controller: std::fmt::Debug + Send {

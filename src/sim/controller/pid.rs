@@ -18,8 +18,7 @@ use nalgebra::{Vector3, Vector4};
 
 use super::{Command, Controller, Reference};
 use crate::sim::options::{PidOptions, SimOptions};
-use crate::sim::vehicle::Mixer;
-use crate::sim::vehicle::{State, attitude, position, rate, velocity};
+use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
 
 /// Full command of a motor in the firmware.
 const FULL: f64 = 65_535.0;
@@ -259,7 +258,7 @@ fn angles(state: &State) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::at;
+    use crate::vehicle::at;
 
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
         let mut cascade = PidCascade::new(&SimOptions::default());

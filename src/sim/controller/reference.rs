@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::geometry::Attitude;
 use crate::plan::Setpoint;
-use crate::sim::vehicle::{GRAVITY_M_S2, State};
+use crate::vehicle::State;
 
 /// A setpoint at one instant: as it was sent, and as the design has moved on since.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,8 +55,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::options::VehicleOptions;
-    use crate::sim::vehicle::{Vehicle, Wrench, attitude, velocity};
+    use crate::vehicle::{Vehicle, VehicleOptions, Wrench, attitude, velocity};
 
     #[test]
     fn the_trim_moves_and_accelerates_as_the_design_does() {

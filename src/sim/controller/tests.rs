@@ -9,9 +9,9 @@ use crate::flight::tracking::{Part, track};
 use crate::flight::{Flight, FlightSample};
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
-use crate::sim::{
-    ControllerKind, Drone, EstimatorKind, Gusts, Positioning, SensorOptions, SimOptions, fly,
-};
+use crate::sensors::{Positioning, SensorOptions};
+use crate::sim::{ControllerKind, Drone, EstimatorKind, SimOptions, fly};
+use crate::vehicle::Gusts;
 
 const KINDS: [ControllerKind; 5] = [
     ControllerKind::Lqr,

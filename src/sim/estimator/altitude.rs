@@ -7,8 +7,8 @@
 use super::altitude_filter::{AltitudeFilter, Sensor, State as Filtered};
 use super::ekf::Ekf;
 use super::{Estimator, state_at};
-use crate::sim::sensors::Readings;
-use crate::sim::vehicle::State;
+use crate::sensors::Readings;
+use crate::vehicle::State;
 
 /// Row of the altitude in [`State`].
 const ALTITUDE: usize = 2;

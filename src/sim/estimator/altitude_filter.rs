@@ -5,10 +5,10 @@
 //! controller that answers a correlated innovation would make the throttle correlated with it, and
 //! the filter would read a thrust map from that which is not there.
 
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest};
 use crate::sim::controller::ThrustMap;
 use crate::sim::options::AltitudeOptions;
-use crate::sim::vehicle::GRAVITY_M_S2;
 
 /// Index of the vertical acceleration by gusts, which no table reports.
 const GUST: usize = 6;

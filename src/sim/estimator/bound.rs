@@ -10,12 +10,12 @@
 use nalgebra::Vector3;
 
 use super::ekf::START;
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::{Error, Result};
 use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward};
 use crate::plan::Plan;
-use crate::sim::options::{EstimatorKind, HeightSensor, Positioning, SensorOptions, SimOptions};
-use crate::sim::sensors::time_of_flight_sigma_m;
-use crate::sim::vehicle::GRAVITY_M_S2;
+use crate::sensors::{HeightSensor, Positioning, SensorOptions, time_of_flight_sigma_m};
+use crate::sim::options::{EstimatorKind, SimOptions};
 
 /// Steps a second, unless ranges come faster.
 const RATE_HZ: f64 = 100.0;

@@ -27,10 +27,12 @@ use super::Estimator;
 use super::ekf::{Ekf, START};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
-use crate::sim::options::{ObserverOptions, SensorOptions, Share};
-use crate::sim::peers::{Fleet, Leg, Message, Reckoning, Target, ToldHeight, ToldRange};
-use crate::sim::sensors::{Readings, time_of_flight_sigma_m};
-use crate::sim::vehicle::State;
+use crate::sensors::{
+    Fleet, Leg, Message, Readings, Reckoning, SensorOptions, Target, ToldHeight, ToldRange,
+    time_of_flight_sigma_m,
+};
+use crate::sim::options::{ObserverOptions, Share};
+use crate::vehicle::State;
 
 /// Index of the variance of two-way ranging.
 const TWO_WAY: usize = 1;
@@ -82,7 +84,7 @@ impl Cooperative {
     pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
         let own_m = fleet.members[fleet.place].told_m;
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
-        let peer = |(place, member): (usize, &crate::sim::peers::Member)| Peer {
+        let peer = |(place, member): (usize, &crate::sensors::Member)| Peer {
             place,
             position_m: member.told_m,
             velocity_m_s: Vector3::zeros(),

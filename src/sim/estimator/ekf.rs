@@ -15,12 +15,12 @@ use nalgebra::Vector3;
 
 use super::{Estimator, state_at};
 use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
-use crate::sim::options::{EkfOptions, Generation, SensorOptions};
-use crate::sim::peers::Target;
-use crate::sim::sensors::{
-    DECK_SENSORS_M, Range, Readings, StationPose, Sweep, time_of_flight_sigma_m,
+use crate::sensors::{
+    DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
+    time_of_flight_sigma_m,
 };
-use crate::sim::vehicle::State;
+use crate::sim::options::EkfOptions;
+use crate::vehicle::State;
 
 /// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
 pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];

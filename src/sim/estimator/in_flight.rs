@@ -5,18 +5,18 @@ use nalgebra::{Cholesky, SVector, Vector3};
 
 use super::Estimator;
 use super::ekf::Ekf;
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::flight::{Flight, FlightSample};
 use crate::geometry::Attitude;
 use crate::letters::{LetterOptions, write};
 use crate::plan::{Extent, PlanOptions, plan};
-use crate::sim::options::{
-    BarometerOptions, EkfOptions, EstimatorKind, FloorOptions, FloorStep, HeightSensor,
-    LighthouseOptions, Positioning, SensorOptions, UwbOptions,
+use crate::sensors::{
+    BarometerOptions, Fleet, HeightSensor, LighthouseOptions, Positioning, SensorOptions, Sensors,
+    UwbOptions,
 };
-use crate::sim::peers::Fleet;
-use crate::sim::sensors::Sensors;
-use crate::sim::vehicle::{GRAVITY_M_S2, RigidBody, State};
+use crate::sim::options::{EkfOptions, EstimatorKind};
 use crate::sim::{Drone, SimOptions, fly};
+use crate::vehicle::{FloorOptions, FloorStep, RigidBody, State};
 
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;

@@ -5,10 +5,11 @@ use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
 use super::Estimator;
 use crate::control::{dynamic, linearize, observer_gain};
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::{Error, Result};
+use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
-use crate::sim::sensors::Readings;
-use crate::sim::vehicle::{GRAVITY_M_S2, Motion, State, motion_derivative};
+use crate::vehicle::{Motion, State, motion_derivative};
 
 /// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
 const YAW: usize = 3;
@@ -102,7 +103,7 @@ fn hover_model() -> (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>) {
 mod tests {
     use super::*;
     use crate::control::observability_rank;
-    use crate::sim::vehicle::RigidBody;
+    use crate::vehicle::RigidBody;
 
     fn at_rest(
         truth: &RigidBody,

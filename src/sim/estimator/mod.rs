@@ -22,12 +22,11 @@ use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::luenberger::Observer;
 use self::truth::Truth;
-use super::options::{EstimatorKind, Positioning, SimOptions};
-use super::peers::{Fleet, Message};
-use super::sensors::Readings;
-use super::vehicle::State;
+use super::options::{EstimatorKind, SimOptions};
 use crate::error::Result;
 use crate::estimate::{Inertial, angles};
+use crate::sensors::{Fleet, Message, Positioning, Readings};
+use crate::vehicle::State;
 
 /// An estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::estimate::{ERRORS, Part, TURN, VELOCITY};
-use crate::sim::peers::{Leg, Reckoning};
+use crate::sensors::{Leg, Reckoning};
 
 /// Between two messages further apart, the motion is not interpolated: curves of letters bend.
 const LONGEST_GAP_S: f64 = 0.3;

@@ -4,8 +4,8 @@
 use nalgebra::Vector3;
 
 use super::Estimator;
-use crate::sim::sensors::Readings;
-use crate::sim::vehicle::{RigidBody, State};
+use crate::sensors::Readings;
+use crate::vehicle::{RigidBody, State};
 
 /// The true motion at the last tick.
 #[derive(Debug)]

@@ -3,30 +3,20 @@
 
 mod altitude;
 mod controller;
-mod floor;
 mod observer;
-mod sensors;
-mod vehicle;
 
 pub use self::altitude::AltitudeOptions;
 pub use self::controller::{
     AltitudeHoldOptions, ControllerKind, ControllerOptions, GeometricOptions, LqrOptions, MotorLag,
     PidOptions,
 };
-pub use self::floor::{FloorOptions, FloorStep};
 pub use self::observer::{
     CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
 };
-pub use self::sensors::{
-    BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
-    PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
-};
-pub(super) use self::vehicle::GRAVITY_M_S2;
-pub use self::vehicle::{
-    AirOptions, BatteryOptions, Compensation, GroundEffect, GustOptions, Gusts, VehicleOptions,
-};
 use crate::error::{Error, Result};
+use crate::sensors::SensorOptions;
 use crate::settings::{Described, settings};
+use crate::vehicle::{AirOptions, BatteryOptions, FloorOptions, PlantOptions, VehicleOptions};
 
 settings! {
     /// Settings of a simulated flight.
@@ -97,6 +87,13 @@ impl SimOptions {
 }
 
 impl SimOptions {
+    /// What the plant is made of.
+    #[must_use]
+    pub fn plant(&self) -> PlantOptions<'_> {
+        let Self { vehicle, battery, air, floor, .. } = self;
+        PlantOptions { vehicle, battery, air, floor }
+    }
+
     /// Hover throttle that the altitude filter believes before the flight.
     #[must_use]
     pub fn believed_hover_throttle(&self) -> f64 {

@@ -1,8 +1,8 @@
 //! Settings of the estimator: the section `observer` of a scene.
 
 use super::altitude::AltitudeOptions;
-use super::sensors::{Positioning, SensorOptions};
 use crate::error::{Error, Result};
+use crate::sensors::{Positioning, SensorOptions};
 use crate::settings::settings;
 
 settings! {

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::settings::settings;
 
-pub(in crate::sim) use crate::crazyflie::GRAVITY_M_S2;
+pub(crate) use crate::crazyflie::GRAVITY_M_S2;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
@@ -182,7 +182,7 @@ settings! {
 
 impl VehicleOptions {
     /// Checks that the motors can lift the drone.
-    pub(super) fn check_lift(&self) -> Result<()> {
+    pub(crate) fn check_lift(&self) -> Result<()> {
         let (lift_n, weight_n) = (4.0 * self.full_thrust_n(), self.mass_kg * GRAVITY_M_S2);
         if lift_n > weight_n {
             return Ok(());
@@ -194,12 +194,12 @@ impl VehicleOptions {
     }
 
     /// Share of the motors' largest command that carries the drone.
-    pub(in crate::sim) fn hover_throttle(&self) -> f64 {
+    pub(crate) fn hover_throttle(&self) -> f64 {
         self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
     }
 
     /// Thrust of one motor at its largest command.
-    pub(in crate::sim) fn full_thrust_n(&self) -> f64 {
+    pub(crate) fn full_thrust_n(&self) -> f64 {
         self.k_f_n * self.motor_max
     }
 }
@@ -227,7 +227,7 @@ impl BatteryOptions {
     }
 
     /// Checks that more charge is more voltage.
-    pub(super) fn check_curve(&self) -> Result<()> {
+    pub(crate) fn check_curve(&self) -> Result<()> {
         if self.open_circuit_v.is_sorted() {
             return Ok(());
         }

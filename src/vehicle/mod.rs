@@ -17,16 +17,21 @@
 mod battery;
 mod body;
 mod floor;
+mod ground_effect;
 mod gusts;
 mod mixer;
 mod model;
+mod options;
 mod plant;
 mod rotors;
 
 pub use self::body::RigidBody;
-pub(super) use self::mixer::Mixer;
-pub(super) use self::model::{
+pub use self::floor::{FloorOptions, FloorStep};
+pub(crate) use self::mixer::Mixer;
+pub(crate) use self::model::{
     Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate, velocity,
 };
-pub use self::plant::Plant;
-pub(super) use super::options::GRAVITY_M_S2;
+pub use self::options::{
+    AirOptions, BatteryOptions, Compensation, GroundEffect, GustOptions, Gusts, VehicleOptions,
+};
+pub use self::plant::{Plant, PlantOptions};

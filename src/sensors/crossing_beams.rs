@@ -8,9 +8,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
-use crate::sim::options::Station;
 
 /// Angles older than this are no longer crossed: a turn and a half of the slowest rotor, so that
 /// one lost sweep costs one fix.
@@ -74,9 +74,9 @@ impl CrossingBeams {
 mod tests {
     use super::*;
     use crate::geometry::Attitude;
-    use crate::sim::noise::Noise;
-    use crate::sim::options::{Generation, LighthouseOptions, SensorOptions};
-    use crate::sim::sensors::lighthouse::Lighthouse;
+    use crate::random::Noise;
+    use crate::sensors::lighthouse::Lighthouse;
+    use crate::sensors::{Generation, LighthouseOptions, SensorOptions};
 
     /// Fixes of a second at rest.
     fn fixes(options: &LighthouseOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {

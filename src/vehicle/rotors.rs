@@ -2,8 +2,8 @@
 
 use nalgebra::{Vector3, Vector4};
 
+use super::VehicleOptions;
 use crate::crazyflie::MOTOR_SIGNS;
-use crate::sim::options::VehicleOptions;
 
 /// Action of the rotors on the body at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -130,7 +130,7 @@ impl Rotors {
 mod tests {
     use super::super::mixer::Mixer;
     use super::*;
-    use crate::sim::vehicle::model::Vehicle;
+    use crate::vehicle::model::Vehicle;
 
     fn bearing(options: &VehicleOptions, thrust_n: f64, dt_s: f64) -> Rotors {
         Rotors::new(options, thrust_n, dt_s)

@@ -4,9 +4,6 @@
 //! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
 //! measurements alone; no other sensor can shift it.
 
-mod elementary;
-mod normals;
-
 use std::f64::consts::TAU;
 
 use nalgebra::{SVector, Vector3};
@@ -14,8 +11,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
-use self::elementary::cos;
-pub(super) use self::normals::Normals;
+use super::elementary::cos;
 use crate::digest::fnv_1a;
 
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
@@ -24,13 +20,13 @@ const WAVES: usize = 8;
 /// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
 /// a further sensor or drone leaves it as it is.
 #[derive(Debug)]
-pub(super) struct Noise {
-    rng: ChaCha8Rng,
+pub(crate) struct Noise {
+    pub(super) rng: ChaCha8Rng,
     spare: Option<f64>,
 }
 
 impl Noise {
-    pub(super) fn new(seed: u64, drone: u64, sensor: &str) -> Self {
+    pub(crate) fn new(seed: u64, drone: u64, sensor: &str) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(fnv_1a(drone.to_le_bytes().into_iter().chain(sensor.bytes())));
         Self { rng, spare: None }
@@ -38,7 +34,7 @@ impl Noise {
 
     /// Normal with mean 0 and variance 1, by Box and Muller (1958): with `libm` its bits are the
     /// same on every machine, which the tails of a ziggurat are not.
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
@@ -49,12 +45,12 @@ impl Noise {
     }
 
     /// Three independent normals.
-    pub(super) fn normals(&mut self) -> Vector3<f64> {
+    pub(crate) fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
 
     /// Uniform in `[0, 1)`.
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         self.rng.random()
     }
 }
@@ -63,7 +59,7 @@ impl Noise {
 /// waves, which tends to a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features:
 /// Rahimi, Recht 2007).
 #[derive(Debug)]
-pub(super) struct Field<const N: usize> {
+pub(crate) struct Field<const N: usize> {
     waves: [[Wave; WAVES]; N],
     amplitude: f64,
 }
@@ -76,7 +72,7 @@ struct Wave {
 
 impl<const N: usize> Field<N> {
     /// A field with standard deviation `sigma` of each component and length `length_m`.
-    pub(super) fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
+    pub(crate) fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let mut wave = || Wave {
             wavevector_rad_m: noise.normals() / length_m,
             phase_rad: TAU * noise.uniform(),
@@ -87,11 +83,11 @@ impl<const N: usize> Field<N> {
         Self { waves, amplitude }
     }
 
-    pub(super) fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
+    pub(crate) fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
-    pub(super) fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
+    pub(crate) fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = Arch::new().dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()
     }

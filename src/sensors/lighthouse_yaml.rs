@@ -17,9 +17,9 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use serde_saphyr::Spanned;
 
+use super::{Generation, Station};
 use crate::error::{Error, Result};
 use crate::files::Limit;
-use crate::sim::options::{Generation, Station};
 
 /// Largest file that is read; sixteen stations take some 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
@@ -197,7 +197,7 @@ fn placed(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::sensors::StationPose;
+    use crate::sensors::StationPose;
 
     /// Block style, as cflib writes it since 5.1 of its YAML library, with a line of flow style.
     const BLOCK: &str = "\

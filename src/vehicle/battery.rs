@@ -1,6 +1,6 @@
 //! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
 
-use crate::sim::options::{BatteryOptions, Compensation};
+use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
 

@@ -4,39 +4,43 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::noise::Noise;
-use super::options::{PeerOptions, Positioning, SimOptions};
-use super::vehicle::GRAVITY_M_S2;
+use super::{PeerOptions, Positioning, SensorOptions};
+use crate::crazyflie::GRAVITY_M_S2;
+use crate::random::Noise;
 
 /// The drones that fly together, in the order of their plans, as one of them knows them.
 #[derive(Clone, Debug)]
-pub(super) struct Fleet {
-    pub(super) members: Vec<Member>,
+pub(crate) struct Fleet {
+    pub(crate) members: Vec<Member>,
     /// Which of them this is.
-    pub(super) place: usize,
+    pub(crate) place: usize,
 }
 
 /// A drone of a fleet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Member {
+pub(crate) struct Member {
     /// Index of its noise and of its anchors.
-    pub(super) index: u64,
+    pub(crate) index: u64,
     /// Where it is told to start: the true place but for an error.
-    pub(super) told_m: Vector3<f64>,
+    pub(crate) told_m: Vector3<f64>,
 }
 
 impl Fleet {
     /// A drone alone, at the origin.
     #[cfg(test)]
-    pub(super) fn alone(index: u64) -> Self {
+    pub(crate) fn alone(index: u64) -> Self {
         Self { members: vec![Member { index, told_m: Vector3::zeros() }], place: 0 }
     }
 }
 
 impl Member {
     /// A drone that truly starts at `start_m`.
-    pub(super) fn new(options: &SimOptions, seed: u64, index: u64, start_m: Vector3<f64>) -> Self {
-        let sensors = &options.sensors;
+    pub(crate) fn new(
+        sensors: &SensorOptions,
+        seed: u64,
+        index: u64,
+        start_m: Vector3<f64>,
+    ) -> Self {
         let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
         let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
         let told_m = match error_m > 0.0 {
@@ -49,7 +53,7 @@ impl Member {
 
 /// What a distance was measured to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Target {
+pub(crate) enum Target {
     /// An anchor, by index.
     Anchor(usize),
     /// A drone, by its place in the fleet.
@@ -62,45 +66,45 @@ pub(super) enum Target {
 
 /// A range in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ToldRange {
-    pub(super) time_s: f64,
-    pub(super) target: Target,
-    pub(super) distance_m: f64,
+pub(crate) struct ToldRange {
+    pub(crate) time_s: f64,
+    pub(crate) target: Target,
+    pub(crate) distance_m: f64,
 }
 
 /// A height over the floor in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ToldHeight {
-    pub(super) time_s: f64,
+pub(crate) struct ToldHeight {
+    pub(crate) time_s: f64,
     /// [`Target::Floor`] or [`Target::Air`].
-    pub(super) target: Target,
-    pub(super) height_m: f64,
-    pub(super) variance: f64,
+    pub(crate) target: Target,
+    pub(crate) height_m: f64,
+    pub(crate) variance: f64,
 }
 
 /// The motion since the start by inertial sensors alone. A lost message costs no more than time:
 /// the next one holds the motion since the last that was heard.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Reckoning {
-    pub(super) time_s: f64,
-    pub(super) velocity_m_s: Vector3<f64>,
-    pub(super) position_m: Vector3<f64>,
+pub(crate) struct Reckoning {
+    pub(crate) time_s: f64,
+    pub(crate) velocity_m_s: Vector3<f64>,
+    pub(crate) position_m: Vector3<f64>,
 }
 
 /// The motion between two moments.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leg {
-    pub(super) span_s: f64,
-    pub(super) gained_m_s: Vector3<f64>,
+pub(crate) struct Leg {
+    pub(crate) span_s: f64,
+    pub(crate) gained_m_s: Vector3<f64>,
     /// Beyond what the velocity at the beginning explains.
-    pub(super) moved_m: Vector3<f64>,
+    pub(crate) moved_m: Vector3<f64>,
     /// Integral of the specific force, world frame.
-    pub(super) force_m_s: Vector3<f64>,
+    pub(crate) force_m_s: Vector3<f64>,
 }
 
 impl Reckoning {
     /// The motion since an earlier moment.
-    pub(super) fn since(&self, then: &Self) -> Leg {
+    pub(crate) fn since(&self, then: &Self) -> Leg {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
         Leg {
@@ -114,20 +118,20 @@ impl Reckoning {
 
 /// What a drone tells the others.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Message {
+pub(crate) struct Message {
     /// Place of the sender in the fleet.
-    pub(super) from: usize,
-    pub(super) motion: Reckoning,
+    pub(crate) from: usize,
+    pub(crate) motion: Reckoning,
     /// Since the last message.
-    pub(super) ranges: Vec<ToldRange>,
-    pub(super) heights: Vec<ToldHeight>,
+    pub(crate) ranges: Vec<ToldRange>,
+    pub(crate) heights: Vec<ToldHeight>,
     /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
-    pub(super) estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
+    pub(crate) estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
 
 /// The air between the drones.
 #[derive(Debug)]
-pub(super) struct Air {
+pub(crate) struct Air {
     options: PeerOptions,
     /// Of each pair of a sender and a receiver, by their places.
     luck: Vec<Vec<Noise>>,
@@ -138,7 +142,7 @@ pub(super) struct Air {
 
 impl Air {
     /// The air between drones with these indices.
-    pub(super) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
+    pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
         let luck = |from: &u64| {
             let to = |to: &u64| Noise::new(seed, *from, &format!("message loss to {to}"));
             indices.iter().map(to).collect()
@@ -152,14 +156,14 @@ impl Air {
     }
 
     /// Whether messages are due by `time_s`; they count as sent.
-    pub(super) fn is_due(&mut self, time_s: f64) -> bool {
+    pub(crate) fn is_due(&mut self, time_s: f64) -> bool {
         let due = f64::from(self.sent) <= time_s * self.options.rate_hz;
         self.sent += u32::from(due);
         due
     }
 
     /// Sends a message to all others; each hears it or not.
-    pub(super) fn send(&mut self, message: &Message) {
+    pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
         for (to, luck) in self.luck[message.from].iter_mut().enumerate() {
             if luck.uniform() >= self.options.loss_frac && to != message.from {
@@ -169,7 +173,7 @@ impl Air {
     }
 
     /// The next message that has arrived by `time_s`, and its receiver.
-    pub(super) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
+    pub(crate) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
         let (arrives_s, ..) = self.under_way.front()?;
         (*arrives_s <= time_s).then(|| self.under_way.pop_front()).flatten().map(|m| (m.1, m.2))
     }

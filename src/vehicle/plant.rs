@@ -4,21 +4,35 @@ use nalgebra::{Vector3, Vector4};
 
 use super::battery::Battery;
 use super::body::{Inertia, RigidBody, Row};
-use super::floor::Floor;
+use super::ground_effect::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
+use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::flight::Warning;
-use crate::sim::options::{FloorOptions, GRAVITY_M_S2, SimOptions};
+
+/// What a plant is made of: the drone and its battery, the air and the floor around it.
+#[derive(Clone, Copy, Debug)]
+pub struct PlantOptions<'a> {
+    /// The drone.
+    pub vehicle: &'a VehicleOptions,
+    /// Its battery.
+    pub battery: &'a BatteryOptions,
+    /// The air around it.
+    pub air: &'a AirOptions,
+    /// The floor below it.
+    pub floor: &'a FloorOptions,
+}
 
 /// One drone in the air or on the floor, driven by motor commands in steps of fixed length.
 ///
 /// ```
 /// use nalgebra::Vector3;
 /// use noctograph::scene::{Preset, Scene};
-/// use noctograph::sim::Plant;
+/// use noctograph::vehicle::Plant;
 ///
 /// let options = Scene::preset(Preset::Cf21).sim();
-/// let mut plant = Plant::new(&options, 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
+/// let mut plant = Plant::new(options.plant(), 0.001, 1, 0, Vector3::new(0.0, 0.0, 0.5));
 /// let hover = options.vehicle.mass_kg * 9.81 / (4.0 * options.vehicle.k_f_n);
 /// for _ in 0..100 {
 ///     plant.advance(&[hover; 4]);
@@ -49,24 +63,24 @@ impl Plant {
     /// any.
     #[must_use]
     pub fn new(
-        options: &SimOptions,
+        options: PlantOptions<'_>,
         dt_s: f64,
         seed: u64,
         drone: u64,
         position_m: Vector3<f64>,
     ) -> Self {
-        let vehicle = &options.vehicle;
-        let floor_m = options.floor.height_m(position_m.x, position_m.y);
+        let PlantOptions { vehicle, battery, air, floor } = options;
+        let floor_m = floor.height_m(position_m.x, position_m.y);
         let carried = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
         Self {
             row: RigidBody::at(position_m).row(),
             rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
-            battery: Battery::new(&options.battery),
+            battery: Battery::new(battery),
             inertia: Inertia::new(vehicle),
             floor: Floor::new(vehicle),
-            steps: options.floor.clone(),
-            wind: Wind::new(&options.air, dt_s, seed, drone),
-            wind_m_s: options.air.wind_m_s.into(),
+            steps: floor.clone(),
+            wind: Wind::new(air, dt_s, seed, drone),
+            wind_m_s: air.wind_m_s.into(),
             dt_s,
             thrust_per_command_n: vehicle.k_f_n,
             full_thrust_n: vehicle.full_thrust_n(),
@@ -138,7 +152,7 @@ impl Plant {
     }
 
     /// Vertical acceleration per throttle at the present voltage, far from the floor.
-    pub(in crate::sim) fn gain_m_s2(&self) -> f64 {
+    pub(crate) fn gain_m_s2(&self) -> f64 {
         let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
         4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n()
     }
@@ -165,7 +179,7 @@ impl Plant {
 
     /// Height of the floor at a place.
     #[inline(always)]
-    pub(in crate::sim) fn floor_m(&self, x_m: f64, y_m: f64) -> f64 {
+    pub(crate) fn floor_m(&self, x_m: f64, y_m: f64) -> f64 {
         self.steps.height_m(x_m, y_m)
     }
 
@@ -192,10 +206,11 @@ impl Plant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::options::{FloorStep, GustOptions, Gusts, VehicleOptions};
+    use crate::sim::SimOptions;
+    use crate::vehicle::{FloorStep, GustOptions, Gusts, VehicleOptions};
 
     fn plant(options: &SimOptions, height_m: f64) -> Plant {
-        Plant::new(options, 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
+        Plant::new(options.plant(), 0.002, 3, 0, Vector3::new(0.3, 0.0, height_m))
     }
 
     fn hover(options: &SimOptions) -> f64 {
@@ -296,7 +311,7 @@ mod tests {
         let gusts = GustOptions { torque_sigma_n_m: [1e-7; 3], ..GustOptions::default() };
         options.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         let end = |seed| {
-            let mut drone = Plant::new(&options, 0.002, seed, 0, Vector3::z());
+            let mut drone = Plant::new(options.plant(), 0.002, seed, 0, Vector3::z());
             advance(&mut drone, hover(&options), 500);
             drone.body()
         };

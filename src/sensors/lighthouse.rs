@@ -10,13 +10,13 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::station::StationPose;
+use super::{Generation, LighthouseOptions, Station};
 use crate::geometry::Attitude;
-use crate::sim::noise::{Field, Noise, Normals};
-use crate::sim::options::{Generation, LighthouseOptions, Station};
+use crate::random::{Field, Noise, Normals};
 
 /// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
 /// firmware, `lighthouse_position_est.c`.
-pub(in crate::sim) const DECK_SENSORS_M: [[f64; 3]; 4] =
+pub(crate) const DECK_SENSORS_M: [[f64; 3]; 4] =
     [[-0.015, 0.0075, 0.0], [-0.015, -0.0075, 0.0], [0.015, 0.0075, 0.0], [0.015, -0.0075, 0.0]];
 
 /// Cycles of a 48 MHz clock in a turn of a second-generation rotor, by channel
@@ -36,13 +36,13 @@ const BLIND_S: f64 = 0.1;
 
 /// One plane of light that passed over the deck.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::sim) struct Sweep {
+pub(crate) struct Sweep {
     /// Index of the station in the list of stations.
-    pub(in crate::sim) station: usize,
+    pub(crate) station: usize,
     /// 0 or 1.
-    pub(in crate::sim) plane: usize,
+    pub(crate) plane: usize,
     /// Angle at which it met each sensor of [`DECK_SENSORS_M`].
-    pub(in crate::sim) angles_rad: [f64; 4],
+    pub(crate) angles_rad: [f64; 4],
 }
 
 /// All stations at their true places.

@@ -7,30 +7,29 @@
 
 use nalgebra::Vector3;
 
-use crate::sim::noise::{Field, Noise};
-use crate::sim::options::{PeerOptions, UwbOptions};
-use crate::sim::peers::Fleet;
+use super::{Fleet, PeerOptions, UwbOptions};
+use crate::random::{Field, Noise};
 
 /// Distance over which a link's error changes: an assumption, of the size of the furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
 
 /// One measured distance, or difference of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::sim) struct Range {
+pub(crate) struct Range {
     /// Index of the anchor.
-    pub(in crate::sim) anchor: usize,
+    pub(crate) anchor: usize,
     /// Index of the anchor whose distance was subtracted, for a difference.
-    pub(in crate::sim) minus: Option<usize>,
+    pub(crate) minus: Option<usize>,
     /// `|p − a|`, or `|p − a| − |p − b|`.
-    pub(in crate::sim) distance_m: f64,
+    pub(crate) distance_m: f64,
 }
 
 /// One measured distance to another drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::sim) struct PeerRange {
+pub(crate) struct PeerRange {
     /// Place of the other drone in the fleet.
-    pub(in crate::sim) drone: usize,
-    pub(in crate::sim) distance_m: f64,
+    pub(crate) drone: usize,
+    pub(crate) distance_m: f64,
 }
 
 /// A turn in the round of all links.
@@ -210,7 +209,7 @@ fn turns(options: &UwbOptions, peer_ranging: bool, fleet: &Fleet) -> (Vec<Turn>,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::sensors::density::{Series, white_density};
+    use crate::sensors::density::{Series, white_density};
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 

@@ -2,20 +2,20 @@
 
 use nalgebra::{Matrix4, Vector4};
 
+use super::VehicleOptions;
 use super::model::Wrench;
 use crate::crazyflie::MOTOR_SIGNS;
-use crate::sim::options::VehicleOptions;
 
 /// Linear motors between 0 and a largest command.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Mixer {
+pub(crate) struct Mixer {
     wrench_from_motors: Matrix4<f64>,
     motors_from_wrench: Matrix4<f64>,
     motor_max: f64,
 }
 
 impl Mixer {
-    pub(in crate::sim) fn new(options: &VehicleOptions) -> Self {
+    pub(crate) fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
         // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its transpose / 4.
@@ -28,14 +28,14 @@ impl Mixer {
     }
 
     /// Commands m1…m4 for a wrench, each clamped to the motors' range, and whether any was clamped.
-    pub(in crate::sim) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
+    pub(crate) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
         (motors, motors != wanted)
     }
 
     /// Commands m1…m4 for a wrench as if motors had no limits.
-    pub(in crate::sim) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
+    pub(crate) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
         self.motors_from_wrench * wrench
     }
 
@@ -45,10 +45,7 @@ impl Mixer {
     /// Where a motor is asked for more than it has, all four are lowered by the excess: thrust
     /// gives way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy`
     /// and `powerDistributionCap`).
-    pub(in crate::sim) fn motors_from_commands(
-        &self,
-        commands: &Vector4<f64>,
-    ) -> (Vector4<f64>, bool) {
+    pub(crate) fn motors_from_commands(&self, commands: &Vector4<f64>) -> (Vector4<f64>, bool) {
         let wanted = MOTOR_SIGNS.transpose() * commands;
         let excess = (wanted.max() - self.motor_max).max(0.0);
         let motors = wanted.map(|m| (m - excess).max(0.0));
@@ -56,7 +53,7 @@ impl Mixer {
     }
 
     /// Wrench of four commands, with immediate motors and the center of mass in the middle.
-    pub(in crate::sim) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
+    pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }
 }

@@ -4,11 +4,12 @@
 use nalgebra::Rotation3;
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
+use super::VehicleOptions;
 use super::model::State;
 #[cfg(test)]
 use super::model::{attitude, rate, velocity};
 use super::rotors::Load;
-use crate::sim::options::{GRAVITY_M_S2, VehicleOptions};
+use crate::crazyflie::GRAVITY_M_S2;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
@@ -40,7 +41,7 @@ impl RigidBody {
 
     /// The body in a state of the design model.
     #[cfg(test)]
-    pub(in crate::sim) fn from_state(state: &State) -> Self {
+    pub(crate) fn from_state(state: &State) -> Self {
         let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
         let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
         Self {
@@ -52,7 +53,7 @@ impl RigidBody {
     }
 
     /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
-    pub(in crate::sim) fn is_on_its_back(&self) -> bool {
+    pub(crate) fn is_on_its_back(&self) -> bool {
         let q = &self.world_from_body;
         let (cos_of_roll, sin_pitch) =
             (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
@@ -72,7 +73,7 @@ impl RigidBody {
 
     /// Attitude as a matrix.
     #[inline]
-    pub(in crate::sim) fn matrix(&self) -> Matrix3<f64> {
+    pub(crate) fn matrix(&self) -> Matrix3<f64> {
         self.world_from_body.to_rotation_matrix().into_inner()
     }
 
@@ -83,7 +84,7 @@ impl RigidBody {
     }
 
     /// The twelve states of the design model: yaw and roll within ±π, pitch within ±π/2.
-    pub(in crate::sim) fn state(&self) -> State {
+    pub(crate) fn state(&self) -> State {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
         let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
@@ -238,8 +239,8 @@ impl Inertia {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vehicle::model::{Vehicle, Wrench};
-    use crate::sim::vehicle::{attitude, rate};
+    use crate::vehicle::model::{Vehicle, Wrench};
+    use crate::vehicle::{attitude, rate};
 
     /// The reference team's drone, which has no drag.
     fn plain() -> VehicleOptions {

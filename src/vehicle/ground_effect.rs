@@ -1,6 +1,6 @@
 //! Ground effect: near the floor a rotor lifts more at the same speed.
 
-use crate::sim::options::{GroundEffect, VehicleOptions};
+use super::{GroundEffect, VehicleOptions};
 
 /// Lowest height of the rotors, in radii, at which the models are used: below, no measurements
 /// support them, and Cheeseman and Bennett's diverges at a quarter.

@@ -124,7 +124,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_4, TAU};
 
     use super::*;
-    use crate::sim::noise::Noise;
+    use crate::random::Noise;
 
     #[test]
     fn logarithm_sine_and_cosine_are_libms_bit_for_bit() {

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::LighthouseOptions;
 use super::lighthouse::turn;
-use crate::sim::noise::{Field, Noise, Normals};
-use crate::sim::options::LighthouseOptions;
+use crate::random::{Field, Noise, Normals};
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
 /// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.

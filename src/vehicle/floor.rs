@@ -61,13 +61,13 @@ impl Described for FloorStep {
 impl FloorOptions {
     /// Height of the floor at a place.
     #[inline(always)]
-    pub(in crate::sim) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+    pub(crate) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let below = self.steps.iter().filter(|step| step.is_below(x_m, y_m));
         below.fold(0.0, |highest, step| step.height_m.max(highest))
     }
 
     /// Distance from a place to the floor along a direction that looks down, a unit vector.
-    pub(in crate::sim) fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
+    pub(crate) fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
         let to_height = |height_m: f64| (from_m.z - height_m) / -down.z;
         let onto_step = |step: &FloorStep| {
             let distance_m = to_height(step.height_m);
@@ -78,7 +78,7 @@ impl FloorOptions {
     }
 
     /// Checks that no two steps are in one place.
-    pub(super) fn check_steps(&self) -> Result<()> {
+    pub(crate) fn check_steps(&self) -> Result<()> {
         for (i, step) in self.steps.iter().enumerate() {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {
                 let FloorStep { x_m: [left, right], y_m: [near, far], .. } = step;

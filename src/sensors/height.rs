@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::sim::noise::Noise;
-use crate::sim::options::{BarometerOptions, FloorOptions, GnssOptions, TimeOfFlightOptions};
+use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
+use crate::random::Noise;
+use crate::vehicle::FloorOptions;
 
 /// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
@@ -14,7 +15,7 @@ const FAR_NOISE_M: f64 = 0.0025;
 /// Standard deviation of a ranger at a distance: `noise_m + 0.0025 exp(c (d − 2.5))` with
 /// `c = ln(80)/1.5`. With 2.5 mm of noise it is the firmware's (`zranger2.c`): 5 mm at 2.5 m, 0.2 m
 /// at 4 m.
-pub(in crate::sim) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
+pub(crate) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
 }
@@ -153,7 +154,7 @@ impl Gnss {
 mod tests {
     use super::*;
     use crate::geometry::Attitude;
-    use crate::sim::sensors::density::{Series, random_walk_density, white_density};
+    use crate::sensors::density::{Series, random_walk_density, white_density};
 
     const FLAT: FloorOptions = FloorOptions { steps: Vec::new() };
 

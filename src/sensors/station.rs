@@ -9,8 +9,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::{Generation, Station};
 use crate::geometry::Attitude;
-use crate::sim::options::{Generation, Station};
 
 /// tan(π/6): slant of a second-generation station's planes.
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
@@ -27,24 +27,24 @@ const LARGEST_LEAD: f64 = 0.99;
 
 /// A base station's pose, ready to compute with.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct StationPose {
-    pub(in crate::sim) generation: Generation,
-    pub(in crate::sim) position_m: Vector3<f64>,
-    pub(in crate::sim) world_from_station: Matrix3<f64>,
+pub(crate) struct StationPose {
+    pub(crate) generation: Generation,
+    pub(crate) position_m: Vector3<f64>,
+    pub(crate) world_from_station: Matrix3<f64>,
 }
 
 /// One crossing of a plane of light and a point.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::sim) struct Crossing {
+pub(crate) struct Crossing {
     /// Angle of the rotor; 0 is straight ahead.
-    pub(in crate::sim) angle_rad: f64,
+    pub(crate) angle_rad: f64,
     /// Gradient of the angle with respect to the point, world frame.
-    pub(in crate::sim) slope_rad_m: Vector3<f64>,
+    pub(crate) slope_rad_m: Vector3<f64>,
 }
 
 impl StationPose {
     /// The pose of a station.
-    pub(in crate::sim) fn new(station: &Station) -> Self {
+    pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
             generation: station.generation,
@@ -54,13 +54,13 @@ impl StationPose {
     }
 
     /// A point of the world in the station's frame.
-    pub(in crate::sim) fn station_from_world(&self, point_m: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn station_from_world(&self, point_m: &Vector3<f64>) -> Vector3<f64> {
         self.world_from_station.tr_mul(&(point_m - self.position_m))
     }
 
     /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
     /// its field of view, and above the deck. Walls and people are not modeled.
-    pub(in crate::sim) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
+    pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
         let [wide, high] = match self.generation {
@@ -77,7 +77,7 @@ impl StationPose {
     /// The crossing of plane 0 or 1 with a point:
     /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
-    pub(in crate::sim) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
+    pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let Crossing { angle_rad, slope_rad_m } = match (self.generation, plane) {
             (Generation::V1, plane) => upright(&u, 1 + plane),

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::sim::noise::{Noise, Normals};
-use crate::sim::options::ImuOptions;
+use super::ImuOptions;
+use crate::random::{Noise, Normals};
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
 /// modeled: noise is white up to half the rate at which it is read.
@@ -82,7 +82,7 @@ impl Imu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::sensors::density::{Series, random_walk_density, white_density};
+    use crate::sensors::density::{Series, random_walk_density, white_density};
 
     const RATE_HZ: u32 = 500;
 

@@ -3,20 +3,21 @@
 
 use nalgebra::{SVector, Vector3, Vector4};
 
+use super::VehicleOptions;
+use crate::crazyflie::GRAVITY_M_S2;
 use crate::geometry::Attitude;
-use crate::sim::options::{GRAVITY_M_S2, VehicleOptions};
 
 /// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
 /// and angular velocity in the body frame.
-pub(in crate::sim) type State = SVector<f64, 12>;
+pub(crate) type State = SVector<f64, 12>;
 /// First nine rows of [`State`]: the motion for a given body rate.
-pub(in crate::sim) type Motion = SVector<f64, 9>;
+pub(crate) type Motion = SVector<f64, 9>;
 /// `[τ_x τ_y τ_z f_z]` on the body.
-pub(in crate::sim) type Wrench = Vector4<f64>;
+pub(crate) type Wrench = Vector4<f64>;
 
 /// A rigid body in free air.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Vehicle {
+pub(crate) struct Vehicle {
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
     #[cfg(test)]
@@ -24,7 +25,7 @@ pub(in crate::sim) struct Vehicle {
 }
 
 impl Vehicle {
-    pub(in crate::sim) fn new(options: &VehicleOptions) -> Self {
+    pub(crate) fn new(options: &VehicleOptions) -> Self {
         Self {
             mass_kg: options.mass_kg,
             inertia_kg_m2: options.inertia_kg_m2.into(),
@@ -34,19 +35,19 @@ impl Vehicle {
     }
 
     /// Thrust that carries the drone, with no torque.
-    pub(in crate::sim) fn hover(&self) -> Wrench {
+    pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
     #[cfg(test)]
     /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
-    pub(in crate::sim) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
+    pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
         let ([x, y], f) = (self.center_of_mass_m, motors[3]);
         motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
     }
 
     /// `ṡ` in the air.
-    pub(in crate::sim) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+    pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let motion = state.fixed_rows::<9>(0).into_owned();
         let rate = rate(state);
         let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
@@ -62,7 +63,7 @@ impl Vehicle {
 
     /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta method.
     #[cfg(test)]
-    pub(in crate::sim) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
+    pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
         let k1 = self.derivative(state, wrench);
         let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
         let k3 = self.derivative(&(state + k2 * (0.5 * dt_s)), wrench);
@@ -73,7 +74,7 @@ impl Vehicle {
 
 /// First nine rows of `ṡ`, given the body rate and the specific force along body z (thrust per
 /// mass, which is also the accelerometer's reading).
-pub(in crate::sim) fn motion_derivative(
+pub(crate) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
     specific_force_z: f64,
@@ -102,26 +103,26 @@ pub(in crate::sim) fn motion_derivative(
 }
 
 /// A level drone at rest.
-pub(in crate::sim) fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
+pub(crate) fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
     let mut state = State::zeros();
     state.fixed_rows_mut::<3>(0).copy_from(&position_m);
     state[3] = yaw_rad;
     state
 }
 
-pub(in crate::sim) fn position(state: &State) -> Vector3<f64> {
+pub(crate) fn position(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(0).into_owned()
 }
 
-pub(in crate::sim) fn attitude(state: &State) -> Attitude {
+pub(crate) fn attitude(state: &State) -> Attitude {
     Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
 }
 
-pub(in crate::sim) fn velocity(state: &State) -> Vector3<f64> {
+pub(crate) fn velocity(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(6).into_owned()
 }
 
-pub(in crate::sim) fn rate(state: &State) -> Vector3<f64> {
+pub(crate) fn rate(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(9).into_owned()
 }
 

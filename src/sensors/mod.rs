@@ -4,13 +4,16 @@
 //! streams of noise and draws a fixed number from them at each of its measurements, so that none
 //! can shift another's.
 
-mod config;
+mod coverage;
 mod crossing_beams;
 #[cfg(test)]
 mod density;
 mod height;
 mod imu;
 mod lighthouse;
+mod lighthouse_yaml;
+mod options;
+mod peers;
 mod position;
 mod station;
 mod uwb;
@@ -23,46 +26,52 @@ use self::imu::Imu;
 use self::lighthouse::Lighthouse;
 use self::position::PositionSensor;
 use self::uwb::Uwb;
-use super::noise::Noise;
-use super::options::{FloorOptions, HeightSensor, Positioning, SensorOptions};
-use super::peers::Fleet;
-use super::vehicle::RigidBody;
 use crate::flight::Warning;
+use crate::random::Noise;
+use crate::vehicle::{FloorOptions, RigidBody};
 
-pub use self::config::{LighthouseConfig, read_lighthouse_config};
-pub(super) use self::height::time_of_flight_sigma_m;
-pub(super) use self::lighthouse::{DECK_SENSORS_M, Sweep};
-pub(super) use self::station::StationPose;
-pub(super) use self::uwb::{PeerRange, Range};
+pub use self::coverage::{Coverage, Place, coverage};
+pub(crate) use self::height::time_of_flight_sigma_m;
+pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
+pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};
+pub use self::options::{
+    BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
+    PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
+};
+pub(crate) use self::peers::{
+    Air, Fleet, Leg, Member, Message, Reckoning, Target, ToldHeight, ToldRange,
+};
+pub(crate) use self::station::StationPose;
+pub(crate) use self::uwb::{PeerRange, Range};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Readings<'a> {
+pub(crate) struct Readings<'a> {
     /// The true motion, for the estimator `truth` alone.
-    pub(super) truth: &'a RigidBody,
+    pub(crate) truth: &'a RigidBody,
     /// Mean command of the motors since the last tick, as a share of the largest.
-    pub(super) throttle: f64,
+    pub(crate) throttle: f64,
     /// Gyroscope, body frame.
-    pub(super) rate_rad_s: Vector3<f64>,
+    pub(crate) rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
-    pub(super) specific_force_m_s2: Vector3<f64>,
+    pub(crate) specific_force_m_s2: Vector3<f64>,
     /// Position in the world, where the positioning gives positions.
-    pub(super) position_m: Option<Vector3<f64>>,
+    pub(crate) position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.
-    pub(super) sweeps: &'a [Sweep],
+    pub(crate) sweeps: &'a [Sweep],
     /// Ultra-wideband ranges.
-    pub(super) ranges: &'a [Range],
+    pub(crate) ranges: &'a [Range],
     /// Ultra-wideband ranges to other drones.
-    pub(super) peer_ranges: &'a [PeerRange],
+    pub(crate) peer_ranges: &'a [PeerRange],
     /// Distance to the floor along the body's −z.
-    pub(super) time_of_flight_m: Option<f64>,
+    pub(crate) time_of_flight_m: Option<f64>,
     /// Height over the floor, from air pressure.
-    pub(super) barometer_m: Option<f64>,
+    pub(crate) barometer_m: Option<f64>,
 }
 
 impl Readings<'_> {
     /// Whether anything besides the inertial readings is due.
-    pub(super) fn measures_place(&self) -> bool {
+    pub(crate) fn measures_place(&self) -> bool {
         !self.sweeps.is_empty()
             || !self.ranges.is_empty()
             || self.position_m.is_some()
@@ -73,7 +82,7 @@ impl Readings<'_> {
 
 /// Sensors of one drone.
 #[derive(Debug)]
-pub(super) struct Sensors {
+pub(crate) struct Sensors {
     imu: Imu,
     locator: Locator,
     time_of_flight: Option<TimeOfFlight>,
@@ -99,7 +108,7 @@ impl Sensors {
     ///
     /// As `Uwb::new`.
     #[cfg(test)]
-    pub(super) fn new(
+    pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -110,7 +119,7 @@ impl Sensors {
     }
 
     /// The same with a seed of their noise and one of the room.
-    pub(super) fn in_room(
+    pub(crate) fn in_room(
         options: &SensorOptions,
         floor: &FloorOptions,
         rate_hz: u32,
@@ -162,7 +171,7 @@ impl Sensors {
 
     /// Initial estimate of the position of a drone at rest: the true one, and for positions with a
     /// distortion the distorted one.
-    pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
             _ => position_m,
@@ -171,7 +180,7 @@ impl Sensors {
 
     /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
     /// a drone alone needs none.
-    pub(super) fn read<'a>(
+    pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
         specific_force_m_s2: Vector3<f64>,
@@ -218,13 +227,13 @@ impl Sensors {
     }
 
     /// Bias of the barometer at its last reading; 0 without one.
-    pub(super) fn barometer_bias_m(&self) -> f64 {
+    pub(crate) fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         self.barometer.as_ref().map_or(0.0, |barometer| barometer.bias_m(time_s))
     }
 
     /// Warnings about the base stations.
-    pub(super) fn warnings(&self) -> Vec<Warning> {
+    pub(crate) fn warnings(&self) -> Vec<Warning> {
         match &self.locator {
             Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse) => {
                 let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
@@ -239,8 +248,8 @@ impl Sensors {
 mod tests {
     use super::density::{Series, white_density};
     use super::*;
-    use crate::sim::options::Generation;
-    use crate::sim::vehicle::GRAVITY_M_S2;
+    use crate::crazyflie::GRAVITY_M_S2;
+    use crate::sensors::Generation;
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
 

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::sim::noise::{Noise, Normals};
-use crate::sim::options::{AirOptions, Gusts};
+use super::{AirOptions, Gusts};
+use crate::random::{Noise, Normals};
 
 /// Meters per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
@@ -162,7 +162,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use crate::sim::options::GustOptions;
+    use crate::vehicle::GustOptions;
 
     const DT_S: f64 = 0.02;
     const N: usize = 2048;

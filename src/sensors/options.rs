@@ -252,7 +252,7 @@ impl Station {
     }
 
     /// A station at `position_m` that looks along `forward`.
-    pub(in crate::sim) fn facing(
+    pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
         forward: &Vector3<f64>,
@@ -302,7 +302,7 @@ impl UwbOptions {
     /// # Errors
     ///
     /// [`Error::Input`] for a drone that the list leaves out.
-    pub(in crate::sim) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
+    pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         let found = usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone));
         match found {
             Some(heard) => Ok(heard.clone()),
@@ -371,7 +371,7 @@ impl SensorOptions {
     }
 
     /// Checks that silences of the satellites come one after the other.
-    pub(super) fn check_silences(&self) -> Result<()> {
+    pub(crate) fn check_silences(&self) -> Result<()> {
         let mut heard_from_s = 0.0;
         for (i, [from_s, to_s]) in self.gnss.silent_s.iter().enumerate() {
             let wanted = if from_s >= to_s {
@@ -391,7 +391,7 @@ impl SensorOptions {
     }
 
     /// Checks the numbers of base stations and anchors.
-    pub(super) fn check_counts(&self) -> Result<()> {
+    pub(crate) fn check_counts(&self) -> Result<()> {
         let (stations, anchors) = match self.positioning {
             Positioning::Position | Positioning::Gnss => (0, 0),
             Positioning::CrossingBeams => (2, 0),

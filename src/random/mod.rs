@@ -1,4 +1,12 @@
-//! Random numbers as functions of a key, so that each depends on no other.
+//! Random numbers as functions of a key, so that each depends on no other; named streams of noise, and
+//! a smooth random field.
+
+mod elementary;
+mod noise;
+mod normals;
+
+pub(crate) use self::noise::{Field, Noise};
+pub(crate) use self::normals::Normals;
 
 /// The odd number nearest to 2⁶⁴ over the golden ratio.
 pub(crate) const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;

@@ -18,7 +18,7 @@ const PAIRS: usize = 32;
 
 /// A stream of normals with mean 0 and variance 1.
 #[derive(Debug)]
-pub(in crate::sim) struct Normals {
+pub(crate) struct Normals {
     rng: ChaCha8Rng,
     block: Block,
     drawn: usize,
@@ -26,13 +26,13 @@ pub(in crate::sim) struct Normals {
 
 impl Normals {
     /// The numbers of a stream from which nothing was drawn yet.
-    pub(in crate::sim) fn new(noise: Noise) -> Self {
+    pub(crate) fn new(noise: Noise) -> Self {
         let block = Block { cosines: [0.0; PAIRS], sines: [0.0; PAIRS] };
         Self { rng: noise.rng, block, drawn: 2 * PAIRS }
     }
 
     #[inline]
-    pub(in crate::sim) fn next(&mut self) -> f64 {
+    pub(crate) fn next(&mut self) -> f64 {
         if self.drawn == 2 * PAIRS {
             self.fill();
         }
@@ -43,7 +43,7 @@ impl Normals {
 
     /// Three independent normals.
     #[inline]
-    pub(in crate::sim) fn next_three(&mut self) -> Vector3<f64> {
+    pub(crate) fn next_three(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.next())
     }
 

@@ -10,9 +10,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::options::{Generation, LighthouseOptions, SensorOptions};
-use super::sensors::StationPose;
 use crate::error::{Error, Result, within};
+use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
 use crate::settings::Described;
 
 /// Finest and coarsest grid.
@@ -140,7 +139,7 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::options::Station;
+    use crate::sensors::Station;
 
     /// Two stations square to each other, 3 m from (0, 0, 0) and level with it but for their sight.
     fn square_stations() -> LighthouseOptions {
