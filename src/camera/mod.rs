@@ -75,6 +75,14 @@ pub struct ImagePoint {
 }
 
 impl Camera {
+    /// The same camera with a picture of another width.
+    #[must_use]
+    pub fn at_width(&self, width_px: u32) -> Self {
+        let height = u64::from(self.height_px) * u64::from(width_px);
+        let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
+        Self { width_px, height_px: u32::try_from(height).unwrap_or(u32::MAX), ..self.clone() }
+    }
+
     /// Edge of a pixel on the sensor.
     #[must_use]
     pub fn pixel_pitch_m(&self) -> f64 {

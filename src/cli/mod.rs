@@ -34,6 +34,7 @@ mod letters;
 mod locate;
 mod locate_region;
 mod meter;
+mod movie;
 mod names;
 mod output;
 mod plan;

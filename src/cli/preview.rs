@@ -16,7 +16,7 @@ use super::progress::watch;
 use super::report::{Outcome, Report, line, wrapped};
 use super::show::FlightFigures;
 use super::spread::SpreadFlags;
-use super::{findings, show, warn};
+use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
@@ -38,6 +38,9 @@ pub(super) struct PreviewArgs {
     /// Fly the trajectory that is exported in this form, decoded as on board
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
+    /// Movie of the exposure as it accumulates, 6 s (animated PNG)
+    #[arg(long, value_name = "FILE")]
+    movie: Option<PathBuf>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -64,7 +67,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let mut names = write(&shot, &json, &folder)?;
     let spread = args.spread.run(&before, &conditions, &folder)?;
     names.extend(spread.iter().flat_map(|spread| spread.names.clone()));
-    let files = folder.keep(&names)?;
+    let mut files = folder.keep(&names)?;
+    if let Some(path) = &args.movie {
+        files.push(movie::write(&shot, path)?);
+    }
 
     let (backend, adapter) = (shot.exposure.backend.name(), &shot.exposure.adapter);
     let figures: Vec<FlightFigures<'_>> = shot.flights.iter().map(FlightFigures::new).collect();

@@ -39,7 +39,7 @@ pub use self::options::{
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub(crate) use self::peers::{
-    Air, Fleet, Leg, Member, Message, Reckoning, Target, ToldHeight, ToldRange,
+    Air, Fleet, Leg, Member, Message, Reckoning, SharedHeight, SharedRange, Target,
 };
 pub(crate) use self::station::StationPose;
 pub(crate) use self::uwb::{PeerRange, Range};

@@ -169,7 +169,7 @@ settings! {
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
         /// Mean error of an outlier: too long for two-way ranging, either way for differences.
         outlier_m: f64 = 1.0, in 0.0..=1000.0;
-        /// Distance between the place where a drone starts and the one it is told, per axis, σ.
+        /// Error of the starting place that a drone is given, per axis, σ.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
 

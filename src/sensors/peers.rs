@@ -21,15 +21,15 @@ pub(crate) struct Fleet {
 pub(crate) struct Member {
     /// Index of its noise and of its anchors.
     pub(crate) index: u64,
-    /// Where it is told to start: the true place but for an error.
-    pub(crate) told_m: Vector3<f64>,
+    /// Where it believes to start: the true place but for an error.
+    pub(crate) start_m: Vector3<f64>,
 }
 
 impl Fleet {
     /// A drone alone, at the origin.
     #[cfg(test)]
     pub(crate) fn alone(index: u64) -> Self {
-        Self { members: vec![Member { index, told_m: Vector3::zeros() }], place: 0 }
+        Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
     }
 }
 
@@ -43,11 +43,11 @@ impl Member {
     ) -> Self {
         let ranges = matches!(sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa);
         let error_m = if ranges { sensors.uwb.start_error_m } else { 0.0 };
-        let told_m = match error_m > 0.0 {
+        let start_m = match error_m > 0.0 {
             true => start_m + Noise::new(seed, index, "start").normals() * error_m,
             false => start_m,
         };
-        Self { index, told_m }
+        Self { index, start_m }
     }
 }
 
@@ -66,7 +66,7 @@ pub(crate) enum Target {
 
 /// A range in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ToldRange {
+pub(crate) struct SharedRange {
     pub(crate) time_s: f64,
     pub(crate) target: Target,
     pub(crate) distance_m: f64,
@@ -74,7 +74,7 @@ pub(crate) struct ToldRange {
 
 /// A height over the floor in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ToldHeight {
+pub(crate) struct SharedHeight {
     pub(crate) time_s: f64,
     /// [`Target::Floor`] or [`Target::Air`].
     pub(crate) target: Target,
@@ -123,8 +123,8 @@ pub(crate) struct Message {
     pub(crate) from: usize,
     pub(crate) motion: Reckoning,
     /// Since the last message.
-    pub(crate) ranges: Vec<ToldRange>,
-    pub(crate) heights: Vec<ToldHeight>,
+    pub(crate) ranges: Vec<SharedRange>,
+    pub(crate) heights: Vec<SharedHeight>,
     /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
     pub(crate) estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
@@ -204,8 +204,8 @@ mod tests {
             assert!(!air.is_due(time_s), "and no more");
             air.send(&message(0, time_s));
             assert_eq!(air.arrived(time_s + 0.049), None, "not yet");
-            while let Some((to, told)) = air.arrived(time_s + 0.0501) {
-                assert_eq!((told.from, told.motion.time_s), (0, time_s));
+            while let Some((to, message)) = air.arrived(time_s + 0.0501) {
+                assert_eq!((message.from, message.motion.time_s), (0, time_s));
                 heard[to] += 1;
             }
         }

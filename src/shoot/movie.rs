@@ -2,20 +2,23 @@
 //!
 //! Light adds up, so a moment's film is that of the moment before and the light in between; it is
 //! developed as the whole would be, without the noise of the sensor, with the room's light of the
-//! time so far. The lamps themselves stand out as points, as they do to the eye: the light of the
-//! last instant counts several times.
+//! time so far. A movie develops every few pictures only: in between, a pixel that is written has the
+//! share of the change whose light has arrived, and glare waits. The lamps are drawn as points, as they
+//! look to the eye.
 
 use super::Shot;
-use crate::camera::Camera;
+use crate::camera::{Camera, ImagePoint};
 use crate::error::Result;
-use crate::expose::{Film, project};
-use crate::light::{Lamp, LightTrace};
+use crate::expose::{ExposeOptions, Film, project};
+use crate::light::{Lamp, LightSample, LightTrace};
 use crate::photo::{Noise, Photo, PhotoOptions, develop};
 
-/// Time in which the eye takes a lamp for a point.
-const INSTANT_S: f64 = 1.0 / 24.0;
-/// How many times the light of the last instant counts.
-const POINT_GAIN: u32 = 4;
+/// Pictures of a movie for each one that is developed.
+const STEP: u32 = 12;
+/// Change of a pixel, in levels, from which it counts as written and not as glare.
+const WRITTEN_LEVELS: u8 = 8;
+/// Width of the point of a lamp (σ) by the width of the picture.
+const POINT_SHARE: f64 = 0.0025;
 
 impl Shot {
     /// Develops what the film holds at `n` moments, the last of them at the end of the exposure, at a
@@ -30,44 +33,154 @@ impl Shot {
         n: u32,
         each: &mut dyn FnMut(f64, Photo) -> Result<()>,
     ) -> Result<()> {
-        let Camera { shutter_open_s: open_s, shutter_close_s: close_s, .. } = self.camera;
-        let height = u64::from(self.camera.height_px) * u64::from(width_px);
-        let height = height.div_ceil(u64::from(self.camera.width_px)).max(1);
-        let height_px = u32::try_from(height).unwrap_or(u32::MAX);
-        let camera = Camera { width_px, height_px, ..self.camera.clone() };
-        let until = |close_s: f64| Camera { shutter_close_s: close_s, ..camera.clone() };
-        let options = PhotoOptions { noise: Noise::Off, ..self.scene.photo.clone() };
-        let expose = &self.scene.expose;
-        let scale_log2 = project(&self.trace, &camera, expose)?.scale_log2();
-        let light = |from_s: f64, to_s: f64| -> Result<Film> {
-            let camera = Camera { shutter_open_s: from_s, ..until(to_s) };
-            let trace = between(&self.trace, from_s, to_s);
-            Ok(project(&trace, &camera, expose)?.at_scale(scale_log2)?.develop_on_all())
-        };
-        let mut film = light(open_s, open_s)?;
-        let mut time_s = open_s;
-        for moment in 1..=n {
-            let end_s = open_s + (close_s - open_s) * f64::from(moment) / f64::from(n);
-            add(&mut film, &light(time_s, end_s)?, 1);
-            time_s = end_s;
-            let mut seen = film.clone();
-            if moment < n {
-                add(&mut seen, &light((time_s - INSTANT_S).max(open_s), time_s)?, POINT_GAIN);
+        let mut film = Growing::new(self, width_px)?;
+        (1..=n).try_for_each(|moment| {
+            film.expose_to(film.moment_s(moment, n))?;
+            each(film.time_s, film.photo()?)
+        })
+    }
+
+    /// A movie of `n` pictures of the exposure at a width in pixels, with the lamps as points. `each`
+    /// receives the pictures in order.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::moments`].
+    pub fn movie(
+        &self,
+        width_px: u32,
+        n: u32,
+        each: &mut dyn FnMut(&Photo) -> Result<()>,
+    ) -> Result<()> {
+        let mut film = Growing::new(self, width_px)?;
+        let mut before = film.photo()?;
+        let pictures: Vec<u32> = (1..=n).collect();
+        for step in pictures.chunks(STEP as usize) {
+            let mut written = vec![0; before.rgb8.len() / 3];
+            let mut arrived = Vec::new();
+            let mut from_s = film.time_s;
+            for picture in step {
+                let to_s = film.moment_s(*picture, n);
+                add(&mut written, film.written(from_s, to_s)?);
+                arrived.push((to_s, written.clone()));
+                from_s = to_s;
             }
-            each(time_s, develop(&seen, &until(time_s), &options, self.scene.seed)?)?;
+            film.expose_to(from_s)?;
+            let after = film.photo()?;
+            for (time_s, share) in &arrived {
+                let mut picture = if *time_s < from_s {
+                    between(&before, &after, share, &written)
+                } else {
+                    after.clone()
+                };
+                if *time_s < film.end_s {
+                    self.draw_lamps(&mut picture, &film.camera, *time_s);
+                }
+                each(&picture)?;
+            }
+            before = after;
         }
         Ok(())
     }
+
+    /// Draws the lamps that are lit at a time as points.
+    fn draw_lamps(&self, picture: &mut Photo, camera: &Camera, time_s: f64) {
+        let sigma_px = POINT_SHARE * f64::from(picture.width_px);
+        for lamp in &self.trace.lamps {
+            let next = lamp.samples.partition_point(|sample| sample.time_s <= time_s);
+            let [Some(a), Some(b)] = [next.checked_sub(1), Some(next)]
+                .map(|index| index.and_then(|index| lamp.samples.get(index)))
+            else {
+                continue;
+            };
+            let LightSample { position_m, level, .. } = a.toward(b, time_s);
+            if level > 0.0
+                && let Some(place) = camera.image_from_world(position_m)
+            {
+                glow(picture, place, sigma_px);
+            }
+        }
+    }
 }
 
-fn add(film: &mut Film, more: &Film, times: u32) {
-    for (sum, count) in film.counts.iter_mut().zip(&more.counts) {
-        *sum = sum.saturating_add(count.saturating_mul(times));
+/// A film that is being exposed, and its camera.
+struct Growing<'a> {
+    shot: &'a Shot,
+    camera: Camera,
+    options: PhotoOptions,
+    film: Film,
+    start_s: f64,
+    end_s: f64,
+    /// Up to when it is exposed.
+    time_s: f64,
+}
+
+impl<'a> Growing<'a> {
+    fn new(shot: &'a Shot, width_px: u32) -> Result<Self> {
+        let camera = shot.camera.at_width(width_px);
+        let (start_s, end_s) = (camera.shutter_open_s, camera.shutter_close_s);
+        // Twice as coarse as the whole, so that the rounding of its parts cannot overflow.
+        let scale_log2 = project(&shot.trace, &camera, &shot.scene.expose)?.scale_log2() + 1;
+        let film = Film {
+            width_px: camera.width_px,
+            height_px: camera.height_px,
+            counts: vec![0; 3 * camera.width_px as usize * camera.height_px as usize],
+            scale_log2,
+        };
+        let options = PhotoOptions { noise: Noise::Off, ..shot.scene.photo.clone() };
+        Ok(Self { shot, camera, options, film, start_s, end_s, time_s: start_s })
+    }
+
+    /// Time of the moment of a number, of `n`.
+    fn moment_s(&self, moment: u32, n: u32) -> f64 {
+        self.start_s + (self.end_s - self.start_s) * f64::from(moment) / f64::from(n)
+    }
+
+    /// Counts of the light between two times, by channel.
+    fn counts(&self, from_s: f64, to_s: f64, options: &ExposeOptions) -> Result<Vec<u32>> {
+        let camera =
+            Camera { shutter_open_s: from_s, shutter_close_s: to_s, ..self.camera.clone() };
+        let latent = project(&part(&self.shot.trace, from_s, to_s), &camera, options)?;
+        Ok(latent.at_scale(self.film.scale_log2)?.develop_on_all().counts)
+    }
+
+    /// Adds the light up to a time.
+    fn expose_to(&mut self, end_s: f64) -> Result<()> {
+        let more = self.counts(self.time_s, end_s, &self.shot.scene.expose)?;
+        add(&mut self.film.counts, more);
+        self.time_s = end_s;
+        Ok(())
+    }
+
+    /// Light of each pixel between two times, without that on the floor.
+    fn written(&self, from_s: f64, to_s: f64) -> Result<Vec<u32>> {
+        let options = ExposeOptions { floor_albedo: 0.0, ..self.shot.scene.expose.clone() };
+        let mut counts = self.counts(from_s, to_s, &options)?;
+        let green_and_blue = counts.split_off(counts.len() / 3);
+        let n_pixels = counts.len();
+        for (sum, (green, blue)) in
+            counts.iter_mut().zip(green_and_blue.iter().zip(&green_and_blue[n_pixels..]))
+        {
+            *sum = (*sum / 3) + (green / 3) + (blue / 3);
+        }
+        Ok(counts)
+    }
+
+    /// The photo so far.
+    fn photo(&self) -> Result<Photo> {
+        let camera = Camera { shutter_close_s: self.time_s, ..self.camera.clone() };
+        develop(&self.film, &camera, &self.options, self.shot.scene.seed)
+    }
+}
+
+fn add(sums: &mut [u32], more: Vec<u32>) {
+    for (sum, count) in sums.iter_mut().zip(more) {
+        *sum = sum.saturating_add(count);
     }
 }
 
 /// The samples of a time, with one before and one after it.
-fn between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
+fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let part = |lamp: &Lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);
         let last = lamp.samples.partition_point(|sample| sample.time_s <= to_s);
@@ -77,33 +190,101 @@ fn between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     LightTrace { lamps: trace.lamps.iter().map(part).collect() }
 }
 
+/// A picture between two photos: a pixel that is written has the share of its light that has arrived.
+fn between(before: &Photo, after: &Photo, arrived: &[u32], whole: &[u32]) -> Photo {
+    let mut picture = before.clone();
+    let (pixels, _) = picture.rgb8.as_chunks_mut::<3>();
+    let (later, _) = after.rgb8.as_chunks::<3>();
+    for (((pixel, later), arrived), whole) in pixels.iter_mut().zip(later).zip(arrived).zip(whole) {
+        if *arrived == 0 || pixel.iter().zip(later).all(|(a, b)| a.abs_diff(*b) < WRITTEN_LEVELS) {
+            continue;
+        }
+        let share = f64::from(*arrived) / f64::from(*whole);
+        for (level, later) in pixel.iter_mut().zip(later) {
+            *level = mixed(*level, *later, share);
+        }
+    }
+    picture
+}
+
+/// Adds a white point to a picture.
+fn glow(picture: &mut Photo, ImagePoint { x_px, y_px, .. }: ImagePoint, sigma_px: f64) {
+    let reach = 4.0 * sigma_px;
+    let span = |at: f64, most: u32| {
+        let [first, last] = [at - reach, at + reach].map(|px| px.clamp(0.0, f64::from(most)));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        (first as usize..last as usize)
+    };
+    for y in span(y_px, picture.height_px) {
+        for x in span(x_px, picture.width_px) {
+            #[expect(clippy::cast_precision_loss, reason = "pixels")]
+            let [dx, dy] = [x as f64 + 0.5 - x_px, y as f64 + 0.5 - y_px];
+            let share = libm::exp(-0.5 * (dx * dx + dy * dy) / (sigma_px * sigma_px));
+            let at = 3 * (y * picture.width_px as usize + x);
+            for level in &mut picture.rgb8[at..at + 3] {
+                *level = mixed(*level, 255, share);
+            }
+        }
+    }
+}
+
+fn mixed(from: u8, to: u8, share: f64) -> u8 {
+    let level = f64::from(from) + (f64::from(to) - f64::from(from)) * share;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    (level.round().clamp(0.0, 255.0) as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::{Preset, Scene};
     use crate::shoot::{Judging, Shoot};
 
-    #[test]
-    fn moments_end_with_the_photo_and_never_lose_light() {
+    fn shot() -> Shot {
         let mut scene = Scene { word: "I".into(), ..Scene::preset(Preset::Cf21) };
         (scene.camera.width_px, scene.camera.height_px) = (320, 180);
         scene.photo.noise = Noise::Off;
         let shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene).unwrap() };
-        let shot = shoot.take(&|_, _| {}).unwrap();
-        let mut moments = Vec::new();
+        shoot.take(&|_, _| {}).unwrap()
+    }
+
+    fn most_off(a: &Photo, b: &Photo) -> u8 {
+        a.rgb8.iter().zip(&b.rgb8).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+    }
+
+    #[test]
+    fn moments_gather_light_and_end_with_the_photo() {
+        let (shot, mut moments) = (shot(), Vec::new());
         shot.moments(320, 6, &mut |time_s, photo| {
             moments.push((time_s, photo));
             Ok(())
         })
         .unwrap();
-        let light = |photo: &Photo| photo.rgb8.iter().map(|level| u64::from(*level)).sum::<u64>();
         assert_eq!(moments.len(), 6);
         assert!((moments[5].0 - shot.camera.shutter_close_s).abs() < 1e-9);
-        // The point of the lamp comes and goes; what was written stays.
-        assert!(light(&moments[0].1) < light(&moments[5].1));
-        let off = |(a, b): (&u8, &u8)| a.abs_diff(*b);
-        let whole = &shot.photo.rgb8;
-        let most = moments[5].1.rgb8.iter().zip(whole).map(off).max().unwrap();
-        assert!(most <= 2, "the last moment is the photo: {most} levels off");
+        for pair in moments.windows(2) {
+            let lost =
+                pair[0].1.rgb8.iter().zip(&pair[1].1.rgb8).map(|(a, b)| a.saturating_sub(*b));
+            assert!(lost.max().unwrap() <= 1, "light stays");
+        }
+        let off = most_off(&moments[5].1, &shot.photo);
+        assert!(off <= 2, "the last moment is the photo: {off} levels off");
+    }
+
+    #[test]
+    fn a_movie_writes_and_ends_with_the_photo() {
+        let (shot, mut pictures) = (shot(), Vec::new());
+        shot.movie(320, 30, &mut |picture| {
+            pictures.push(picture.clone());
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(pictures.len(), 30);
+        assert!(most_off(&pictures[29], &shot.photo) <= 2);
+        let bright = |photo: &Photo| photo.rgb8.iter().filter(|level| **level > 128).count();
+        let bright: Vec<usize> = pictures.iter().map(bright).collect();
+        assert!(bright[0] < 10 && bright[29] > 100, "{bright:?}");
+        let grows = bright.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert!(grows > 6, "it is written bit by bit: {bright:?}");
     }
 }

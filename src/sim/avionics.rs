@@ -43,13 +43,13 @@ pub(super) struct Avionics {
 }
 
 impl Avionics {
-    /// The onboard system of a drone that starts at rest, as the fleet is told.
+    /// The onboard system of a drone that starts at rest, where the fleet says.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
         let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
-        let settled_m = sensors.settled_m(fleet.members[fleet.place].told_m);
+        let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         Ok(Self {
             controller: controller(believed)?,
             estimator: estimator(believed, settled_m, fleet)?,
@@ -120,13 +120,13 @@ impl Avionics {
     }
 
     /// A message to the fleet.
-    pub(super) fn tell(&mut self) -> Option<Message> {
-        self.estimator.tell()
+    pub(super) fn message(&mut self) -> Option<Message> {
+        self.estimator.message()
     }
 
     /// Hears a message of the fleet.
-    pub(super) fn hear(&mut self, told: &Message) {
-        self.estimator.hear(told);
+    pub(super) fn receive(&mut self, message: &Message) {
+        self.estimator.receive(message);
         self.fresh = false;
     }
 

@@ -85,8 +85,8 @@ pub(super) fn fly_watched(
         if !alone {
             fleet_m.clear();
             fleet_m.extend(rigs.iter().map(|rig| rig.plant.body().position_m));
-            while let Some((to, told)) = air.arrived(time_s) {
-                rigs[to].avionics.hear(&told);
+            while let Some((to, message)) = air.arrived(time_s) {
+                rigs[to].avionics.receive(&message);
             }
         }
         for (place, rig) in rigs.iter_mut().enumerate() {
@@ -98,7 +98,9 @@ pub(super) fn fly_watched(
             })?;
         }
         if !alone && air.is_due(time_s) {
-            rigs.iter_mut().filter_map(|rig| rig.avionics.tell()).for_each(|told| air.send(&told));
+            rigs.iter_mut()
+                .filter_map(|rig| rig.avionics.message())
+                .for_each(|message| air.send(&message));
         }
         if tick.is_multiple_of(TICKS_PER_REPORT) {
             progress(f64::from(tick) / f64::from(n_ticks.max(1)));

@@ -29,8 +29,6 @@ mod estimator;
 mod fly;
 mod options;
 mod recorder;
-#[cfg(test)]
-mod reference_flight;
 mod response;
 
 pub(crate) use controller::pid_gains;

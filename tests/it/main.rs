@@ -25,6 +25,7 @@ mod outputs;
 mod photos;
 mod plan;
 mod readme;
+mod reference_flight;
 mod road;
 mod safety;
 mod study;

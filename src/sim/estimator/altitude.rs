@@ -19,7 +19,7 @@ pub(super) struct Altitude {
     pub(super) horizontal: Ekf,
     pub(super) vertical: AltitudeFilter,
     /// Whether positions are fixes of satellites.
-    pub(super) hears_satellites: bool,
+    pub(super) has_satellites: bool,
 }
 
 impl Estimator for Altitude {
@@ -33,7 +33,7 @@ impl Estimator for Altitude {
         } else {
             filter.rest(tick_s);
         }
-        if let Some(fix_m) = readings.position_m.filter(|_| self.hears_satellites) {
+        if let Some(fix_m) = readings.position_m.filter(|_| self.has_satellites) {
             filter.update(Sensor::Gnss, fix_m.z);
         }
         if let Some(distance_m) = readings.time_of_flight_m {

@@ -5,7 +5,7 @@
 //! the time of the last message: a message moves them on by the motion that it tells (which is why a
 //! lost one costs nothing but time), and its ranges and heights correct them. A range between two
 //! drones waits until the messages have caught up with it, and is held against the places at its
-//! own time: both are reckoned back from the present estimates along the told motion. Every
+//! own time: both are carried back from the present estimates along the motion received. Every
 //! measurement is thus used once in each drone's filter, and what the drones' errors have in common
 //! is in the filter's covariance.
 //!
@@ -28,7 +28,7 @@ use super::ekf::{Ekf, START};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sensors::{
-    Fleet, Leg, Message, Readings, Reckoning, SensorOptions, Target, ToldHeight, ToldRange,
+    Fleet, Leg, Message, Readings, Reckoning, SensorOptions, SharedHeight, SharedRange, Target,
     time_of_flight_sigma_m,
 };
 use crate::sim::options::{ObserverOptions, Share};
@@ -48,7 +48,7 @@ const RANGES_KEPT: usize = 256;
 pub(super) struct Cooperative {
     /// Of all drones, this one first and the others in the order of `peers`.
     own: Ekf,
-    /// The attitude, velocity and position by inertial sensors alone, which the others are told.
+    /// The attitude, velocity and position by inertial sensors alone, which the others receive.
     alone: Inertial,
     /// Velocity and position by inertial sensors with the estimated attitude.
     reckoned: Reckoning,
@@ -59,12 +59,12 @@ pub(super) struct Cooperative {
     ticks: u32,
     gate: Gate<(usize, Target)>,
     /// What the next message will hold.
-    ranges: Vec<ToldRange>,
-    heights: Vec<ToldHeight>,
+    ranges: Vec<SharedRange>,
+    heights: Vec<SharedHeight>,
     /// Ranges to other drones that wait for their messages, with the motion at their time.
     waiting: Vec<(usize, f64, Reckoning)>,
     /// Ranges between two others that wait.
-    between: Vec<(usize, ToldRange)>,
+    between: Vec<(usize, SharedRange)>,
     /// Ranges between two others that were used: time and places.
     used: VecDeque<(f64, usize, usize)>,
 }
@@ -77,19 +77,19 @@ struct Peer {
     velocity_m_s: Vector3<f64>,
     /// Rotation vector, in the world, from its dead reckoning to the truth.
     tilt_rad: Vector3<f64>,
-    told: VecDeque<Reckoning>,
+    motions: VecDeque<Reckoning>,
 }
 
 impl Cooperative {
     pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
-        let own_m = fleet.members[fleet.place].told_m;
+        let own_m = fleet.members[fleet.place].start_m;
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peer = |(place, member): (usize, &crate::sensors::Member)| Peer {
             place,
-            position_m: member.told_m,
+            position_m: member.start_m,
             velocity_m_s: Vector3::zeros(),
             tilt_rad: Vector3::zeros(),
-            told: [Reckoning::default()].into(),
+            motions: [Reckoning::default()].into(),
         };
         let start = &options.cooperative;
         let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
@@ -131,11 +131,11 @@ impl Cooperative {
         let time_s = self.reckoned.time_s;
         for range in readings.ranges {
             let target = Target::Anchor(range.anchor);
-            self.ranges.push(ToldRange { time_s, target, distance_m: range.distance_m });
+            self.ranges.push(SharedRange { time_s, target, distance_m: range.distance_m });
         }
         for range in readings.peer_ranges {
             let (target, distance_m) = (Target::Drone(range.drone), range.distance_m);
-            self.ranges.push(ToldRange { time_s, target, distance_m });
+            self.ranges.push(SharedRange { time_s, target, distance_m });
             self.waiting.push((range.drone, distance_m, self.reckoned));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
@@ -144,26 +144,26 @@ impl Cooperative {
             let sigma_m = time_of_flight_sigma_m(self.own.model.ranger_m, distance_m) * cos_tilt;
             let height_m = distance_m * cos_tilt;
             let (target, variance) = (Target::Floor, sigma_m * sigma_m);
-            self.heights.push(ToldHeight { time_s, target, height_m, variance });
+            self.heights.push(SharedHeight { time_s, target, height_m, variance });
         }
         if let Some(height_m) = readings.barometer_m {
             let variance = self.own.model.barometer;
             let target = Target::Air;
-            self.heights.push(ToldHeight { time_s, target, height_m, variance });
+            self.heights.push(SharedHeight { time_s, target, height_m, variance });
         }
     }
 
     /// Moves another drone on to the time of its message.
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
-        let before = *peer.told.back().expect("never empty");
+        let before = *peer.motions.back().expect("never empty");
         let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
         let turned_m_s = peer.tilt_rad.cross(&force_m_s);
         peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
         peer.velocity_m_s += gained_m_s + turned_m_s;
-        peer.told.push_back(now);
-        if peer.told.len() > MESSAGES_KEPT {
-            peer.told.pop_front();
+        peer.motions.push_back(now);
+        if peer.motions.len() > MESSAGES_KEPT {
+            peer.motions.pop_front();
         }
         let lever = -force_m_s.cross_matrix() / span_s;
         let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
@@ -179,40 +179,40 @@ impl Cooperative {
     /// Place of another drone at a time up to its last message.
     fn past_of_peer(&self, k: usize, time_s: f64) -> Option<Past> {
         let peer = &self.peers[k];
-        let now = peer.told.back()?;
-        let then = interpolated(&peer.told, time_s)?;
+        let now = peer.motions.back()?;
+        let then = interpolated(&peer.motions, time_s)?;
         Some(past(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
     /// Takes in a range of another drone to an anchor, or a height.
-    fn correct_peer(&mut self, k: usize, told: &Message) {
+    fn correct_peer(&mut self, k: usize, message: &Message) {
         let drone = k + 1;
         let range_variance = self.own.model.range[TWO_WAY];
-        for range in &told.ranges {
+        for range in &message.ranges {
             let Target::Anchor(anchor) = range.target else { continue };
             let anchor_m = self.own.model.anchors_m.get(anchor).copied();
             let past = self.past_of_peer(k, range.time_s);
             let Some((anchor_m, past)) = anchor_m.zip(past) else { continue };
             let (direction, expected_m) = toward(&(past.position_m - anchor_m));
             let slope = past.slope(drone, direction, None);
-            let link = (told.from, range.target);
+            let link = (message.from, range.target);
             self.correct(link, &slope, range.distance_m - expected_m, range_variance);
         }
-        for height in &told.heights {
+        for height in &message.heights {
             let Some(past) = self.past_of_peer(k, height.time_s) else { continue };
             let slope = past.slope(drone, Vector3::z(), None);
-            let link = (told.from, height.target);
+            let link = (message.from, height.target);
             self.correct(link, &slope, height.height_m - past.position_m.z, height.variance);
         }
     }
 
     /// Takes in the ranges of this drone to another one up to its last message; those that the
-    /// other's motion does not reach are kept. Where the drones share estimates, the told one stands
+    /// other's motion does not reach are kept. Where the drones share estimates, the one received stands
     /// for the other.
-    fn correct_waiting(&mut self, k: usize, told: &Message) {
+    fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
-            if place != told.from || then.time_s > told.motion.time_s {
+            if place != message.from || then.time_s > message.motion.time_s {
                 self.waiting.push((place, distance_m, then));
                 continue;
             }
@@ -223,8 +223,8 @@ impl Cooperative {
             let link = (self.place, Target::Drone(place));
             let variance = self.own.model.range[TWO_WAY];
             if self.share == Share::Estimates {
-                let (position_m, velocity_m_s, covariance) = told.estimate;
-                let there_m = position_m - velocity_m_s * (told.motion.time_s - then.time_s);
+                let (position_m, velocity_m_s, covariance) = message.estimate;
+                let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
                 let theirs = direction.dot(&(covariance * direction));
                 let slope = here.slope(0, direction, Some(&world_from_body));
@@ -241,11 +241,11 @@ impl Cooperative {
     }
 
     /// Takes in ranges between two others that both their messages have reached.
-    fn correct_between(&mut self, told: &Message) {
-        for range in &told.ranges {
+    fn correct_between(&mut self, message: &Message) {
+        for range in &message.ranges {
             let Target::Drone(other) = range.target else { continue };
             if other != self.place {
-                self.between.push((told.from, *range));
+                self.between.push((message.from, *range));
             }
         }
         let between = std::mem::take(&mut self.between);
@@ -254,10 +254,10 @@ impl Cooperative {
             let key = (range.time_s, from.min(other), from.max(other));
             let block = |place| self.peers.iter().position(|peer| peer.place == place);
             let Some((i, j)) = block(from).zip(block(other)) else { continue };
-            if self.used.contains(&key) || range.time_s < told.motion.time_s - LONGEST_WAIT_S {
+            if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
                 continue;
             }
-            let last_s = |k: usize| self.peers[k].told.back().map_or(0.0, |told| told.time_s);
+            let last_s = |k: usize| self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
             if range.time_s > last_s(i).min(last_s(j)) {
                 self.between.push((from, range));
                 continue;
@@ -316,7 +316,7 @@ impl Estimator for Cooperative {
         Some(self.own.normal.block(0, 0))
     }
 
-    fn tell(&mut self) -> Option<Message> {
+    fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
         }
@@ -337,19 +337,19 @@ impl Estimator for Cooperative {
         })
     }
 
-    fn hear(&mut self, told: &Message) {
-        let Some(k) = self.peers.iter().position(|peer| peer.place == told.from) else { return };
-        let last_s = self.peers[k].told.back().map_or(0.0, |told| told.time_s);
-        if told.motion.time_s <= last_s {
+    fn receive(&mut self, message: &Message) {
+        let Some(k) = self.peers.iter().position(|peer| peer.place == message.from) else { return };
+        let last_s = self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
+        if message.motion.time_s <= last_s {
             return;
         }
         self.own.carry(&self.force_m_s2);
         if self.share == Share::Measurements {
-            self.carry_peer(k, told.motion);
-            self.correct_peer(k, told);
-            self.correct_between(told);
+            self.carry_peer(k, message.motion);
+            self.correct_peer(k, message);
+            self.correct_between(message);
         }
-        self.correct_waiting(k, told);
+        self.correct_waiting(k, message);
         let Ekf { motion, normal, .. } = &mut self.own;
         motion.settle(normal, 0);
         self.settle_peers();

@@ -50,12 +50,12 @@ pub(super) trait Estimator: std::fmt::Debug {
     }
 
     /// A message to the other drones of the fleet.
-    fn tell(&mut self) -> Option<Message> {
+    fn message(&mut self) -> Option<Message> {
         None
     }
 
     /// Hears a message of another drone of the fleet.
-    fn hear(&mut self, _told: &Message) {}
+    fn receive(&mut self, _told: &Message) {}
 }
 
 /// All twelve states of a motion, at another velocity in the world.
@@ -89,7 +89,7 @@ pub(super) fn estimator(
             Box::new(Altitude {
                 horizontal: ekf(),
                 vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
-                hears_satellites: sensors.positioning == Positioning::Gnss,
+                has_satellites: sensors.positioning == Positioning::Gnss,
             })
         }
         EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),

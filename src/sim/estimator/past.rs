@@ -1,4 +1,4 @@
-//! Places of drones in the past, reckoned back from present estimates along the told motion.
+//! Places of drones in the past, carried back from present estimates along the motion received.
 
 use std::collections::VecDeque;
 
@@ -57,9 +57,9 @@ pub(super) fn past(
 }
 
 /// The motion at a time between two messages: the cubic with their places and velocities.
-pub(super) fn interpolated(told: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
-    let after = told.partition_point(|t| t.time_s < time_s);
-    let (a, b) = (told.get(after.checked_sub(1)?)?, told.get(after)?);
+pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
+    let after = motions.partition_point(|t| t.time_s < time_s);
+    let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);
     let h = b.time_s - a.time_s;
     let from_end_s = (time_s - a.time_s).min(b.time_s - time_s);
     if h > LONGEST_GAP_S && from_end_s > NEAR_S {

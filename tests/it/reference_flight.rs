@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::{Drone, RateOptions, SimOptions, fly};
-use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample};
-use crate::letters::{LetterOptions, write};
-use crate::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
-use crate::sensors::SensorOptions;
-use crate::vehicle::{Gusts, VehicleOptions};
+use noctograph::flight::tracking::{Part, track};
+use noctograph::flight::{Flight, FlightSample};
+use noctograph::letters::{LetterOptions, write};
+use noctograph::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
+use noctograph::sensors::SensorOptions;
+use noctograph::sim::{Drone, RateOptions, SimOptions, fly};
+use noctograph::vehicle::{Gusts, VehicleOptions};
 
 /// The team's plan for NOOR from the first stroke to the end of the last wait.
 fn noor() -> Plan {

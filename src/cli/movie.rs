@@ -1,0 +1,34 @@
+//! A movie of the exposure: the photograph as it comes about.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::output::Output;
+use super::progress::Progress;
+use crate::error::{Error, Result};
+use crate::photo::Animation;
+use crate::shoot::Shot;
+
+/// Widest picture of a movie, pictures a second, and how many: six seconds.
+const MAX_WIDTH_PX: u32 = 960;
+const RATE_HZ: u16 = 24;
+const N_PICTURES: u32 = 144;
+
+/// Writes the exposure of a shot as an animated PNG.
+pub(super) fn write(shot: &Shot, path: &Path) -> Result<PathBuf> {
+    let (mut bytes, mut progress) = (Vec::new(), Progress::new("movie"));
+    let width_px = shot.camera.width_px.min(MAX_WIDTH_PX);
+    let broken =
+        |source| Error::Io { path: path.to_owned(), source, hint: "take fewer pixels".to_owned() };
+    let camera = shot.camera.at_width(width_px);
+    let size_px = [camera.width_px, camera.height_px];
+    let mut animation = Animation::new(&mut bytes, size_px, N_PICTURES, RATE_HZ).map_err(broken)?;
+    let mut n = 0;
+    shot.movie(width_px, N_PICTURES, &mut |picture| {
+        n += 1;
+        progress.update(f64::from(n) / f64::from(N_PICTURES));
+        animation.add(picture).map_err(broken)
+    })?;
+    animation.finish().map_err(broken)?;
+    Output::create(path)?.keep(|out| out.write_all(&bytes))
+}
