@@ -11,7 +11,7 @@ use super::names::{named, names};
 use super::output::OutputFolder;
 use super::report::{Outcome, Report, wrapped};
 use crate::error::Result;
-use crate::report::{hold_figure, hold_page};
+use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::sim::altitude::{Hold, Model, STATE_NAMES, Scenario, Sensor, hold};
 use crate::study::{CONSISTENT, DURATION_S, HoldFigures, HoldVerdict, hold_figures};
@@ -71,7 +71,8 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
         "scenarios": found,
     });
     folder.write("hold.json", |out| writeln!(out, "{json:#}"))?;
-    folder.write("hold.html", |out| out.write_all(hold_page(&text, &figures).as_bytes()))?;
+    let page = Page::new("Altitude hold", "").printed(&text).drawings(&figures);
+    folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
     let files = folder.keep(&names)?;
     let kept = found.iter().all(|figures| figures.missed.is_empty());
     let outcome = if kept { Outcome::Done } else { Outcome::NotSafe };

@@ -11,16 +11,17 @@ use super::device::tried;
 use super::export::warn_of_trailing;
 use super::flags::{PictureFlags, ProfileFlags, SubjectFlags};
 use super::names::named;
-use super::output::OutputFolder;
+use super::output::{Output, OutputFolder};
 use super::progress::watch;
-use super::report::{Outcome, Report, line, wrapped};
+use super::report::{Outcome, Report, command, line, wrapped};
 use super::show::FlightFigures;
 use super::spread::SpreadFlags;
 use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
-use crate::preflight::inspect;
+use crate::preflight::{inspect, of_flights};
+use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -41,6 +42,9 @@ pub(super) struct PreviewArgs {
     /// Movie of the exposure as it accumulates, 6 s (animated PNG)
     #[arg(long, value_name = "FILE")]
     movie: Option<PathBuf>,
+    /// Also write report.html: one page with everything, to print or to hand in
+    #[arg(long)]
+    report: bool,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -92,17 +96,37 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     text.push('\n');
     let profile = args.profile.profile(&args.subject);
-    let stops = findings::stops(&inspect(&before, &shot.flights, &profile)?);
+    let findings = match args.report {
+        true => of_flights(&before, shot.flights.iter().cloned().map(Ok).collect(), &profile)?,
+        false => inspect(&before, &shot.flights, &profile)?,
+    };
+    let stops = findings::stops(&findings);
     json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();
     text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
     text.extend(figures.iter().map(FlightFigures::text));
     text += &show::camera_line(&shot);
+    let mut drawings = Vec::new();
     if let Some(spread) = spread {
         text += &spread.text;
         json["spread"] = spread.json;
+        drawings = spread.drawings;
     }
     text += &line("exposed", &format!("by {backend} on {adapter}"));
+    if args.report {
+        let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
+        let notes = ShotNotes {
+            printed: &text,
+            findings: &findings,
+            remedies: &remedies,
+            typed: &mentioned,
+            command: &command(),
+            drawings: &drawings,
+        };
+        let html = shot_page(&shot, &notes)?.html();
+        let file = Output::create(&args.output.join("report.html"))?;
+        files.push(file.keep(|out| out.write_all(html.as_bytes()))?);
+    }
     let outcome = match stops {
         Some(_) => Outcome::NotSafe,
         None => verdict.map_or(Outcome::Done, Outcome::from),

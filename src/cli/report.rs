@@ -83,6 +83,12 @@ pub(super) fn typed(path: &Path) -> String {
     }
 }
 
+/// The command that is running, as one types it.
+pub(super) fn command() -> String {
+    let words = std::env::args().skip(1).map(|word| typed(Path::new(&word)));
+    std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
 /// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
 /// backquotes, a command to copy, stays on one line.
 pub(super) fn wrapped(head: &str, text: &str) -> String {

@@ -33,6 +33,8 @@ pub(super) struct Shown {
     pub(super) text: String,
     pub(super) json: Value,
     pub(super) names: Vec<String>,
+    /// The band, from the front and over time (SVG).
+    pub(super) drawings: Vec<String>,
 }
 
 impl SpreadFlags {
@@ -58,7 +60,8 @@ impl SpreadFlags {
             warn(&[text]);
         }
         let mut names = vec!["spread-xz.svg".to_owned(), "spread.png".to_owned()];
-        folder.write("spread-xz.svg", |out| out.write_all(spread_front(&found).as_bytes()))?;
+        let mut drawings = vec![spread_front(&found)];
+        folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
         let photos = found
             .flights
             .iter()
@@ -70,10 +73,13 @@ impl SpreadFlags {
             let number =
                 if found.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
             let name = format!("spread{number}.svg");
-            folder.write(&name, |out| out.write_all(spread_over_time(all, within).as_bytes()))?;
+            let drawing = spread_over_time(all, within);
+            folder.write(&name, |out| out.write_all(drawing.as_bytes()))?;
             names.push(name);
+            drawings.push(drawing);
         }
-        Ok(Some(Shown { text: text(&found, &title), json: json(&found, &self.conditions), names }))
+        let json = json(&found, &self.conditions);
+        Ok(Some(Shown { text: text(&found, &title), json, names, drawings }))
     }
 }
 

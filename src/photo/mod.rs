@@ -14,6 +14,7 @@
 //! Not modeled: ghosts, glare of the background (a photo has its own), the color filter mosaic,
 //! JPEG.
 
+use image::ImageEncoder;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
@@ -113,6 +114,19 @@ impl Readout {
         let levels = Levels16::new(tone);
         let pixels = self.rgb.chunks_exact(3);
         pixels.flat_map(|p| tone.mix([p[0], p[1], p[2]]).map(|light| levels.level(light))).collect()
+    }
+}
+
+impl Photo {
+    /// The photo as a JPEG file of a quality from 1 to 100, for pages.
+    #[must_use]
+    pub fn jpeg(&self, quality: u8) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
+        encoder
+            .write_image(&self.rgb8, self.width_px, self.height_px, image::ExtendedColorType::Rgb8)
+            .expect("a photo fits into a JPEG in memory");
+        bytes
     }
 }
 

@@ -63,6 +63,19 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
             Err(error) => return Err(error),
         },
     };
+    of_flights(shoot, flown, profile)
+}
+
+/// The same of flights that were flown already.
+///
+/// # Errors
+///
+/// As [`preflight`].
+pub fn of_flights(
+    shoot: &Shoot,
+    flown: Vec<Result<Flight>>,
+    profile: &Profile,
+) -> Result<Vec<Checked>> {
     let mut findings = check_design(shoot, profile);
     let picture = Picture::of(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate() {

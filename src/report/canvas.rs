@@ -138,11 +138,7 @@ impl<'a> Canvas<'a> {
     /// An SVG file's text, with the photo inside.
     pub(super) fn svg(&self) -> String {
         let [width, height] = self.size_px;
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-             viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n"
-        );
-        svg += &self.photo.map_or_else(
+        let ground = self.photo.map_or_else(
             || "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n".to_owned(),
             |photo| {
                 let mut png = Vec::new();
@@ -153,6 +149,20 @@ impl<'a> Canvas<'a> {
                      href=\"data:image/png;base64,{data}\"/>\n"
                 )
             },
+        );
+        self.svg_over(&ground)
+    }
+
+    /// An SVG file's text of what is drawn, over nothing.
+    pub(super) fn svg_of_marks(&self) -> String {
+        self.svg_over("")
+    }
+
+    fn svg_over(&self, ground: &str) -> String {
+        let [width, height] = self.size_px;
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n{ground}"
         );
         svg += "<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
         for mark in &self.marks {

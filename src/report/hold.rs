@@ -112,22 +112,3 @@ fn sigmas(reading: &HeightReading) -> f64 {
     let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
     sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
 }
-
-/// A page that shows a table, and figures two in a row.
-pub fn hold_page(table: &str, figures: &[String]) -> String {
-    let escaped = super::canvas::escaped(table);
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
-         <title>Altitude hold</title>\n\
-         <style>body {{ font-family: sans-serif; margin: 2em }}\n\
-         .figures {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1em }}\n\
-         svg {{ width: 100%; height: auto }}</style>\n\
-         <h1>Altitude hold</h1>\n<pre>{escaped}</pre>\n<div class=\"figures\">\n"
-    );
-    for figure in figures {
-        // An XML declaration has no place inside a page.
-        let svg = figure.find("<svg").map_or("", |at| &figure[at..]);
-        page += svg;
-    }
-    page + "</div>\n</html>\n"
-}

@@ -20,6 +20,11 @@ pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     overlay(photo, marks, verdict).svg()
 }
 
+/// The marks alone, to be laid over the photo (SVG).
+pub(super) fn marks_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
+    overlay(photo, marks, verdict).svg_of_marks()
+}
+
 /// The overlay as a photo.
 #[must_use]
 pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {

@@ -168,6 +168,12 @@ impl Scene {
         text::document(self)
     }
 
+    /// Keys whose values differ from those of its preset: key, value, the preset's value.
+    #[must_use]
+    pub fn changes(&self) -> Vec<[String; 3]> {
+        text::changes(self)
+    }
+
     /// A scene that is the preset and nothing else.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {

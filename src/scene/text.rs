@@ -324,6 +324,32 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
+/// Keys whose values differ from the preset's, with both values; `-` where there is none.
+pub(super) fn changes(scene: &Scene) -> Vec<[String; 3]> {
+    let table = |scene: &Scene| Table::try_from(scene).expect("a checked scene is a TOML table");
+    let mut changes = Vec::new();
+    compare(&mut changes, "", &table(scene), &table(scene.preset.scene()));
+    changes
+}
+
+fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, preset: &Table) {
+    let keys: BTreeSet<&String> = values.keys().chain(preset.keys()).collect();
+    for key in keys {
+        let (value, was) = (values.get(key), preset.get(key));
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        match (value, was) {
+            (Some(Value::Table(value)), Some(Value::Table(was))) => {
+                compare(changes, &path, value, was);
+            }
+            _ if value == was => {}
+            _ => {
+                let shown = |value: Option<&Value>| value.map_or("-".into(), Value::to_string);
+                changes.push([path, shown(value), shown(was)]);
+            }
+        }
+    }
+}
+
 /// Whether the default of a key is text.
 fn is_text(key: &str) -> bool {
     let defaults = Table::try_from(Scene::preset(Preset::default())).expect("a scene is a table");

@@ -14,7 +14,7 @@ use crate::light::gaps::{Gap, dark};
 use crate::photo::{Photo, develop};
 use crate::plan::PlanOptions;
 use crate::scene::Scene;
-use crate::score::{Known, LogGap, Reader, Verdict, View};
+use crate::score::{Known, LogGap, Marks, Reader, Verdict, View};
 
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
@@ -42,6 +42,8 @@ pub struct Shot {
     /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that the
     /// reader does not know.
     pub verdict: Option<Verdict>,
+    /// Where the reader saw what, where faults were looked for ([`Judging::Explained`]).
+    pub marks: Option<Marks>,
     /// What is wrong with flights and picture; first what keeps the word from being read whatever
     /// its letters are: the shutter, the exposure, lamps that face away.
     pub problems: Vec<Problem>,
@@ -99,7 +101,9 @@ impl Shoot {
             }
         };
         let (verdict, file) = rayon::join(read, encode);
-        let (mut verdict, file) = (verdict?, file?);
+        let (read, file) = (verdict?, file?);
+        let (mut verdict, marks) =
+            read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
         let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
         if let Some(exposed) = problems::of_photo(&photo, &camera) {
             // A missing trail has its cause before the exposure where one was found.
@@ -123,6 +127,7 @@ impl Shoot {
             photo,
             file,
             verdict,
+            marks,
             problems,
         })
     }
@@ -145,14 +150,15 @@ impl Shoot {
         photo: &Photo,
         camera: &Camera,
         flights: &[Flight],
-    ) -> Result<Verdict> {
+    ) -> Result<(Verdict, Option<Marks>)> {
         let view = View::from(camera);
         match self.judging {
             Judging::Explained => {
                 let known = known(flights, &self.scene.plan);
-                Ok(reader.explain(photo, &view, &known)?.0)
+                let (verdict, marks) = reader.explain(photo, &view, &known)?;
+                Ok((verdict, Some(marks)))
             }
-            Judging::Scored | Judging::Skipped => reader.score(photo, &view),
+            Judging::Scored | Judging::Skipped => Ok((reader.score(photo, &view)?, None)),
         }
     }
 }

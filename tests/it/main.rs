@@ -26,6 +26,7 @@ mod photos;
 mod plan;
 mod readme;
 mod reference_flight;
+mod report;
 mod road;
 mod safety;
 mod study;

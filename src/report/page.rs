@@ -1,0 +1,168 @@
+//! A page: one HTML file that needs nothing else, to be opened, printed or handed in.
+//!
+//! It reads without scripts, prints on A4, and follows the viewer's choice of light or dark. Scripts
+//! only add what moves: pictures in a row become a film, a path in space turns under the pointer.
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+
+use super::canvas::escaped;
+
+/// A page, section by section.
+#[derive(Clone, Debug, Default)]
+pub struct Page {
+    title: String,
+    lead: String,
+    body: String,
+}
+
+impl Page {
+    /// A page with a title and the sentence that says most.
+    #[must_use]
+    pub fn new(title: &str, lead: &str) -> Self {
+        Self { title: escaped(title), lead: escaped(lead), body: String::new() }
+    }
+
+    /// Begins a section.
+    #[must_use]
+    pub fn section(mut self, title: &str) -> Self {
+        self.body += &format!("<h2>{}</h2>\n", escaped(title));
+        self
+    }
+
+    /// A paragraph.
+    #[must_use]
+    pub fn text(mut self, text: &str) -> Self {
+        self.body += &format!("<p>{}</p>\n", escaped(text));
+        self
+    }
+
+    /// Text as the terminal shows it.
+    #[must_use]
+    pub fn printed(mut self, text: &str) -> Self {
+        self.body += &format!("<pre>{}</pre>\n", escaped(text));
+        self
+    }
+
+    /// A table with a row of names.
+    #[must_use]
+    pub fn table<const N: usize>(
+        mut self,
+        names: [&str; N],
+        rows: impl IntoIterator<Item = [String; N]>,
+    ) -> Self {
+        let row = |cell: &str, cells: &[String]| {
+            let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
+            format!("<tr>{}</tr>\n", cells.collect::<String>())
+        };
+        let rows: String = rows.into_iter().map(|cells| row("td", &cells)).collect();
+        if !rows.is_empty() {
+            let names = row("th", &names.map(str::to_owned));
+            self.body += &format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n");
+        }
+        self
+    }
+
+    /// Drawings (SVG), side by side where there is room.
+    #[must_use]
+    pub fn drawings<T: AsRef<str>>(mut self, drawings: &[T]) -> Self {
+        let figure = |svg: &T| {
+            // An XML declaration has no place inside a page.
+            let svg = svg.as_ref();
+            format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |at| &svg[at..]))
+        };
+        let drawings: String = drawings.iter().map(figure).collect();
+        self.body += &format!("<div class=\"drawings\">\n{drawings}</div>\n");
+        self
+    }
+
+    /// A photo (JPEG), and a drawing of the same size that can be laid over it.
+    #[must_use]
+    pub fn photo(mut self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
+        let image = image(jpeg, shows);
+        self.body += &match over {
+            None => format!("<figure class=\"photo\">{image}</figure>\n"),
+            Some(svg) => format!(
+                "<figure class=\"photo\"><input type=\"checkbox\" id=\"over\">\
+                 <label for=\"over\">what the reader sees</label>\
+                 <div>{image}{svg}</div></figure>\n"
+            ),
+        };
+        self
+    }
+
+    /// Photos (JPEG) in a row, with their captions, which play as a film where scripts run.
+    #[must_use]
+    pub fn film(mut self, pictures: &[(Vec<u8>, String)]) -> Self {
+        let frame = |(jpeg, caption): &(Vec<u8>, String)| {
+            let caption = escaped(caption);
+            format!(
+                "<figure>{}<figcaption>{caption}</figcaption></figure>\n",
+                image(jpeg, &caption)
+            )
+        };
+        let frames: String = pictures.iter().map(frame).collect();
+        self.body += &format!("<div class=\"film\">\n{frames}</div>\n");
+        self
+    }
+
+    /// Paths in space that turn under the pointer: places in millimeters and whether they are lit.
+    #[must_use]
+    pub fn paths(mut self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
+        let place =
+            |([x, y, z], lit): &([i32; 3], bool)| format!("[{x},{y},{z},{}]", u8::from(*lit));
+        let path = |places: &Vec<_>| {
+            format!("[{}]", places.iter().map(place).collect::<Vec<_>>().join(","))
+        };
+        let paths: Vec<String> = paths_mm.iter().map(path).collect();
+        self.body += &format!(
+            "<canvas class=\"path\" width=\"960\" height=\"480\" tabindex=\"0\" role=\"img\" \
+             aria-label=\"the path in space; drag or use the arrow keys to turn it\" \
+             data-paths=\"[{}]\"></canvas>\n",
+            paths.join(",")
+        );
+        self
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let Self { title, lead, body } = self;
+        let lead =
+            if lead.is_empty() { String::new() } else { format!("<p class=\"lead\">{lead}</p>\n") };
+        let (css, js) = (include_str!("page.css"), include_str!("page.js"));
+        format!(
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width\">\n\
+             <link rel=\"icon\" href=\"data:,\">\n\
+             <title>{title}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<h1>{title}</h1>\n\
+             {lead}{body}<script>\n{js}</script>\n</body>\n</html>\n"
+        )
+    }
+}
+
+fn image(jpeg: &[u8], shows: &str) -> String {
+    let shows = shows.replace('"', "&quot;");
+    format!("<img alt=\"{shows}\" src=\"data:image/jpeg;base64,{}\">", BASE64_STANDARD.encode(jpeg))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_user_wrote_is_text() {
+        let page = Page::new("<script>", "a & b")
+            .section("<b>")
+            .text("<i>")
+            .printed("</pre>")
+            .table(["<th>"], [["<td>".to_owned()]])
+            .photo(&[], "\"><x", None);
+        let html = page.html();
+        assert_eq!(html.matches("<script>").count(), 1, "our own");
+        for bad in ["<b>", "<i>", "</pre></pre>", "\"><x"] {
+            assert!(!html.contains(bad), "{bad}");
+        }
+        assert!(html.contains("a &amp; b") && html.contains("&lt;td>"));
+        assert!(!html.contains("http://") && !html.contains("https://"), "no request leaves it");
+    }
+}

@@ -1,0 +1,52 @@
+//! The report, one page, and the movie of a preview.
+
+use crate::cli::{names_in, noctograph};
+
+const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "480x270"];
+
+#[test]
+fn a_report_says_what_was_seen_flown_and_set_and_needs_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["preview", "AB", "--report", "--set", "air.gusts=dryden"];
+    noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
+    let out = folder.path().join("noctograph-out");
+    let html = std::fs::read_to_string(out.join("report.html")).unwrap();
+    for part in [
+        "<h1>AB</h1>",
+        "AB reads as",
+        "<h2>Letters</h2>",
+        "<h2>Safety sheet</h2>",
+        "<td>battery</td>",
+        "<h2>Camera</h2>",
+        "Shot plan from above",
+        "take-off",
+        "station 2",
+        "air.gusts",
+        "noctograph preview AB --report",
+        "SHA-256",
+    ] {
+        assert!(html.contains(part), "{part}");
+    }
+    for foreign in ["http://", "https://", "src=\"/", "@import", "url("] {
+        let own = html.replace("http://www.w3.org/2000/svg", "");
+        assert!(!own.contains(foreign), "{foreign}");
+    }
+    assert_eq!(html.matches("<figcaption>").count(), 12, "moments of the exposure");
+    assert!(html.len() < 2_000_000, "{} bytes", html.len());
+    // The same run makes the same page.
+    noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
+    assert!(html == std::fs::read_to_string(out.join("report.html")).unwrap());
+}
+
+#[test]
+fn a_movie_is_an_animated_png_of_six_seconds() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["preview", "I", "--movie", "movie.png"];
+    noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
+    assert!(names_in(folder.path()).contains(&"movie.png".to_owned()));
+    let file = std::fs::File::open(folder.path().join("movie.png")).unwrap();
+    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+    let info = reader.info();
+    assert_eq!((info.width, info.height), (480, 270));
+    assert_eq!(info.animation_control.unwrap().num_frames, 144);
+}
