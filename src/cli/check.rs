@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::findings;
 use super::flags::{ProfileFlags, SubjectFlags};
-use super::report::{Outcome, Report};
+use super::outcome::{Outcome, Report};
 use crate::error::Result;
 use crate::preflight::{Checked, Profile, Severity, preflight};
 

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::flags::FlightFlags;
 use super::names::named;
+use super::outcome::{Report, line};
 use super::output::OutputFolder;
-use super::report::{Report, line};
 use super::show;
 use crate::error::Result;
 use crate::flight::Flight;

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::outcome::{Report, line};
 use super::output::OutputFolder;
-use super::report::{Report, line};
 use crate::error::Result;
 use crate::photo::Photo;
 use crate::photo::flip::{Difference, difference};

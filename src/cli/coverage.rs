@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::flags::{SceneFlags, set_word};
 use super::letters::LetterFlags;
+use super::outcome::{Report, line};
 use super::output::Output;
-use super::report::{Report, line};
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};

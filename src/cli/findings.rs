@@ -1,7 +1,7 @@
 //! Findings of a check in words.
 
 use super::advice::mentioned;
-use super::report::wrapped;
+use super::outcome::wrapped;
 use crate::preflight::{Checked, Severity};
 
 /// The table of findings, and what to change.

@@ -6,9 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SceneFlags, SeedFlag};
+use super::outcome::Report;
 use super::output::Outputs;
 use super::progress::watch;
-use super::report::Report;
 use super::show::FlightFigures;
 use super::{message, warn};
 use crate::error::Result;

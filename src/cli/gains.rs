@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::flags::SceneFlags;
 use super::message;
-use super::report::{Report, line, wrapped};
+use super::outcome::{Report, line, wrapped};
 use crate::control::Margins;
 use crate::error::Result;
 use crate::scene::Scene;

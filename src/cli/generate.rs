@@ -6,8 +6,8 @@ use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
 use serde_json::json;
 
+use super::outcome::Report;
 use super::output::OutputFolder;
-use super::report::Report;
 use crate::error::Result;
 
 #[derive(Debug, Args)]

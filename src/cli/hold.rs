@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::flags::{SceneFlags, SeedFlag};
 use super::names::{named, names};
+use super::outcome::{Outcome, Report, wrapped};
 use super::output::OutputFolder;
-use super::report::{Outcome, Report, wrapped};
 use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SceneFlags};
-use super::report::{Report, wrapped};
+use super::outcome::{Report, wrapped};
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};

@@ -6,9 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{FlightFlags, SceneFlags, set_word};
+use super::outcome::{Report, line};
 use super::output::Output;
 use super::relit::relit;
-use super::report::{Report, line};
 use super::show::FlightFigures;
 use crate::error::Result;
 use crate::flight::airborne;

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::flags::{FlightFlags, find_scene};
 use super::message;
+use super::outcome::{Report, line};
 use super::output::Output;
-use super::report::{Report, line};
 use super::set::SetFlag;
 use super::studies::{open_store, share};
 use crate::error::{Error, Result};

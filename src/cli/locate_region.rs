@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::report::Report;
+use super::outcome::Report;
 use crate::error::{Error, Result};
 use crate::estimate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,

@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::advice::mentioned;
 use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
+use super::outcome::{Report, wrapped};
 use super::progress::watch;
-use super::report::{Report, wrapped};
 use super::show::in_stops;
 use super::warn;
 use crate::camera::Camera;

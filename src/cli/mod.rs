@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use report::{Outcome, Report, wrapped};
+use outcome::{Outcome, Report, wrapped};
 
 mod advice;
 mod check;
@@ -36,6 +36,7 @@ mod locate_region;
 mod meter;
 mod movie;
 mod names;
+mod outcome;
 mod output;
 mod plan;
 mod preview;
@@ -157,6 +158,8 @@ verbs! {
     "Show" {
         /// Print a scene file: every key with its meaning and unit
         Scene(scene::SceneArgs),
+        /// Report what a verb wrote into a folder, as one page (HTML)
+        Report(report::ReportArgs),
         /// Draw a font's characters: order and direction of strokes
         Specimen(specimen::SpecimenArgs),
     }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::flags::{DesignFlags, FlightFlags, set_word};
+use super::outcome::{Report, line};
 use super::output::{Output, Outputs, is_svg};
-use super::report::{Report, line};
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;

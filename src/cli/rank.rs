@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::report::Report;
+use super::outcome::Report;
 use super::studies::{StudyFlags, counter, open_store, ranking_report, write_ranking};
 use crate::error::Result;
 use crate::study::{Record, Trial, evaluate, rank};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::CameraFlags;
-use super::report::{Outcome, Report};
+use super::outcome::{Outcome, Report};
 use super::square_on::{Corners, square_on};
 use crate::error::Result;
 use crate::photo::Photo;

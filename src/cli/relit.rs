@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::message;
-use super::report::typed;
+use super::outcome::typed;
 use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
 use crate::plan::relight;

@@ -1,170 +1,134 @@
-//! What a verb reports: a table for people, the same as JSON for programs, and its outcome.
+//! `noctograph report`: what a verb wrote into a folder, as one page.
 
-use std::path::{MAIN_SEPARATOR, Path, PathBuf};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use clap::Args;
+use serde_json::{Value, json};
 
-use crate::files::STANDARD_OUTPUT;
-use crate::score::Verdict;
+use super::outcome::Report;
+use super::output::Output;
+use crate::error::{Error, Result};
+use crate::files::{Limit, files_in};
+use crate::photo::Photo;
+use crate::report::Page;
+use crate::report::photos::shrink;
+use crate::scene::Scene;
 
-/// Columns that tables and messages keep to.
-const WIDTH: usize = 80;
-
-/// Columns of the names of lines.
-const NAME_WIDTH: usize = 10;
-
-/// Result of a verb.
-#[derive(Debug)]
-pub(super) struct Report {
-    pub(super) text: String,
-    /// An object.
-    pub(super) json: Value,
-    pub(super) outcome: Outcome,
-    /// Whether a file was written on standard output, so that this belongs on stderr.
-    pub(super) aside: bool,
+#[derive(Debug, Args)]
+#[command(after_help = "The folders of rank, tune, learn, robustness, hold, locate and preview. \
+                        `noctograph preview --report` says more of a single photograph.")]
+pub(super) struct ReportArgs {
+    /// Folder that a verb wrote
+    folder: PathBuf,
+    /// Page (HTML)
+    #[arg(short, long, value_name = "FILE", default_value = "noctograph-report.html")]
+    output: PathBuf,
 }
 
-/// What decides the exit code.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
-    Done,
-    NotLegible,
-    NotSafe,
-    Ambiguous,
-}
+/// Largest drawing and table.
+const LIMIT: Limit =
+    Limit { bytes: 8 << 20, what: "a drawing or table", hint: "take it out of the folder" };
+/// Most files that a page shows, and most rows of a table.
+const MAX_FILES: usize = 40;
+const MAX_ROWS: usize = 60;
+/// Largest table that is shown; a flight's is not for people.
+const MAX_TABLE_BYTES: u64 = 200_000;
+/// Longest side of a photo, and its quality.
+const MAX_PX: u32 = 1920;
+const QUALITY: u8 = 82;
 
-impl Report {
-    pub(super) fn new(text: String, json: Value) -> Self {
-        Self { text, json, outcome: Outcome::Done, aside: false }
+pub(super) fn run(args: &ReportArgs) -> Result<Report> {
+    let files = files_in(&args.folder)?;
+    let output = Output::create(&args.output)?;
+    let (mut shown, mut page) = (Vec::new(), Page::new(&title(&args.folder), &lead(&files)?));
+    for path in files.iter().filter(|path| shows(path)).take(MAX_FILES) {
+        let name = name(path);
+        page = add(page.section(&name), path, &name)?;
+        shown.push(name);
     }
+    if shown.is_empty() {
+        let found = args.folder.display().to_string();
+        let wanted = "a folder with photos (PNG), drawings (SVG), tables (CSV) or a scene";
+        let hint = "name the folder that rank, tune, hold, locate or preview wrote";
+        return Err(Error::input("folder", found, wanted, hint));
+    }
+    let file = output.keep(|out| out.write_all(page.html().as_bytes()))?;
+    let text = format!("shown     {}\n", shown.join(", "));
+    Ok(Report::new(text, json!({ "shown": shown })).with_files(&[file]))
+}
 
-    /// Adds the files that were written.
-    pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
-        for (index, file) in files.iter().enumerate() {
-            let head = if index == 0 { "files" } else { "" };
-            self.text += &format!("{head:NAME_WIDTH$}{}\n", file.display());
+fn title(folder: &Path) -> String {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    name(&folder)
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn end(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// Whether a page shows a file.
+fn shows(path: &Path) -> bool {
+    let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
+    match &*end(path) {
+        "png" | "svg" => true,
+        "csv" => small(),
+        "toml" => name(path) == "scene.toml",
+        _ => false,
+    }
+}
+
+/// The verdict of the folder's photo, if there is one.
+fn lead(files: &[PathBuf]) -> Result<String> {
+    let Some(path) = files.iter().find(|path| name(path) == "verdict.json") else {
+        return Ok(String::new());
+    };
+    let verdict: Value = serde_json::from_str(&LIMIT.read_text(path)?).unwrap_or_default();
+    let text = |key: &str| verdict[key].as_str().unwrap_or_default().replace('\n', " ");
+    let legible = if verdict["legible"] == true { "legible" } else { "NOT legible" };
+    let readability = verdict["readability"].as_f64().unwrap_or_default();
+    Ok(format!(
+        "{} reads as {}: {legible} (readability {readability:.2})",
+        text("word"),
+        text("read")
+    ))
+}
+
+/// Adds a photo, a drawing, a table or a scene.
+fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
+    Ok(match &*end(path) {
+        "png" => page.photo(&shrink(Photo::read(path)?, MAX_PX).jpeg(QUALITY), name, None),
+        "svg" => page.drawing(&LIMIT.read(path)?, name),
+        "csv" => table(page, path)?,
+        _ => {
+            let scene = Scene::read(path)?;
+            let preset = scene.preset.name();
+            page.text(&format!("Settings that differ from the preset {preset}:"))
+                .table(["key", "value", "in the preset"], scene.changes())
         }
-        self.json["files"] = serde_json::json!(files);
-        self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
-        self
-    }
-
-    /// Sets the outcome.
-    pub(super) fn with_outcome(self, outcome: Outcome) -> Self {
-        Self { outcome, ..self }
-    }
+    })
 }
 
-impl From<&Verdict> for Outcome {
-    fn from(verdict: &Verdict) -> Self {
-        if verdict.legible { Self::Done } else { Self::NotLegible }
+fn table(page: Page, path: &Path) -> Result<Page> {
+    let broken = |error: csv::Error| {
+        let place = path.display().to_string();
+        Error::input(place, error, "a table (CSV)", "take it out of the folder")
+    };
+    let bytes = LIMIT.read(path)?;
+    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(&*bytes);
+    let cells = |row: &csv::ByteRecord| -> Vec<String> {
+        row.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect()
+    };
+    let head = cells(reader.byte_headers().map_err(broken)?);
+    let (mut rows, mut left_out) = (Vec::new(), 0);
+    for row in reader.byte_records() {
+        let row = row.map_err(broken)?;
+        if rows.len() < MAX_ROWS { rows.push(cells(&row)) } else { left_out += 1 }
     }
-}
-
-/// A line of a table: its name, and text that is wrapped beside it. A name that fills its column, such
-/// as that of a file, has the text below it.
-pub(super) fn line(name: &str, text: &str) -> String {
-    if name.chars().count() < NAME_WIDTH {
-        return wrapped(&format!("{name:NAME_WIDTH$}"), text);
-    }
-    wrapped("", name) + &wrapped(&" ".repeat(NAME_WIDTH), text)
-}
-
-/// A path as one types it into a shell: quoted where it has to be.
-pub(super) fn typed(path: &Path) -> String {
-    let text = path.display().to_string();
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
-    if !text.is_empty() && text.chars().all(is_plain) {
-        text
-    } else if cfg!(windows) {
-        format!("\"{text}\"")
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
-    }
-}
-
-/// The command that is running, as one types it.
-pub(super) fn command() -> String {
-    let words = std::env::args().skip(1).map(|word| typed(Path::new(&word)));
-    std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
-}
-
-/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
-/// backquotes, a command to copy, stays on one line.
-pub(super) fn wrapped(head: &str, text: &str) -> String {
-    let indent = head.chars().count();
-    let mut lines = head.to_owned();
-    for (index, paragraph) in text.lines().enumerate() {
-        if index > 0 {
-            lines += &format!("\n{:indent$}", "");
-        }
-        let mut column = indent;
-        let mut is_command = false;
-        let parts = paragraph.split(|c| {
-            is_command ^= c == '`';
-            c == ' ' && !is_command
-        });
-        for word in parts {
-            let width = word.chars().count();
-            if column > indent && column + 1 + width > WIDTH {
-                lines.truncate(lines.trim_end().len());
-                lines += &format!("\n{:indent$}", "");
-                column = indent;
-            } else if column > indent {
-                lines.push(' ');
-                column += 1;
-            }
-            lines += word;
-            column += width;
-        }
-    }
-    lines.truncate(lines.trim_end().len());
-    lines + "\n"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_are_wrapped_beside_their_head() {
-        let text = "word ".repeat(30);
-        let found = line("name", &text);
-        let widths: Vec<usize> = found.lines().map(str::len).collect();
-        assert_eq!(widths, [79, 79, 19], "{found}");
-        assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
-        assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
-    }
-
-    #[test]
-    fn a_name_and_its_text_never_touch() {
-        assert_eq!(line("star.svg", "34.8 s"), "star.svg  34.8 s\n");
-        for name in ["rocket.svg", "notre étoile.svg"] {
-            assert_eq!(line(name, "34.8 s"), format!("{name}\n          34.8 s\n"));
-        }
-    }
-
-    #[test]
-    fn a_command_stays_on_one_line() {
-        let found = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
-        let lines: Vec<&str> = found.lines().collect();
-        assert_eq!(lines[1], "          `run 'a b'` ends", "{found}");
-    }
-
-    #[cfg(not(windows))]
-    #[test]
-    fn a_path_can_be_pasted_into_a_shell() {
-        for (path, in_shell) in [
-            ("out/photo-1.png", "out/photo-1.png"),
-            ("Noor's photo.png", r"'Noor'\''s photo.png'"),
-            ("~/$HOME", "'~/$HOME'"),
-            ("zażółć.png", "zażółć.png"),
-            ("", "''"),
-        ] {
-            assert_eq!(typed(Path::new(path)), in_shell);
-            let echo = format!("printf %s {in_shell}");
-            let echoed = std::process::Command::new("sh").args(["-c", &echo]).output().unwrap();
-            assert_eq!(String::from_utf8_lossy(&echoed.stdout), path);
-        }
-    }
+    let page = page.rows(&head, &rows);
+    Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })
 }

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::outcome::Report;
 use super::output::Output;
-use super::report::Report;
 use super::studies::{StudyFlags, counter, open_store};
 use crate::error::Result;
 use crate::report::endurance;

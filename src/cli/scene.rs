@@ -7,8 +7,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::{DesignFlags, SeedFlag};
+use super::outcome::Report;
 use super::output::Output;
-use super::report::Report;
 use crate::error::Result;
 
 #[derive(Debug, Args)]

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
+use super::outcome::{Outcome, Report, line, typed};
 use super::output::{Output, is_svg};
 use super::relit::relit_where_dark;
-use super::report::{Outcome, Report, line, typed};
 use super::square_on::Corners;
 use super::{message, show};
 use crate::error::{Error, Result};

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde_json::Value;
 
-use super::report::{line, wrapped};
+use super::outcome::{line, wrapped};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};

@@ -7,8 +7,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::names::named;
+use super::outcome::{Report, line};
 use super::output::{Output, is_svg};
-use super::report::{Report, line};
 use crate::error::{Error, Result};
 use crate::letters::{Font, Trace};
 use crate::report::specimen::Specimen;

@@ -5,8 +5,8 @@ use std::io::Write;
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::outcome::{line, wrapped};
 use super::output::OutputFolder;
-use super::report::{line, wrapped};
 use super::studies::{conditions, counter};
 use super::warn;
 use crate::error::Result;

@@ -10,9 +10,9 @@ use serde_json::json;
 
 use super::flags::{find_scene, warn_of_idle_keys};
 use super::message;
+use super::outcome::{Report, wrapped};
 use super::output::Output;
 use super::progress::Progress;
-use super::report::{Report, wrapped};
 use super::set::SetFlag;
 use crate::error::{Error, Result};
 use crate::files::Limit;

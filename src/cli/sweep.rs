@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use serde_json::json;
 
+use super::outcome::{Report, line};
 use super::output::Output;
-use super::report::{Report, line};
 use super::studies::{StudyFlags, counter, ranking_report, write_ranking};
 use crate::error::{Error, Result};
 use crate::study::{Record, Shard, Store, Sweep, rank};

@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 
 use super::message;
 use super::names::named;
+use super::outcome::{Report, line};
 use super::output::Output;
 use super::progress::Progress;
-use super::report::{Report, line};
 use super::studies::{StudyFlags, counter, open_store, ranking_table, share};
 use crate::error::{Error, Result};
 use crate::report::pareto;

@@ -43,22 +43,37 @@ impl Page {
         self
     }
 
-    /// A table with a row of names.
+    /// A table with a row of names; nothing where it is empty.
     #[must_use]
     pub fn table<const N: usize>(
-        mut self,
+        self,
         names: [&str; N],
         rows: impl IntoIterator<Item = [String; N]>,
     ) -> Self {
+        let rows: Vec<Vec<String>> = rows.into_iter().map(Vec::from).collect();
+        self.rows(&names.map(str::to_owned), &rows)
+    }
+
+    /// A table of any width; nothing where it is empty.
+    #[must_use]
+    pub fn rows(mut self, names: &[String], rows: &[Vec<String>]) -> Self {
         let row = |cell: &str, cells: &[String]| {
             let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
         };
-        let rows: String = rows.into_iter().map(|cells| row("td", &cells)).collect();
         if !rows.is_empty() {
-            let names = row("th", &names.map(str::to_owned));
+            let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
+            let names = row("th", names);
             self.body += &format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n");
         }
+        self
+    }
+
+    /// A drawing from a file (SVG), whose scripts do not run.
+    #[must_use]
+    pub fn drawing(mut self, svg: &[u8], shows: &str) -> Self {
+        let image = image("svg+xml", svg, shows);
+        self.body += &format!("<figure class=\"drawn\">{image}</figure>\n");
         self
     }
 
@@ -78,7 +93,7 @@ impl Page {
     /// A photo (JPEG), and a drawing of the same size that can be laid over it.
     #[must_use]
     pub fn photo(mut self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
-        let image = image(jpeg, shows);
+        let image = image("jpeg", jpeg, shows);
         self.body += &match over {
             None => format!("<figure class=\"photo\">{image}</figure>\n"),
             Some(svg) => format!(
@@ -97,7 +112,7 @@ impl Page {
             let caption = escaped(caption);
             format!(
                 "<figure>{}<figcaption>{caption}</figcaption></figure>\n",
-                image(jpeg, &caption)
+                image("jpeg", jpeg, &caption)
             )
         };
         let frames: String = pictures.iter().map(frame).collect();
@@ -140,9 +155,12 @@ impl Page {
     }
 }
 
-fn image(jpeg: &[u8], shows: &str) -> String {
+fn image(kind: &str, bytes: &[u8], shows: &str) -> String {
     let shows = shows.replace('"', "&quot;");
-    format!("<img alt=\"{shows}\" src=\"data:image/jpeg;base64,{}\">", BASE64_STANDARD.encode(jpeg))
+    format!(
+        "<img alt=\"{shows}\" src=\"data:image/{kind};base64,{}\">",
+        BASE64_STANDARD.encode(bytes)
+    )
 }
 
 #[cfg(test)]
