@@ -18,8 +18,7 @@ const N_PICTURES: u32 = 144;
 pub(super) fn write(shot: &Shot, path: &Path) -> Result<PathBuf> {
     let (mut bytes, mut progress) = (Vec::new(), Progress::new("movie"));
     let width_px = shot.camera.width_px.min(MAX_WIDTH_PX);
-    let broken =
-        |source| Error::Io { path: path.to_owned(), source, hint: "take fewer pixels".to_owned() };
+    let broken = |source| Error::write(path, source);
     let camera = shot.camera.at_width(width_px);
     let size_px = [camera.width_px, camera.height_px];
     let mut animation = Animation::new(&mut bytes, size_px, N_PICTURES, RATE_HZ).map_err(broken)?;

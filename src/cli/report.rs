@@ -32,6 +32,8 @@ const LIMIT: Limit =
 /// Most files that a page shows, and most rows of a table.
 const MAX_FILES: usize = 40;
 const MAX_ROWS: usize = 60;
+/// Columns beyond which a table of few rows is turned.
+const MAX_COLUMNS: usize = 8;
 /// Largest table that is shown; a flight's is not for people.
 const MAX_TABLE_BYTES: u64 = 200_000;
 /// Longest side of a photo, and its quality.
@@ -42,7 +44,14 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
     let (mut shown, mut page) = (Vec::new(), Page::new(&title(&args.folder), &lead(&files)?));
-    for path in files.iter().filter(|path| shows(path)).take(MAX_FILES) {
+    // Photos first, then drawings, settings and tables.
+    let rank = |path: &&PathBuf| {
+        let order = ["png", "svg", "toml", "csv"];
+        order.iter().position(|end_of| *end_of == end(path))
+    };
+    let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
+    files.sort_by_key(rank);
+    for path in files.into_iter().take(MAX_FILES) {
         let name = name(path);
         page = add(page.section(&name), path, &name)?;
         shown.push(name);
@@ -76,10 +85,15 @@ fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*end(path) {
         "png" | "svg" => true,
-        "csv" => small(),
+        // Flights of a study and what is sampled over time are for programs.
+        "csv" => name(path) != "flights.csv" && small() && !is_over_time(path),
         "toml" => name(path) == "scene.toml",
         _ => false,
     }
+}
+
+fn is_over_time(path: &Path) -> bool {
+    LIMIT.read(path).is_ok_and(|table| table.starts_with(b"time_s"))
 }
 
 /// The verdict of the folder's photo, if there is one.
@@ -121,7 +135,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     let bytes = LIMIT.read(path)?;
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(&*bytes);
     let cells = |row: &csv::ByteRecord| -> Vec<String> {
-        row.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect()
+        row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
     };
     let head = cells(reader.byte_headers().map_err(broken)?);
     let (mut rows, mut left_out) = (Vec::new(), 0);
@@ -129,6 +143,24 @@ fn table(page: Page, path: &Path) -> Result<Page> {
         let row = row.map_err(broken)?;
         if rows.len() < MAX_ROWS { rows.push(cells(&row)) } else { left_out += 1 }
     }
+    if head.len() > MAX_COLUMNS && rows.len() < MAX_COLUMNS {
+        // A column for each row, as there are fewer of them.
+        let row = |i: usize| {
+            let cell = |row: &Vec<String>| row.get(i).cloned().unwrap_or_default();
+            [head[i].clone()].into_iter().chain(rows.iter().map(cell)).collect()
+        };
+        let all: Vec<Vec<String>> = (0..head.len()).map(row).collect();
+        return Ok(page.rows(&all[0], &all[1..]));
+    }
     let page = page.rows(&head, &rows);
     Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })
+}
+
+/// A number with four digits behind the point, or as it is.
+fn shortened(cell: &str) -> String {
+    match cell.parse::<f64>() {
+        Ok(number) if cell.len() > 7 && number.abs() >= 1e-3 => format!("{number:.4}"),
+        Ok(number) if cell.len() > 7 && number != 0.0 => format!("{number:.3e}"),
+        _ => cell.to_owned(),
+    }
 }

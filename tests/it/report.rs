@@ -50,3 +50,30 @@ fn a_movie_is_an_animated_png_of_six_seconds() {
     assert_eq!((info.width, info.height), (480, 270));
     assert_eq!(info.animation_control.unwrap().num_frames, 144);
 }
+
+#[test]
+fn a_folder_of_a_ranking_becomes_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let rank = ["rank", "team", "pid", "--words", "I:2", "-o", "ranked"];
+    noctograph(folder.path()).args(rank).assert().success();
+    noctograph(folder.path()).args(["report", "ranked"]).assert().success();
+    let html = std::fs::read_to_string(folder.path().join("noctograph-report.html")).unwrap();
+    for part in ["<h1>ranked</h1>", "photos.png", "ranking.csv", "<td>pid</td>", "legibility"] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(!html.contains("flights.csv"), "a table for programs");
+}
+
+#[test]
+fn a_report_of_what_is_no_folder_of_ours_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    std::fs::write(folder.path().join("broken.png"), "no picture").unwrap();
+    for (of, says) in
+        [("empty", "a folder with photos"), (".", "broken.png"), ("nowhere", "nowhere")]
+    {
+        let run = noctograph(folder.path()).args(["report", of]).assert().code(2);
+        assert!(String::from_utf8_lossy(&run.get_output().stderr).contains(says), "{of}");
+    }
+    assert_eq!(names_in(folder.path()), ["broken.png", "empty"], "nothing half-written");
+}
