@@ -43,6 +43,7 @@ mod metering;
 mod movie;
 mod planned;
 mod problems;
+mod response;
 mod shot;
 
 pub use file::Format;
@@ -50,6 +51,7 @@ pub use lighting::Lighting;
 pub use metering::Metered;
 pub use planned::{Planned, aim, ends, plan, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
+pub use response::step_responses;
 pub use shot::{Shot, flight_sha256, known};
 
 /// A scene made ready to be flown and photographed.

@@ -3,6 +3,7 @@
 //! [`crate::plan`] knows neither simulator nor lamps. Here it is given the
 //! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
+use super::step_responses;
 use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -14,7 +15,7 @@ use crate::plan::{
     time_lights,
 };
 use crate::scene::Scene;
-use crate::sim::{Drone, fly, step_responses};
+use crate::sim::{Drone, fly};
 
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]

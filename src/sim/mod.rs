@@ -29,7 +29,6 @@ mod estimator;
 mod fly;
 mod options;
 mod recorder;
-mod response;
 
 pub(crate) use controller::pid_gains;
 pub use drone::Drone;
@@ -40,4 +39,3 @@ pub use options::{
     EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
     ObserverOptions, PidOptions, RateOptions, Share, SimOptions,
 };
-pub use response::step_responses;

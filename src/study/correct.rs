@@ -16,8 +16,7 @@ use crate::flight::{Flight, FlightSample};
 use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
 use crate::settings::settings;
-use crate::shoot::{aim, rehearse};
-use crate::sim::step_responses;
+use crate::shoot::{aim, rehearse, step_responses};
 
 /// Grid on which errors are averaged.
 const STEP_S: f64 = 0.02;

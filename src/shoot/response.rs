@@ -6,13 +6,11 @@
 
 use nalgebra::Vector3;
 
-use super::drone::Drone;
-use super::fly::fly;
-use super::options::{EstimatorKind, SimOptions};
 use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint};
 use crate::sensors::{Positioning, SensorOptions};
+use crate::sim::{Drone, EstimatorKind, SimOptions, fly};
 use crate::vehicle::Gusts;
 
 /// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
