@@ -116,6 +116,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     if args.report {
         let remedies: Vec<_> = remedies.iter().map(|it| (it.gain, typed(&it.changes))).collect();
         let notes = ShotNotes {
+            lead: &verdict.map_or_else(String::new, show::verdict_sentence),
             printed: &text,
             findings: &findings,
             remedies: &remedies,

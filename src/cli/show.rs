@@ -17,11 +17,7 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// The verdict: lines for the word, a row for each letter, advice.
 pub(super) fn verdict_table(verdict: &Verdict) -> String {
-    let Verdict { word, read, legible, readability, .. } = verdict;
-    let [word, read] = [word, read].map(|text| in_one_line(text));
-    let legible = if *legible { "legible" } else { "NOT legible" };
-    let verdict_line = format!("{word} reads as {read}: {legible} (readability {readability:.2})");
-    let mut text = wrapped("", &verdict_line);
+    let mut text = wrapped("", &verdict_sentence(verdict));
     if let Some(reason) = verdict.reason {
         text += &line("because", &in_words(reason, verdict));
     }
@@ -47,6 +43,14 @@ pub(super) fn verdict_table(verdict: &Verdict) -> String {
         text += &wrapped(&format!("{gain:6}"), &advice.text);
     }
     text
+}
+
+/// The verdict in a sentence.
+pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
+    let Verdict { word, read, legible, readability, .. } = verdict;
+    let [word, read] = [word, read].map(|text| in_one_line(text));
+    let legible = if *legible { "legible" } else { "NOT legible" };
+    format!("{word} reads as {read}: {legible} (readability {readability:.2})")
 }
 
 /// The lines of a text as one.

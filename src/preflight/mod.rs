@@ -78,7 +78,7 @@ pub fn of_flights(
 ) -> Result<Vec<Checked>> {
     let mut findings = check_design(shoot, profile);
     let picture = Picture::of(shoot, &flown);
-    for (drone, flight) in flown.into_iter().enumerate() {
+    for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut found = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
         match flight {
             Ok(flight) => {

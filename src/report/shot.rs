@@ -25,6 +25,8 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// What the page shows beside the shot.
 pub struct ShotNotes<'a> {
+    /// The verdict in a sentence; empty where there is none.
+    pub lead: &'a str,
     /// The table that the terminal shows.
     pub printed: &'a str,
     /// Findings of the preflight.
@@ -54,12 +56,11 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.scene;
     let subject = if scene.word.is_empty() { &scene.letters.drawing } else { &scene.word };
     let subject = subject.replace('\n', " ");
-    let lead = notes.printed.lines().next().unwrap_or_default();
     let over = shot.marks.as_ref().zip(shot.verdict.as_ref());
     let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
     let jpeg = shot.photo.jpeg(JPEG_QUALITY[0]);
     let shows = format!("simulated long-exposure photograph of {subject}");
-    let mut page = Page::new(&subject, lead).photo(&jpeg, &shows, over.as_deref());
+    let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
     page = verdict_section(page, shot.verdict.as_ref(), notes);
     page = page.section("The exposure as it accumulates").film(&film(shot)?);
     page = flight_section(page, shot, notes);
