@@ -127,8 +127,8 @@ mod tests {
             reader.next_frame(&mut part).unwrap();
             let frame = *reader.info().frame_control().unwrap();
             let (pixels, _) = part.as_chunks::<4>();
-            for (i, pixel) in pixels[..(frame.width * frame.height) as usize].iter().enumerate() {
-                let (x, y) = (i as u32 % frame.width, i as u32 / frame.width);
+            let places = (0..frame.height).flat_map(|y| (0..frame.width).map(move |x| (x, y)));
+            for (pixel, (x, y)) in pixels.iter().zip(places) {
                 let at = 3 * (8 * (frame.y_offset + y) + frame.x_offset + x) as usize;
                 if pixel[3] == 255 {
                     canvas[at..at + 3].copy_from_slice(&pixel[..3]);

@@ -100,26 +100,30 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
         let (right, up) = (a - low[0] + 0.5, b - low[1] + 0.5);
         [MARGIN_PX + right * px_per_m, MARGIN_PX + (height_m - up) * px_per_m]
     };
+    let mut grid_m = 1.0;
+    while width_m.max(height_m) > 20.0 * grid_m {
+        grid_m *= 10.0;
+    }
     let size_px = [width_m, height_m].map(|side_m| 2.0 * MARGIN_PX + side_m * px_per_m);
     let legend_px = 18.0 * (things.len() as f64 + 1.0);
     let mut canvas = Canvas::white([size_px[0].max(420.0), size_px[1] + legend_px]);
     canvas.text(format!("Shot plan {from}"), [MARGIN_PX, 26.0], Anchor::Start, 11.0, BLACK);
     for axis in 0..2 {
-        let n = |m: f64| m.floor() as i64;
-        for meter in n(low[axis] - 0.5) + 1..=n(high[axis] + 0.5) {
-            let at = meter as f64;
+        let mut at = ((low[axis] - 0.5) / grid_m).ceil() * grid_m + 0.0; // never -0
+        while at <= high[axis] + 0.5 {
             let ends = match axis {
                 0 => [[at, low[1] - 0.5], [at, high[1] + 0.5]],
                 _ => [[low[0] - 0.5, at], [high[0] + 0.5, at]],
             };
-            let pen = Pen { color: GRAY, width_px: 0.5, dashed: meter != 0 };
+            let pen = Pen { color: GRAY, width_px: 0.5, dashed: at != 0.0 };
             let [[x, y], end] = ends.map(px);
             canvas.line([[x, y], end], pen);
             let (place, anchor) = match axis {
                 0 => ([x, y + 16.0], Anchor::Middle),
                 _ => ([x - 6.0, y + 4.0], Anchor::End),
             };
-            canvas.text(format!("{meter}"), place, anchor, CAP_PX, BLACK);
+            canvas.text(format!("{at}"), place, anchor, CAP_PX, BLACK);
+            at += grid_m;
         }
     }
     let [x, y] = px([high[0] + 0.5, low[1] - 0.5]);
