@@ -1,6 +1,6 @@
 //! Sensors: measurements of the drone's motion. One file a sensor.
 //!
-//! In: the true state and the specific force at a tick. Out: [`Readings`]. Every sensor has its own
+//! In: the true state and the specific force at a tick. Out: readings. Every sensor has its own
 //! streams of noise and draws a fixed number from them at each of its measurements, so that none
 //! can shift another's.
 
