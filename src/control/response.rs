@@ -90,7 +90,7 @@ impl StepResponse {
         });
         let mut normal = Banded::new(times_s.len(), width.max().unwrap_or(1));
         for (k, time_s) in times_s.iter().enumerate() {
-            normal.add(k, k, ridge);
+            normal.add(k, ridge, &[1.0]);
             normal.right[k] += ridge * (wanted(*time_s) - rest);
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 inputs")]
@@ -116,9 +116,7 @@ impl StepResponse {
             let target = wanted(time_s) - rest;
             for (i, weight) in weights.iter().enumerate() {
                 normal.right[from + i] += weight * target;
-                for (j, other) in weights.iter().enumerate().skip(i) {
-                    normal.add(from + i, from + j, weight * other);
-                }
+                normal.add(from + i, *weight, &weights[i..]);
             }
             time_s += step_s;
         }
@@ -139,11 +137,10 @@ impl Banded {
         Self { width, upper: vec![0.0; n * width], right: vec![0.0; n] }
     }
 
-    /// Adds to the entry at row `i` and column `j ≥ i`.
-    fn add(&mut self, i: usize, j: usize, value: f64) {
-        if j - i < self.width {
-            self.upper[i * self.width + j - i] += value;
-        }
+    /// Adds to a row, from the diagonal rightward.
+    fn add(&mut self, row: usize, factor: f64, values: &[f64]) {
+        let entries = &mut self.upper[row * self.width..(row + 1) * self.width];
+        entries.iter_mut().zip(values).for_each(|(entry, value)| *entry += factor * value);
     }
 
     fn solve(mut self) -> Vec<f64> {

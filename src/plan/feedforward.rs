@@ -24,7 +24,7 @@ const RIDGE: f64 = 0.02;
 /// If the plan's times do not rise.
 #[must_use]
 pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
-    let inputs = [0, 1, 2].map(|axis| {
+    let inputs = axes(|axis| {
         let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
         if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
             return vec![first; plan.setpoints.len()];
@@ -49,7 +49,7 @@ pub fn feedforward(plan: &Plan, responses: &[StepResponse; 3]) -> Plan {
 /// If the plan's times do not rise.
 #[must_use]
 pub fn learn(plan: &Plan, flight: &Flight, responses: &[StepResponse; 3]) -> Plan {
-    let inputs = [0, 1, 2].map(|axis| {
+    let inputs = axes(|axis| {
         let error = |time_s: f64| {
             let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
             let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
@@ -72,6 +72,12 @@ pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
         let shift = if setpoint.on_floor() { Vector3::zeros() } else { mean_error_m };
         plan.sent_m(row) - shift
     })
+}
+
+/// The inputs of the three axes, which are independent.
+fn axes(inputs: impl Fn(usize) -> Vec<f64> + Sync) -> [Vec<f64>; 3] {
+    let (x, (y, z)) = rayon::join(|| inputs(0), || rayon::join(|| inputs(1), || inputs(2)));
+    [x, y, z]
 }
 
 fn times_s(plan: &Plan) -> Vec<f64> {

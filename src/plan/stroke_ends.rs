@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::Plan;
 use super::lamp::LampTiming;
 use crate::error::Result;
-use crate::flight::tracking::{Part, track};
+use crate::flight::tracking::{Part, designed};
 use crate::flight::{Flight, FlightSample};
 
 /// Error of the light at one end of a stroke.
@@ -76,8 +76,7 @@ pub(super) struct Aligned<'a> {
 
 impl<'a> Aligned<'a> {
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
-        // Refuses a flight that has no design or no samples, and says so.
-        track(flight, Part::Letters)?;
+        designed(flight, Part::Letters)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
@@ -94,15 +93,20 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// Mean of `flown − design` after a lag, and its variance in the word's plane.
+    /// Mean of `flown − design` after a lag, and its variance in the word's plane, over samples in the
+    /// order of time.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
+        let mut next = 0;
         for sample in samples {
-            let error_m = self.at_m(sample.time_s + lag_s) - sample.design_m;
+            let time_s = sample.time_s + lag_s;
+            let passed = |later: &&FlightSample| later.time_s <= time_s;
+            next += self.samples[next..].iter().take_while(passed).count();
+            let error_m = self.before_m(next, time_s) - sample.design_m;
             n += 1.0;
             sum += error_m;
             squares += error_m.xz().norm_squared();
@@ -113,7 +117,11 @@ impl<'a> Aligned<'a> {
 
     /// Position of the drone without the mean error.
     fn at_m(&self, time_s: f64) -> Vector3<f64> {
-        let next = self.samples.partition_point(|sample| sample.time_s <= time_s);
+        self.before_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
+    }
+
+    /// The same at a time before the sample `next` and not before the one before that.
+    fn before_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
         let span_s = b.time_s - a.time_s;

@@ -115,7 +115,7 @@ impl Layer {
         let [ci, co] = self.channels;
         assert_eq!(map.channels, ci, "each layer takes what the one before it makes");
         let above = if kh == map.height { 0 } else { kh / 2 };
-        let (height, run) = (map.height + 2 * above + 1 - kh, kw * ci);
+        let height = map.height + 2 * above + 1 - kh;
         // A row of the map between columns of zeros.
         let beside = kw / 2 * ci;
         let row_length = map.width * ci;
@@ -124,23 +124,7 @@ impl Layer {
             row[beside..beside + row_length].copy_from_slice(values);
         }
         let mut sums = vec![0; height * map.width * co];
-        let mut patch = vec![0_i16; kh * run];
-        for (y, sums) in sums.chunks_exact_mut(map.width * co).enumerate() {
-            for (x, sums) in sums.chunks_exact_mut(co).enumerate() {
-                for (part, row) in patch.chunks_exact_mut(run).zip(&rows[y..y + kh]) {
-                    part.copy_from_slice(&row[x * ci..x * ci + run]);
-                }
-                for (channel, (sum, weights)) in
-                    sums.iter_mut().zip(self.weights.chunks_exact(kh * run)).enumerate()
-                {
-                    let products =
-                        patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
-                    let total = i64::from(products.sum::<i32>() + self.biases[channel]);
-                    let scaled = (total * i64::from(self.multipliers[channel])) >> 24;
-                    *sum = i32::try_from(scaled).expect("logits are small");
-                }
-            }
-        }
+        pulp::Arch::new().dispatch(Sums { layer: self, width: map.width, rows, sums: &mut sums });
         sums
     }
 
@@ -150,6 +134,43 @@ impl Layer {
         let values: Vec<i16> = sums.iter().map(|sum| (*sum).clamp(0, 255) as i16).collect();
         let channels = self.channels[1];
         Map { height: values.len() / channels / map.width, width: map.width, channels, values }
+    }
+}
+
+/// The sums of a layer in the widest registers of this processor: of integers, so in the same bits.
+struct Sums<'a> {
+    layer: &'a Layer,
+    width: usize,
+    /// Rows of the map with what is padded.
+    rows: Vec<Vec<i16>>,
+    sums: &'a mut [i32],
+}
+
+impl pulp::NullaryFnOnce for Sums<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Layer { kernel: [kh, kw], channels: [ci, co], weights, biases, multipliers, .. } =
+            self.layer;
+        let run = kw * ci;
+        let mut patch = vec![0_i16; kh * run];
+        for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
+            for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
+                for (part, row) in patch.chunks_exact_mut(run).zip(&self.rows[y..y + kh]) {
+                    part.copy_from_slice(&row[x * ci..x * ci + run]);
+                }
+                for (channel, (sum, weights)) in
+                    sums.iter_mut().zip(weights.chunks_exact(kh * run)).enumerate()
+                {
+                    let products =
+                        patch.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
+                    let total = i64::from(products.sum::<i32>() + biases[channel]);
+                    let scaled = (total * i64::from(multipliers[channel])) >> 24;
+                    *sum = i32::try_from(scaled).expect("logits are small");
+                }
+            }
+        }
     }
 }
 

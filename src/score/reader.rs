@@ -1,5 +1,7 @@
 //! The reader of one word: prepared once, it reads one photo after another in some milliseconds.
 
+use rayon::prelude::*;
+
 use super::align::Finder;
 use super::alphabet::classes_of;
 use super::calibration::CALIBRATION;
@@ -145,9 +147,9 @@ impl Reader {
     /// The word is looked for in its place and in the lines that blind recognition finds: two views of
     /// the same light, of which the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
-        let reading = read(photo);
+        let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
         let cap_height_px = self.cap_height_px(view);
-        let seen = match self.see(photo, view)? {
+        let seen = match seen? {
             Ok(seen) => seen,
             Err(reason) => {
                 let verdict = Verdict::unseen(&self.strokes, reason, cap_height_px);
@@ -210,10 +212,12 @@ impl Reader {
             strip
         };
         let strips: Vec<Strip> = self.lines.iter().enumerate().map(strip).collect();
-        let columns = strips.iter().map(Columns::of).collect();
         let around = self.lines.iter().map(around).enumerate();
-        let around = around.map(|(line, grid)| strip((line, &grid)).where_lit());
-        let around = Columns::joined(around.map(|strip| Columns::of(&strip))).letters_alone();
+        let around: Vec<Strip> =
+            around.map(|(line, grid)| strip((line, &grid)).where_lit()).collect();
+        let columns = |of: &[Strip]| of.par_iter().map(Columns::of).collect::<Vec<_>>();
+        let (columns, around) = rayon::join(|| columns(&strips), || columns(&around));
+        let around = Columns::joined(around).letters_alone();
         Ok(Ok(Seen { light, placed, full_light, contrast, strips, columns, around }))
     }
 

@@ -4,6 +4,7 @@
 //! capitals, small letters, capitalized, digits, or capitals mixed with digits; the likeliest wins.
 //! Accents and punctuation are not read.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of};
@@ -92,8 +93,9 @@ pub fn read(photo: &Photo) -> Reading {
     let mut budget = MOST_COLUMNS;
     for rule in rules {
         let found = Line::find_all(photo, rule);
-        let read: Vec<ReadLine> =
-            found.iter().filter_map(|line| read_line(line, &mut budget)).collect();
+        let sizes: Vec<Vec<f64>> = found.iter().map(|line| sizes_px(line, &mut budget)).collect();
+        let read = found.par_iter().zip(sizes);
+        let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
             lines = read;
         }
@@ -114,18 +116,27 @@ pub fn read(photo: &Photo) -> Reading {
     Reading { text, letters, columns }
 }
 
-/// Reads a line at the size at which it is clearest; `None` where it has no letters, or more columns
-/// than are left.
-fn read_line(line: &Line, columns_left: &mut usize) -> Option<ReadLine> {
-    let tried = SIZES.iter().filter_map(|size| {
-        let cap_px = size * line.letter_px;
-        *columns_left = columns_left.checked_sub(line.strip_width(cap_px))?;
+/// Heights of capitals at which a line is read: those whose columns are no more than are left.
+fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
+    let sizes_px = SIZES.iter().map(|size| size * line.letter_px);
+    let is_left = |cap_px: &f64| {
+        let left = columns_left.checked_sub(line.strip_width(*cap_px));
+        *columns_left = left.unwrap_or(*columns_left);
+        left.is_some()
+    };
+    sizes_px.filter(is_left).collect()
+}
+
+/// Reads a line at the size at which it is clearest; `None` where it has no letters.
+fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
+    let read = |cap_px: f64| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
         let columns = Columns::from_logits(&net::logits(&strip));
         let (text, ln_p) = spell(&columns)?;
         Some((text, ln_p, columns, left_px, pitch_px))
-    });
-    let best = tried.reduce(|a, b| if b.1 > a.1 { b } else { a });
+    };
+    let tried: Vec<_> = sizes_px.into_par_iter().map(read).collect();
+    let best = tried.into_iter().flatten().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (text, ln_p, columns, left_px, pitch_px) = best?;
     let seen = |c: char| classes_of(c).unwrap_or(NO_LETTER);
     let word: Vec<Classes> = text.chars().map(seen).collect();

@@ -3,6 +3,8 @@
 //! [`crate::plan`] knows neither simulator nor lamps. Here it is given the
 //! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
 
+use rayon::prelude::*;
+
 use super::step_responses;
 use crate::control::StepResponse;
 use crate::error::{Error, Result};
@@ -38,7 +40,7 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let follows_design = scene.controller.kind.follows_design();
     let inverse = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverse { Some(step_responses(&scene.sim())?) } else { None };
-    let planned = plans.into_iter().map(|plan| {
+    let planned = plans.into_par_iter().map(|plan| {
         responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {
             None => plan,
@@ -52,7 +54,9 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
             LightClock::Light => aim(scene, &plan, &rehearse(scene, &plan)?),
         }
     });
-    planned.collect()
+    // The first drone's error is reported every time.
+    let planned: Vec<Result<Planned>> = planned.collect();
+    planned.into_iter().collect()
 }
 
 /// Adds the channels of the colors of a lamp that writes letters in different colors.

@@ -49,7 +49,7 @@ impl SimOptions {
 /// six seconds.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
-    let [still, stepped] = [0.0, STEP_M].map(|step_m| {
+    let after = |step_m: f64| {
         let at = |time_s: f64, off_m: f64| Setpoint {
             time_s,
             position_m: Vector3::new(off_m, off_m, HEIGHT_M + off_m),
@@ -60,7 +60,8 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
         let end_s = BEFORE_S + AFTER_S;
         let setpoints = vec![at(0.0, 0.0), at(BEFORE_S, step_m), at(end_s, step_m)];
         fly(&Plan { setpoints, ..Plan::default() }, &Drone::new(&options, 0), &mut |_| {})
-    });
+    };
+    let (still, stepped) = rayon::join(|| after(0.0), || after(STEP_M));
     let (still, stepped) = (still?, stepped?);
     let moved = still.samples.iter().zip(&stepped.samples);
     let moved: Vec<Vector3<f64>> = moved

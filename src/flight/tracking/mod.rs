@@ -138,12 +138,8 @@ impl Tracking {
 ///
 /// [`Error::Input`] where the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
-    let samples = part.samples(flight)?;
+    let (samples, design) = designed(flight, part)?;
     let logged = |quantity| !flight.unlogged.contains(&quantity);
-    let design = DesignPath::new(flight).ok_or_else(|| {
-        let hint = "import a log with setpoints, or compare the flight with another one";
-        Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
-    })?;
     let lag_s = lag::best_shift_s(&samples, &design, [0.0, MAX_LAG_S]);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
     let mut walk = design.walk();
@@ -162,6 +158,20 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         drift: drift(&samples),
         attitude: logged(Quantity::Attitude).then(|| attitude_spread(&samples)),
     })
+}
+
+/// The samples of a part of a flight, and the path of its design.
+///
+/// # Errors
+///
+/// As [`track`].
+pub(crate) fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
+    let samples = part.samples(flight)?;
+    let design = DesignPath::new(flight).ok_or_else(|| {
+        let hint = "import a log with setpoints, or compare the flight with another one";
+        Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
+    })?;
+    Ok((samples, design))
 }
 
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
