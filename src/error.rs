@@ -52,6 +52,9 @@ pub enum Error {
         /// Advice.
         hint: String,
     },
+    /// The work was stopped by who had asked for it.
+    #[error("stopped")]
+    Stopped,
 }
 
 impl Error {
@@ -63,6 +66,7 @@ impl Error {
             | Self::Input { hint, .. }
             | Self::Gpu { hint, .. }
             | Self::Infeasible { hint, .. } => hint,
+            Self::Stopped => "start it again",
         }
     }
 

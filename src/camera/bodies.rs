@@ -6,7 +6,7 @@ settings! {
     /// Camera body.
     ///
     /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide; Sony DSC-RX100M7, 1-inch type:
-    /// 13.2 mm; a phone's 1/1.56-inch type: 8.2 mm). Full wells are 2500 electrons per µm² of
+    /// 13.2 mm; Canon EOS 2000D: 22.3 mm; a phone's 1/1.56-inch type: 8.2 mm). Full wells are 2500 electrons per µm² of
     /// pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
     pub enum BodyModel tagged {
@@ -16,6 +16,8 @@ settings! {
         "full-frame-24mp" => FullFrame24Mp,
         /// Sony α6400, APS-C.
         "a6400" => A6400,
+        /// Canon EOS 2000D (1500D, Rebel T7), APS-C.
+        "canon-eos-2000d" => CanonEos2000D,
         /// A compact camera with a sensor of the 1-inch type.
         "one-inch" => OneInch,
         /// Main camera of a telephone.
@@ -58,6 +60,9 @@ impl BodyModel {
     pub fn from_exif_model(model: &str) -> Option<Self> {
         match model.trim() {
             "ILCE-6400" => Some(Self::A6400),
+            "Canon EOS 2000D" | "Canon EOS 1500D" | "Canon EOS REBEL T7" => {
+                Some(Self::CanonEos2000D)
+            }
             "DSC-RX100M7" => Some(Self::OneInch),
             _ => None,
         }
@@ -70,6 +75,7 @@ impl BodyModel {
             Self::Custom(body) => body.sensor_width_m,
             Self::FullFrame24Mp => 0.036,
             Self::A6400 => 0.0235,
+            Self::CanonEos2000D => 0.0223,
             Self::OneInch => 0.0132,
             Self::Phone => 0.0082,
         }
@@ -82,6 +88,7 @@ impl BodyModel {
             Self::Custom(_) => None,
             Self::FullFrame24Mp => Some([90_000.0, 4.0]),
             Self::A6400 => Some([38_000.0, 3.0]),
+            Self::CanonEos2000D => Some([34_500.0, 3.0]),
             Self::OneInch => Some([14_500.0, 2.5]),
             Self::Phone => Some([10_000.0, 2.0]),
         }

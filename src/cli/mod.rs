@@ -48,6 +48,7 @@ mod report;
 mod robustness;
 mod scene;
 mod score;
+mod serve;
 mod set;
 mod show;
 mod specimen;
@@ -101,6 +102,8 @@ verbs! {
     "See it" {
         /// Preview the photograph of a word, and say whether it reads
         Preview(preview::PreviewArgs),
+        /// Serve the page: photos while one types or draws, in the browser
+        Serve(serve::ServeArgs),
     }
     "Stage by stage" {
         /// Plan the flight of a word: setpoints and light commands (CSV)

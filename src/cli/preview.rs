@@ -20,8 +20,10 @@ use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
+use crate::flight::Flight;
 use crate::preflight::{inspect, of_flights};
 use crate::report::{ShotNotes, shot_page};
+use crate::scene::Change;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -50,8 +52,20 @@ pub(super) struct PreviewArgs {
     output: PathBuf,
 }
 
+impl PreviewArgs {
+    /// The word or the plans, ready to fly.
+    pub(super) fn shoot(&self) -> Result<Shoot> {
+        self.subject.shoot(|scene| self.picture.apply(scene))
+    }
+
+    /// What stops flights of a shoot.
+    pub(super) fn stops(&self, shoot: &Shoot, flights: &[Flight]) -> Result<Option<String>> {
+        Ok(findings::stops(&inspect(shoot, flights, &self.profile.profile(&self.subject))?))
+    }
+}
+
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    let mut shoot = args.subject.shoot(|scene| args.picture.apply(scene))?;
+    let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
         shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
@@ -88,7 +102,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
         _ => Vec::new(),
     };
-    let typed_json = |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain });
+    let set = |it: &Change| json!({ "key": it.key, "value": it.value });
+    let typed_json = |it: &Remedy| {
+        let set: Vec<Value> = it.changes.iter().map(set).collect();
+        json!({ "change": typed(&it.changes), "gain": it.gain, "set": set })
+    };
     json["remedies"] = remedies.iter().map(typed_json).collect();
     let mut text = verdict_text(verdict, &remedies);
     if let Some(obstacle) = obstacles.first() {

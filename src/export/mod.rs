@@ -28,7 +28,7 @@ pub mod poly4d;
 mod recorded;
 mod skybrush;
 mod vviz;
-mod zip;
+pub(crate) mod zip;
 
 pub use cflib::Mode;
 pub use on_board::{Form, Length, flown, take_off_s};

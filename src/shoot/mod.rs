@@ -18,11 +18,12 @@
 
 use std::num::NonZero;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expose::{BackendChoice, Developer};
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -82,6 +83,28 @@ pub struct Shoot {
     pub backend: BackendChoice,
     /// Cores that expose the film, on this processor; `None`: those of the backend.
     pub cores: Option<NonZero<usize>>,
+    /// Ends [`Self::take`] between two stages.
+    pub stop: Stop,
+}
+
+/// A switch by which another thread stops work; clones are the same switch.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Stops the work.
+    pub fn now(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the work goes on.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Stopped`] after [`Self::now`].
+    pub fn check(&self) -> Result<()> {
+        if self.0.load(Ordering::Relaxed) { Err(Error::Stopped) } else { Ok(()) }
+    }
 }
 
 /// The drone that flies, in contrast to the one that the scene describes.
@@ -215,6 +238,7 @@ impl Shoot {
             reader: None,
             backend: BackendChoice::default(),
             cores: None,
+            stop: Stop::default(),
         }
     }
 
@@ -286,7 +310,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// Those of the stages. [`crate::error::Error::Input`] for a camera behind the word, where it
+    /// Those of the stages, and [`Error::Stopped`]. [`crate::error::Error::Input`] for a camera behind the word, where it
     /// reads mirrored, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
         let developer = Developer::start(match self.cores {
@@ -302,6 +326,7 @@ impl Shoot {
             || self.reader(),
         );
         let (recordings, reader) = (recordings?, reader?);
+        self.stop.check()?;
         let lighting = self.light(recordings)?;
         watch(Stage::Exposing, 0.0);
         let shot = self.expose(lighting, developer, reader.as_deref())?;

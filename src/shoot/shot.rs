@@ -88,6 +88,7 @@ impl Shoot {
             },
         };
         let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
+        self.stop.check()?;
         photo.scene_toml = self.format.map(|_| scene.to_toml());
         let read = || match reader {
             None => Ok(None),

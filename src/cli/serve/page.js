@@ -1,0 +1,305 @@
+"use strict";
+const $ = selector => document.querySelector(selector);
+const $$ = selector => [...document.querySelectorAll(selector)];
+const VISITOR = crypto.getRandomValues(new Uint32Array(4)).join("-");
+// White is the lamp's own where it has white.
+const COLORS = { white: [255, 255, 255], red: [255, 0, 0], orange: [255, 110, 0], yellow: [255, 200, 0], green: [0, 255, 0], cyan: [0, 255, 255], blue: [0, 0, 255], magenta: [255, 0, 255] };
+const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm", "phone": "28mm" };
+const LATER_MS = 700; // after which typing rests
+const PEN_M_S = 0.2, BATTERY_S = 240;
+
+let drawing = null; // {kind, text}: what was opened
+let strokes = []; // what was drawn: [x, y, seconds]
+let painted = []; // the color of each letter
+let color = "white";
+let advised = {}; // settings that advice set
+let seed = 0, number = 0, kept = null, timer = 0, newest = {};
+
+/* Words of the page. A language is a column of words.json; a word that it lacks stays English. */
+let language = WORDS[navigator.language.slice(0, 2)] ? navigator.language.slice(0, 2) : "en";
+const english = {};
+const t = (key, values = {}) => (WORDS[language]?.[key] ?? WORDS.en[key] ?? english[key] ?? key)
+  .replace(/\{(\w+)\}/g, (_, name) => values[name]);
+function speak() {
+  document.documentElement.lang = language;
+  for (const element of $$("[data-t]")) {
+    english[element.dataset.t] ??= element.textContent;
+    element.textContent = t(element.dataset.t);
+  }
+  for (const element of $$("[data-l]")) element.setAttribute("aria-label", t(element.dataset.l));
+  paint();
+}
+for (const code of Object.keys(WORDS)) $("#language").add(new Option(WORDS[code].name, code));
+$("#language").value = language;
+$("#language").onchange = event => { language = event.target.value; speak(); };
+
+/* What is wished. */
+function subject() {
+  if (drawing) return { drawing };
+  if (strokes.length) return { drawing: { kind: "json", text: JSON.stringify({ strokes, y: "down" }) } };
+  return { word: $("#word").value.trim() };
+}
+function settings() {
+  const set = { ...advised };
+  for (const input of $$("[data-key]")) {
+    if (input.value !== input.dataset.first) set[input.dataset.key] = input.value;
+  }
+  if (seed) set.seed = `${seed}`;
+  const lamp = $("#lamp").value, body = $("#body").value;
+  if (lamp !== "headlights") {
+    set["light.deck"] = lamp === "ring" ? "led-ring" : "color-led";
+    set["plan.lights"] = JSON.stringify([lamp]);
+    const wrgb = name => lamp !== "ring" && name === "white" ? [255, 0, 0, 0] : [0, ...COLORS[name]];
+    const letters = subject().word ? [...$("#word").value.replace(/\s/g, "")] : ["drawing"];
+    set["light.letters_wrgb"] = JSON.stringify(letters.map((_, i) => wrgb(painted[i] ?? color)));
+  }
+  if (body) { set["camera.body"] = body; set["camera.lens"] = BODIES[body]; }
+  return set;
+}
+function wish() {
+  const room = $("#room").value;
+  return { visitor: VISITOR, ...subject(), settings: settings(), ...(room && { room }) };
+}
+
+/* Photos: a small one at once, a large one with advice when typing rests. */
+async function ask(route, onEvent) {
+  const response = await fetch(route, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(wish()) });
+  if (response.status === 503) return onEvent({ busy: true });
+  if (!response.ok) return onEvent({ error: await response.text(), hint: "" });
+  onEvent(await response.json());
+}
+function change() {
+  const mine = ++number;
+  clearTimeout(timer);
+  kept = null;
+  $("#done").hidden = true;
+  $("#advice").replaceChildren();
+  const wanted = subject();
+  if (!wanted.drawing && !wanted.word) return reset();
+  $("#photo").classList.add("busy");
+  const retry = route => () => { if (mine === number) timer = setTimeout(() => run(route), LATER_MS); };
+  const run = route => ask(route, event => {
+    if (mine !== number || event.stopped) return;
+    if (event.busy) { $("#facts").textContent = t("busy"); return retry(route)(); }
+    if (event.error) return fail(event);
+    (route === "live" ? showLive : showLarge)(event);
+    if (route === "live") timer = setTimeout(() => run("photos"), LATER_MS);
+    else $("#photo").classList.remove("busy");
+  }).catch(() => { if (mine === number) fail({ error: t("gone"), hint: "" }); });
+  run("live");
+}
+function reset() {
+  $("#photo img").removeAttribute("src");
+  $("#photo").classList.remove("busy");
+  for (const id of ["#verdict", "#letters", "#facts"]) $(id).replaceChildren();
+  $("#verdict").className = "";
+}
+function fail({ error, hint }) {
+  $("#photo").classList.remove("busy");
+  $("#verdict").className = "bad";
+  $("#verdict").textContent = error;
+  $("#facts").textContent = hint;
+  $("#letters").replaceChildren();
+}
+const title = () => subject().word || t("drawing");
+function showVerdict(verdict) {
+  const line = $("#verdict");
+  line.className = verdict ? (verdict.legible ? "good" : "bad") : "";
+  line.textContent = verdict
+    ? t(verdict.legible ? "legible" : "illegible", { read: verdict.read.replace(/\n/g, " "), percent: Math.round(100 * verdict.readability) })
+    : t("unjudged");
+  $("#letters").replaceChildren(...(verdict?.letters ?? []).map(({ expected, best, p }) => {
+    const chip = document.createElement("li");
+    const reads = best && best !== expected ? `${expected} → ${best}` : expected;
+    chip.append(reads, Object.assign(document.createElement("small"), { textContent: p === null ? "–" : `${Math.round(100 * p)} %` }));
+    if (best !== expected) chip.className = "bad";
+    return chip;
+  }));
+}
+function showLive({ photo, verdict, flight_s, stops, obstacles }) {
+  const img = $("#photo img");
+  img.src = photo;
+  img.alt = t("alt", { title: title() });
+  showVerdict(verdict);
+  $("#facts").textContent = t("facts", { seconds: Math.round(flight_s) });
+  for (const text of [stops && t("stops", { stops }), ...obstacles].filter(Boolean)) {
+    $("#facts").append(Object.assign(document.createElement("span"), { className: "stop", textContent: " " + text }));
+  }
+  document.body.dataset.shown = title();
+}
+function showLarge(shot) {
+  kept = shot.id;
+  $("#photo img").src = `photos/${kept}/photo.png`;
+  showVerdict(shot.word === undefined ? null : shot);
+  for (const link of $$("#done a")) link.href = `photos/${kept}/${link.download}`;
+  $("#done").hidden = false;
+  $("#advice").replaceChildren(...shot.remedies.map(({ change: text, gain, set }) => {
+    const button = document.createElement("button");
+    button.textContent = t("apply", { text, gain: Math.round(100 * gain) });
+    button.onclick = () => {
+      for (const { key, value } of set) {
+        const input = $(`[data-key="${key}"]`);
+        if (input) { input.value = value; label(input); }
+        if (!input || input.value !== value) advised[key] = value;
+      }
+      change();
+    };
+    return button;
+  }));
+  $("#printed").textContent = [title(), $("#verdict").textContent, $("#facts").textContent,
+    Object.entries(settings()).map(([key, value]) => `${key} = ${value}`).join(", "),
+    `${new Date().toLocaleDateString(language)} · ${t("on-paper")}`].filter(Boolean).join("\n");
+  document.body.dataset.kept = kept;
+}
+
+/* Controls. */
+function label(input) {
+  if (input.type !== "range") return;
+  const span = input.previousElementSibling;
+  const output = span.nextSibling.tagName === "OUTPUT" ? span.nextSibling : input.parentElement.querySelector("output") ?? span.parentElement.appendChild(document.createElement("output"));
+  output.textContent = `${input.value} ${input.dataset.unit ?? ""}`;
+  input.setAttribute("aria-valuetext", output.textContent);
+}
+for (const input of $$("[data-key]")) {
+  input.dataset.first = input.value;
+  label(input);
+  input.oninput = () => { delete advised[input.dataset.key]; label(input); change(); };
+}
+for (const id of ["#lamp", "#room", "#body"]) $(id).onchange = () => { paint(); change(); };
+$("#controls").onsubmit = event => event.preventDefault();
+$("#word").oninput = () => { drawing = null; strokes = []; ink(); paint(); change(); };
+$("#again").onclick = () => { seed += 1; change(); };
+$("#print").onclick = () => print();
+$("#hang").onclick = async () => {
+  await fetch("wall", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ id: kept }) });
+  openWall();
+};
+for (const element of $$(".home")) element.hidden = !HOME;
+$("#network").hidden = HOME;
+
+function paint() {
+  $("#colors").hidden = $("#lamp").value === "headlights";
+  $("#swatches").replaceChildren(...Object.entries(COLORS).map(([name, rgb]) => {
+    const swatch = document.createElement("button");
+    Object.assign(swatch, { type: "button", title: t(name) });
+    swatch.style.background = `rgb(${rgb})`;
+    swatch.setAttribute("role", "radio");
+    swatch.setAttribute("aria-label", t(name));
+    swatch.setAttribute("aria-checked", name === color);
+    swatch.onclick = () => {
+      color = name;
+      if (!painted.length) change();
+      paint();
+      $("#swatches [aria-checked=true]").focus();
+    };
+    return swatch;
+  }));
+  const letters = subject().word ? [...$("#word").value.replace(/\s/g, "")] : [];
+  painted.length = Math.min(painted.length, letters.length);
+  $("#painted").replaceChildren(...letters.map((letter, i) => {
+    const button = document.createElement("button");
+    Object.assign(button, { type: "button", textContent: letter });
+    button.style.color = `rgb(${COLORS[painted[i] ?? color]})`;
+    button.setAttribute("aria-label", `${letter}: ${t(painted[i] ?? color)}`);
+    button.onclick = () => {
+      painted = letters.map((_, k) => k === i ? color : painted[k] ?? "white");
+      paint();
+      change();
+      $$("#painted button")[i].focus();
+    };
+    return button;
+  }));
+}
+
+/* Drawing: order and speed are kept, one stroke from pen down to pen up. */
+const pad = $("#pad"), pen = pad.getContext("2d");
+let stroke = null;
+function ink() {
+  pen.clearRect(0, 0, pad.width, pad.height);
+  pen.lineCap = pen.lineJoin = "round";
+  pen.strokeStyle = "#555";
+  pen.lineWidth = 1;
+  pen.strokeRect(40, 75, 720, 150);
+  pen.strokeStyle = "#fff";
+  pen.lineWidth = 4;
+  for (const line of stroke ? [...strokes, stroke] : strokes) {
+    pen.beginPath();
+    line.forEach(([x, y]) => pen.lineTo(x, y));
+    pen.stroke();
+  }
+  const all = strokes.flat();
+  const box = k => Math.max(...all.map(p => p[k])) - Math.min(...all.map(p => p[k]));
+  const scale = all.length ? Math.min(2 / Math.max(1, box(0)), 0.5 / Math.max(1, box(1))) : 0;
+  const length = strokes.reduce((sum, line) => sum + line.slice(1).reduce((s, p, i) => s + Math.hypot(p[0] - line[i][0], p[1] - line[i][1]), 0), 0);
+  const seconds = Math.round(length * scale / PEN_M_S);
+  $("#length").textContent = strokes.length ? t("length", { meters: (length * scale).toFixed(1), seconds }) : "";
+  $("#length").classList.toggle("stop", seconds > BATTERY_S);
+}
+function point(event) {
+  const box = pad.getBoundingClientRect();
+  const at = (value, from, size, pixels) => Math.round(10 * (value - from) / size * pixels) / 10;
+  return [at(event.clientX, box.left, box.width, pad.width), at(event.clientY, box.top, box.height, pad.height), Math.round(event.timeStamp) / 1000];
+}
+pad.onpointerdown = event => {
+  pad.setPointerCapture(event.pointerId);
+  drawing = null;
+  stroke = [point(event)];
+};
+pad.onpointermove = event => {
+  if (!stroke) return;
+  const parts = event.getCoalescedEvents?.() ?? [];
+  stroke.push(...(parts.length ? parts : [event]).map(point));
+  ink();
+};
+pad.onpointerup = pad.onpointercancel = () => {
+  if (!stroke) return;
+  if (stroke.length === 1) stroke.push([stroke[0][0] + 0.1, stroke[0][1], stroke[0][2] + 0.05]);
+  strokes.push(stroke.sort((a, b) => a[2] - b[2]));
+  stroke = null;
+  $("#word").value = "";
+  ink();
+  change();
+};
+$("#undo").onclick = () => { strokes.pop(); ink(); change(); };
+$("#clear").onclick = () => { strokes = []; drawing = null; ink(); change(); };
+async function open(file) {
+  if (!file) return;
+  const kind = file.name.split(".").pop().toLowerCase();
+  if (kind !== "svg" && kind !== "json") return fail({ error: t("no-picture", { name: file.name }), hint: "" });
+  drawing = { kind, text: await file.text() };
+  strokes = [];
+  $("#word").value = "";
+  ink();
+  change();
+}
+$("#file").onchange = event => open(event.target.files[0]);
+document.ondragover = event => { event.preventDefault(); document.body.classList.add("dropping"); };
+document.ondragleave = () => document.body.classList.remove("dropping");
+document.ondrop = event => { event.preventDefault(); document.body.classList.remove("dropping"); open(event.dataTransfer.files[0]); };
+
+/* The wall: newest photos on the whole screen. */
+let wallTimer = 0;
+async function hangAll() {
+  const photos = await (await fetch("wall")).json();
+  const key = photos.map(photo => photo.number).join();
+  if (newest.key === key) return;
+  newest = { key };
+  $("#wall div").replaceChildren(...photos.map(({ number, word }) => {
+    const figure = document.createElement("figure");
+    const img = Object.assign(new Image(), { src: `wall/${number}`, alt: t("alt", { title: word }) });
+    figure.append(img, Object.assign(document.createElement("figcaption"), { textContent: word }));
+    return figure;
+  }));
+  if (!photos.length) $("#wall div").textContent = t("bare");
+}
+function openWall() {
+  if (!$("#wall").open) $("#wall").showModal();
+  hangAll();
+  clearInterval(wallTimer);
+  wallTimer = setInterval(hangAll, 3000);
+}
+$("#see-wall").onclick = openWall;
+$("#wall").onclose = () => { clearInterval(wallTimer); if (location.hash === "#wall") history.replaceState(null, "", "."); };
+if (location.hash === "#wall") openWall();
+speak();
+ink();
