@@ -29,6 +29,7 @@ mod reference_flight;
 mod report;
 mod road;
 mod safety;
+mod serve;
 mod study;
 mod team_data;
 mod twins;

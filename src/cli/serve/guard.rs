@@ -69,7 +69,8 @@ impl Guard {
             return Err(Refusal(415, "Content-Type: application/json"));
         }
         let length = head.field("content-length").ok_or(Refusal(411, "a Content-Length"))?;
-        let length = length.parse().map_err(|_| Refusal(400, "a Content-Length in bytes"))?;
+        let length =
+            length.parse().map_err(|_no_number| Refusal(400, "a Content-Length in bytes"))?;
         if length > MAX_BODY {
             return Err(Refusal(413, "at most 256 KiB; simplify the drawing"));
         }

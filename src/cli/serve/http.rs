@@ -79,7 +79,7 @@ impl Connection {
                 self.bytes.drain(..length);
                 return Ok(head);
             }
-            if self.bytes.len() > MAX_HEAD {
+            if self.bytes.len() >= MAX_HEAD {
                 return Err(Refusal(431, "the head of the request is too long"));
             }
             self.read_more()?;
@@ -97,7 +97,9 @@ impl Connection {
     fn read_more(&mut self) -> Answered<()> {
         let late = Refusal(408, "the request did not arrive in time");
         let left = self.deadline.checked_duration_since(Instant::now()).ok_or(late)?;
-        self.stream.set_read_timeout(Some(left.max(Duration::from_millis(1)))).map_err(|_| GONE)?;
+        self.stream
+            .set_read_timeout(Some(left.max(Duration::from_millis(1))))
+            .map_err(|_closed| GONE)?;
         let mut part = [0; 8192];
         match self.stream.read(&mut part) {
             Ok(0) => Err(GONE),

@@ -6,6 +6,7 @@
 
 use std::ffi::OsString;
 use std::hash::{BuildHasher, RandomState};
+use std::io::{Read, Write};
 use std::net::{IpAddr, Ipv4Addr, TcpListener, TcpStream, UdpSocket};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -18,6 +19,7 @@ use serde_json::{Value, json};
 use super::outcome::{Report, line};
 use super::{STACK, message, print};
 use crate::error::{Error, Result};
+use crate::scene::Scene;
 use guard::{Admitted, Guard};
 use http::{Answer, Answered, Connection, Head, Refusal};
 use queue::Queue;
@@ -32,8 +34,8 @@ mod studio;
 mod wall;
 mod wish;
 
-/// Most connections at a time.
-const MAX_CONNECTIONS: usize = 32;
+/// Most connections at a time. A browser keeps six.
+const MAX_CONNECTIONS: usize = 64;
 
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
@@ -60,7 +62,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
         None => Vec::new(),
     };
     // A scene that cannot be flown is refused now, not by every visitor's photo.
-    preview_args([base.clone(), vec!["--word=A".into()]].concat())?.shoot()?;
+    let scene = preview_args([base.clone(), vec!["--word=A".into()]].concat())?.shoot()?.scene;
     let wall = Wall::open(args.gallery.as_deref())?;
     let ip = if args.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let refused = |source: std::io::Error| {
@@ -81,12 +83,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
     if args.open {
         open(&own);
     }
-    let server = Arc::new(Server::start(guard, Studio::new(base, pool()?), wall)?);
-    for stream in listener.incoming() {
-        // A connection that failed before it was taken is of no concern.
-        if let Ok(stream) = stream {
-            server.clone().take(stream);
-        }
+    let server = Arc::new(Server::start(guard, page_of(&scene), Studio::new(base, pool()?), wall)?);
+    // A connection that failed before it was taken is of no concern.
+    for stream in listener.incoming().flatten() {
+        server.clone().take(stream);
     }
     Ok(Report::new(String::new(), json!({})))
 }
@@ -134,6 +134,7 @@ fn no_thread(error: &dyn std::fmt::Display) -> Error {
 /// What answers the requests.
 struct Server {
     guard: Guard,
+    page: String,
     studio: Arc<Studio>,
     /// Photos while one types.
     live: Arc<Queue>,
@@ -144,7 +145,7 @@ struct Server {
 }
 
 impl Server {
-    fn start(guard: Guard, studio: Studio, wall: Wall) -> Result<Self> {
+    fn start(guard: Guard, page: String, studio: Studio, wall: Wall) -> Result<Self> {
         let [live, large] = [(); 2].map(|()| Arc::new(Queue::default()));
         for queue in [&live, &large] {
             let queue = queue.clone();
@@ -152,7 +153,7 @@ impl Server {
             worker.spawn(move || queue.work()).map_err(|error| no_thread(&error))?;
         }
         let studio = Arc::new(studio);
-        Ok(Self { guard, studio, live, large, wall, connections: AtomicUsize::new(0) })
+        Ok(Self { guard, page, studio, live, large, wall, connections: AtomicUsize::new(0) })
     }
 
     /// Answers a connection in a thread of its own, or refuses it where there are too many.
@@ -182,7 +183,7 @@ impl Server {
     fn get(&self, route: &str, head: &Head) -> Answered<Answer> {
         let parts: Vec<&str> = route.split('/').collect();
         match *parts.as_slice() {
-            [""] => Ok(page(head.peer.is_loopback())),
+            [""] => Ok(page(&self.page, head.peer.is_loopback())),
             ["wall"] => Ok(Answer::json(&self.wall.list())),
             ["wall", number] => {
                 let photo = number.parse().ok().and_then(|number| self.wall.photo(number));
@@ -249,7 +250,8 @@ impl Server {
     }
 
     fn hang(&self, body: &[u8]) -> Answered<Answer> {
-        let wanted: Value = serde_json::from_slice(body).map_err(|_| Refusal(400, "no JSON"))?;
+        let wanted: Value =
+            serde_json::from_slice(body).map_err(|_broken| Refusal(400, "no JSON"))?;
         let kept = wanted["id"].as_u64().and_then(|id| self.studio.kept(id)).ok_or(GONE)?;
         match self.wall.hang(kept.wish.title(), kept.png) {
             Ok(number) => Ok(Answer::json(&json!({ "number": number }))),
@@ -271,22 +273,30 @@ impl Drop for Counted {
 }
 
 /// Refuses a connection without a thread for it, and without waiting for its request.
-fn refuse(stream: &TcpStream) {
-    use std::io::Write;
+fn refuse(mut stream: &TcpStream) {
     let _ = stream.set_nonblocking(true);
-    let _ = (&*stream).write_all(
+    // What has come is taken, or else the answer would be lost with it.
+    let _ = stream.read(&mut [0; 8192]);
+    let _ = stream.write_all(
         b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 2\r\nContent-Length: 0\r\nConnection: \
           close\r\n\r\n",
     );
 }
 
-/// The page, which asks nobody else for anything.
-fn page(at_home: bool) -> Answer {
-    let page = include_str!("page.html")
+/// The page with the values of a scene in its controls.
+fn page_of(scene: &Scene) -> String {
+    // In a script, `<` could end it.
+    let scene = json!(scene).to_string().replace('<', "\\u003c");
+    include_str!("page.html")
         .replace("/*css*/", include_str!("page.css"))
         .replace("/*words*/", include_str!("words.json"))
+        .replace("/*scene*/", &scene)
         .replace("/*js*/", include_str!("page.js"))
-        .replace("/*home*/", if at_home { "true" } else { "false" });
+}
+
+/// The page, which asks nobody else for anything.
+fn page(page: &str, at_home: bool) -> Answer {
+    let page = page.replace("/*home*/", if at_home { "true" } else { "false" });
     Answer::whole("text/html; charset=utf-8", page).with_field(
         "Content-Security-Policy",
         "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src \

@@ -1,7 +1,7 @@
 "use strict";
 const $ = selector => document.querySelector(selector);
 const $$ = selector => [...document.querySelectorAll(selector)];
-const VISITOR = crypto.getRandomValues(new Uint32Array(4)).join("-");
+const VISITOR = Array.from(crypto.getRandomValues(new Uint32Array(4)), part => part.toString(16)).join("");
 // White is the lamp's own where it has white.
 const COLORS = { white: [255, 255, 255], red: [255, 0, 0], orange: [255, 110, 0], yellow: [255, 200, 0], green: [0, 255, 0], cyan: [0, 255, 255], blue: [0, 0, 255], magenta: [255, 0, 255] };
 const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm", "phone": "28mm" };
@@ -45,6 +45,8 @@ function settings() {
     if (input.value !== input.dataset.first) set[input.dataset.key] = input.value;
   }
   if (seed) set.seed = `${seed}`;
+  const height = +$("[data-key='letters.cap_height_m']").value;
+  if (subject().drawing) set["letters.canvas_m"] = JSON.stringify([6 * height, 2 * height]);
   const lamp = $("#lamp").value, body = $("#body").value;
   if (lamp !== "headlights") {
     set["light.deck"] = lamp === "ring" ? "led-ring" : "color-led";
@@ -155,12 +157,14 @@ function showLarge(shot) {
 /* Controls. */
 function label(input) {
   if (input.type !== "range") return;
-  const span = input.previousElementSibling;
-  const output = span.nextSibling.tagName === "OUTPUT" ? span.nextSibling : input.parentElement.querySelector("output") ?? span.parentElement.appendChild(document.createElement("output"));
-  output.textContent = `${input.value} ${input.dataset.unit ?? ""}`;
-  input.setAttribute("aria-valuetext", output.textContent);
+  const value = input.previousElementSibling;
+  value.textContent = `${input.value} ${input.dataset.unit ?? ""}`.trim();
+  input.setAttribute("aria-valuetext", value.textContent);
 }
 for (const input of $$("[data-key]")) {
+  const first = `${input.dataset.key.split(".").reduce((table, key) => table[key], SCENE)}`;
+  if (input.options && ![...input.options].some(option => option.value === first)) input.add(new Option(first));
+  input.value = first;
   input.dataset.first = input.value;
   label(input);
   input.oninput = () => { delete advised[input.dataset.key]; label(input); change(); };
@@ -284,6 +288,7 @@ async function hangAll() {
   const key = photos.map(photo => photo.number).join();
   if (newest.key === key) return;
   newest = { key };
+  $("#wall div").style.setProperty("--columns", Math.ceil(Math.sqrt(photos.length)));
   $("#wall div").replaceChildren(...photos.map(({ number, word }) => {
     const figure = document.createElement("figure");
     const img = Object.assign(new Image(), { src: `wall/${number}`, alt: t("alt", { title: word }) });

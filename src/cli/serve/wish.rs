@@ -22,7 +22,7 @@ const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 27] = [
+const KEYS: [&str; 28] = [
     "camera.body",
     "camera.f_number",
     "camera.focus_m",
@@ -33,6 +33,7 @@ const KEYS: [&str; 27] = [
     "camera.shutter_close_s",
     "camera.shutter_open_s",
     "controller.kind",
+    "letters.canvas_m",
     "letters.cap_height_m",
     "letters.font",
     "letters.spacing_m",
