@@ -20,7 +20,6 @@ use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
-use crate::flight::Flight;
 use crate::preflight::{inspect, of_flights};
 use crate::report::{ShotNotes, shot_page};
 use crate::scene::Change;
@@ -56,11 +55,6 @@ impl PreviewArgs {
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
         self.subject.shoot(|scene| self.picture.apply(scene))
-    }
-
-    /// What stops flights of a shoot.
-    pub(super) fn stops(&self, shoot: &Shoot, flights: &[Flight]) -> Result<Option<String>> {
-        Ok(findings::stops(&inspect(shoot, flights, &self.profile.profile(&self.subject))?))
     }
 }
 

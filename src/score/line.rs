@@ -4,6 +4,8 @@
 //! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. A line is
 //! where rows of pixels cross the most strokes.
 
+use std::sync::Arc;
+
 use super::color;
 use super::light::{Light, luminance};
 use super::raster::{Raster, narrow, whole};
@@ -57,9 +59,9 @@ pub(super) struct Line {
     /// Photo pixels to one.
     step: f64,
     /// Light in any color and in the color of the ink, 1 is fully lit.
-    light: [Raster; 2],
+    light: [Arc<Raster>; 2],
     /// Light of the ink.
-    ink: Raster,
+    ink: Arc<Raster>,
     /// Height of most letters, between the middles of their strokes.
     pub(super) letter_px: f64,
     /// Width of a stroke.
@@ -72,34 +74,52 @@ pub(super) struct Line {
     columns: [usize; 2],
 }
 
-impl Line {
-    /// Finds the lines of a photo, from the top; none where nothing shines.
-    pub(super) fn find_all(photo: &Photo, rule: InkRule) -> Vec<Self> {
+/// The light of a photo in which lines are looked for.
+pub(super) struct Search {
+    /// Photo pixels to one.
+    step: usize,
+    light: Light,
+    /// Luminances.
+    bright: Vec<f32>,
+    /// Those that stand out from the sky.
+    levels: Vec<f32>,
+}
+
+impl Search {
+    pub(super) fn new(photo: &Photo) -> Self {
         let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
         let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
-        let [width, height] = light.size();
         let bright: Vec<f32> = light.values().iter().map(|light| luminance(*light)).collect();
         let noise: f32 = median(bright.iter().map(|value| value.abs())).unwrap_or(0.0);
         let lit = LIT_SIGMAS * (1.4826 * noise).max(1e-4);
-        let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
+        let levels = bright.iter().copied().filter(|value| *value > lit).collect();
+        Self { step, light, bright, levels }
+    }
+
+    /// The lines that a rule finds, from the top; none where nothing shines.
+    pub(super) fn lines(&self, rule: InkRule) -> Vec<Line> {
+        let Self { step, light, bright, levels } = self;
+        let [width, height] = light.size();
         if levels.len() < 16 {
             return Vec::new();
         }
+        let mut levels = levels.clone();
         let rank = whole(rule.full_rank * levels.len() as f64);
         let n_brightest = levels.len() - rank;
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
         let pure = color::pure(color::of_brightest(light.values(), n_brightest));
         let pure: Vec<f32> = light.values().iter().map(|light| pure(*light)).collect();
-        let exposed = |values: Vec<f32>| Raster { width, height, values }.exposed(full);
-        let [bright, pure] = [bright, pure].map(exposed);
+        let exposed = |values: Vec<f32>| Arc::new(Raster { width, height, values }.exposed(full));
+        let [bright, pure] = [bright.clone(), pure].map(exposed);
         let ink = match rule.color {
             InkColor::Any => &bright,
             InkColor::Own => &pure,
         };
         let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
-        let mut lines: Vec<Self> = Vec::new();
+        let mut lines: Vec<Line> = Vec::new();
         while lines.len() < MAX_LINES {
-            let Some(line) = Self::from_mask(step, [&bright, &pure], ink, &mask) else { break };
+            let line = Line::from_mask(*step, [&bright, &pure], ink, &mask);
+            let Some(line) = line else { break };
             mask[line.rows[0] * width..line.rows[1] * width].fill(false);
             let alike = lines.first().is_none_or(|first| {
                 (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(line.letter_px / first.letter_px))
@@ -112,8 +132,15 @@ impl Line {
         lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
         lines
     }
+}
 
-    fn from_mask(step: usize, light: [&Raster; 2], ink: &Raster, mask: &[bool]) -> Option<Self> {
+impl Line {
+    fn from_mask(
+        step: usize,
+        light: [&Arc<Raster>; 2],
+        ink: &Arc<Raster>,
+        mask: &[bool],
+    ) -> Option<Self> {
         let (width, height) = (ink.width, ink.height);
         let [top, bottom] = band(mask, width)?;
         let stroke_px = stroke_width(mask, width);
@@ -157,7 +184,7 @@ impl Line {
             };
             (0..width * HEIGHT).map(at).collect()
         };
-        let [bright, pure] = [&self.light[0], &self.light[1]].map(channel);
+        let [bright, pure] = self.light.each_ref().map(|light| channel(light));
         (Strip { width, bright, pure, read: 0..width }, left * self.step, pitch * self.step)
     }
 

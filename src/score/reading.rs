@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of};
 use super::columns::Columns;
-use super::line::{InkColor, InkRule, Line};
+use super::line::{self, InkColor, InkRule, Line};
 use super::net;
 use super::search::{Symbols, search};
 use super::strip::CAP_PX;
@@ -89,10 +89,11 @@ pub fn read(photo: &Photo) -> Reading {
     });
     let worth =
         |lines: &[ReadLine]| lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
+    let light = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut budget = MOST_COLUMNS;
     for rule in rules {
-        let found = Line::find_all(photo, rule);
+        let found = light.lines(rule);
         let sizes: Vec<Vec<f64>> = found.iter().map(|line| sizes_px(line, &mut budget)).collect();
         let read = found.par_iter().zip(sizes);
         let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();

@@ -1,7 +1,5 @@
 //! Free reading of a strip: the likeliest words, none being expected.
 
-use std::collections::BTreeMap;
-
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::columns::Columns;
 
@@ -31,37 +29,53 @@ impl Ends {
 struct Table {
     names: Vec<char>,
     shares: Vec<Vec<f64>>,
+    /// The symbols that are tried at each column.
+    tried: Vec<Vec<usize>>,
 }
 
 impl Table {
     fn new(columns: &Columns, symbols: &Symbols) -> Self {
         let all = || symbols.iter().copied().chain([('?', NO_LETTER)]);
-        Self {
-            names: all().map(|(name, _)| name).collect(),
-            shares: all().map(|(_, set)| columns.shares(set)).collect(),
-        }
+        let shares: Vec<Vec<f64>> = all().map(|(_, set)| columns.shares(set)).collect();
+        let tried =
+            |at: usize| (0..shares.len()).filter(|&it| shares[it][at] > LEAST_STEP).collect();
+        let tried = (0..columns.0.len()).map(tried).collect();
+        Self { names: all().map(|(name, _)| name).collect(), shares, tried }
     }
 }
 
-/// All prefixes that were tried, each as the one before it and the index of its last symbol in its
-/// table: a step takes the same time however long the prefixes are. 0 is the empty one.
-struct Prefixes {
-    nodes: Vec<(usize, usize)>,
-    longer: BTreeMap<(usize, usize), usize>,
+/// A prefix that was tried.
+#[derive(Default)]
+struct Prefix {
+    /// The one without its last symbol.
+    before: usize,
+    /// Index of its last symbol in its table.
+    symbol: usize,
+    /// The newest of those that are longer by one, and the next older one beside it; 0 for none.
+    longer: usize,
+    beside: usize,
 }
 
+/// All prefixes that were tried: a step takes the same time however long they are. 0 is the empty one.
+struct Prefixes(Vec<Prefix>);
+
 impl Prefixes {
-    fn and(&mut self, prefix: usize, symbol: usize) -> usize {
-        let nodes = &mut self.nodes;
-        *self.longer.entry((prefix, symbol)).or_insert_with(|| {
-            nodes.push((prefix, symbol));
-            nodes.len() - 1
-        })
+    fn and(&mut self, before: usize, symbol: usize) -> usize {
+        let mut known = self.0[before].longer;
+        while known != 0 && self.0[known].symbol != symbol {
+            known = self.0[known].beside;
+        }
+        if known == 0 {
+            known = self.0.len();
+            let beside = std::mem::replace(&mut self.0[before].longer, known);
+            self.0.push(Prefix { before, symbol, longer: 0, beside });
+        }
+        known
     }
 
     /// The symbol that a prefix ends with, and whether it is the first.
     fn last(&self, prefix: usize) -> Option<(usize, bool)> {
-        let (before, symbol) = self.nodes[prefix];
+        let Prefix { before, symbol, .. } = self.0[prefix];
         (prefix != 0).then_some((symbol, before == 0))
     }
 
@@ -69,7 +83,7 @@ impl Prefixes {
         let mut reversed = Vec::new();
         while let Some((symbol, is_first)) = self.last(prefix) {
             reversed.push(if is_first { first } else { rest }.names[symbol]);
-            prefix = self.nodes[prefix].0;
+            prefix = self.0[prefix].before;
         }
         reversed.into_iter().rev().collect()
     }
@@ -81,32 +95,41 @@ impl Prefixes {
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let blanks = columns.shares(BLANK);
-    let mut tried = Prefixes { nodes: vec![(0, 0)], longer: BTreeMap::new() };
+    let mut tried = Prefixes(vec![Prefix::default()]);
     let mut beam = vec![(0, Ends { in_blank: 1.0, in_letter: 0.0 })];
     let mut ln_scale = 0.0;
+    let mut steps: Vec<(usize, Ends)> = Vec::new();
     for (at, blank) in blanks.iter().enumerate() {
-        let mut next: BTreeMap<usize, Ends> = BTreeMap::new();
+        steps.clear();
         for (prefix, ends) in &beam {
             let last = tried.last(*prefix);
             let own = last.map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
                 (table.names[symbol], table.shares[symbol][at])
             });
-            let same = next.entry(*prefix).or_default();
-            same.in_blank += ends.sum() * blank;
-            same.in_letter += ends.in_letter * own.map_or(0.0, |(_, share)| share);
+            let in_letter = ends.in_letter * own.map_or(0.0, |(_, share)| share);
+            steps.push((*prefix, Ends { in_blank: ends.sum() * blank, in_letter }));
             let table = if last.is_none() { &first } else { &rest };
-            for (symbol, (name, shares)) in table.names.iter().zip(&table.shares).enumerate() {
-                if shares[at] <= LEAST_STEP {
-                    continue;
-                }
+            for &symbol in &table.tried[at] {
                 // A letter follows itself after a blank only.
-                let again = own.is_some_and(|(own, _)| own == *name);
+                let again = own.is_some_and(|(own, _)| own == table.names[symbol]);
                 let from = if again { ends.in_blank } else { ends.sum() };
-                next.entry(tried.and(*prefix, symbol)).or_default().in_letter += from * shares[at];
+                let in_letter = from * table.shares[symbol][at];
+                steps.push((tried.and(*prefix, symbol), Ends { in_blank: 0.0, in_letter }));
             }
         }
-        beam = next.into_iter().collect();
+        // Stable, so that sums are always taken in the same order.
+        steps.sort_by_key(|(prefix, _)| *prefix);
+        beam.clear();
+        for &(prefix, ends) in &steps {
+            match beam.last_mut() {
+                Some((last, sum)) if *last == prefix => {
+                    sum.in_blank += ends.in_blank;
+                    sum.in_letter += ends.in_letter;
+                }
+                _ => beam.push((prefix, ends)),
+            }
+        }
         beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()));
         beam.truncate(N_PREFIXES);
         let most = beam.first().map_or(1.0, |(_, ends)| ends.sum());

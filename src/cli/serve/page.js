@@ -118,21 +118,25 @@ function showVerdict(verdict) {
     return chip;
   }));
 }
-function showLive({ photo, verdict, flight_s, stops, obstacles }) {
+function warn(texts) {
+  for (const textContent of texts.filter(Boolean)) {
+    $("#facts").append(" ", Object.assign(document.createElement("span"), { className: "stop", textContent }));
+  }
+}
+function showLive({ photo, verdict, flight_s, obstacles }) {
   const img = $("#photo img");
   img.src = photo;
   img.alt = t("alt", { title: title() });
   showVerdict(verdict);
   $("#facts").textContent = t("facts", { seconds: Math.round(flight_s) });
-  for (const text of [stops && t("stops", { stops }), ...obstacles].filter(Boolean)) {
-    $("#facts").append(Object.assign(document.createElement("span"), { className: "stop", textContent: " " + text }));
-  }
+  warn(obstacles);
   document.body.dataset.shown = title();
 }
 function showLarge(shot) {
   kept = shot.id;
   $("#photo img").src = `photos/${kept}/photo.png`;
   showVerdict(shot.word === undefined ? null : shot);
+  warn([shot.stops && t("stops", shot)]);
   for (const link of $$("#done a")) link.href = `photos/${kept}/${link.download}`;
   $("#done").hidden = false;
   $("#advice").replaceChildren(...shot.remedies.map(({ change: text, gain, set }) => {

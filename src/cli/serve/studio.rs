@@ -87,8 +87,7 @@ impl Studio {
                     reader.score(&shot.photo, &View::from(&shot.camera)).map(Some)
                 }
             };
-            let rest = || (shot.photo.jpeg(JPEG_QUALITY), args.stops(&shoot, &shot.flights));
-            let (verdict, (jpeg, stops)) = rayon::join(judge, rest);
+            let (verdict, jpeg) = rayon::join(judge, || shot.photo.jpeg(JPEG_QUALITY));
             let obstacles = shot.problems.iter().filter(|problem| problem.is_obstacle());
             let obstacles: Vec<String> = obstacles.map(|it| it.sentence(mentioned)).collect();
             let flight_s = shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
@@ -96,7 +95,6 @@ impl Studio {
                 "photo": format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg)),
                 "verdict": verdict?.as_ref().map(|verdict| show::verdict_json(Some(verdict), None)),
                 "flight_s": flight_s,
-                "stops": stops?,
                 "obstacles": obstacles,
             }))
         })
