@@ -53,7 +53,8 @@ function settings() {
     set["plan.lights"] = JSON.stringify([lamp]);
     const wrgb = name => lamp !== "ring" && name === "white" ? [255, 0, 0, 0] : [0, ...COLORS[name]];
     const letters = subject().word ? [...$("#word").value.replace(/\s/g, "")] : ["drawing"];
-    set["light.letters_wrgb"] = JSON.stringify(letters.map((_, i) => wrgb(painted[i] ?? color)));
+    // An SVG file has colors of its own.
+    if (!drawing) set["light.letters_wrgb"] = JSON.stringify(letters.map((_, i) => wrgb(painted[i] ?? color)));
   }
   if (body) { set["camera.body"] = body; set["camera.lens"] = BODIES[body]; }
   return set;
@@ -95,6 +96,7 @@ function reset() {
   $("#photo").classList.remove("busy");
   for (const id of ["#verdict", "#letters", "#facts"]) $(id).replaceChildren();
   $("#verdict").className = "";
+  $("#letters").hidden = false;
 }
 function fail({ error, hint }) {
   $("#photo").classList.remove("busy");
@@ -110,6 +112,7 @@ function showVerdict(verdict) {
   line.textContent = verdict
     ? t(verdict.legible ? "legible" : "illegible", { read: verdict.read.replace(/\n/g, " "), percent: Math.round(100 * verdict.readability) })
     : t("unjudged");
+  $("#letters").hidden = !verdict;
   $("#letters").replaceChildren(...(verdict?.letters ?? []).map(({ expected, best, p }) => {
     const chip = document.createElement("li");
     const reads = best && best !== expected ? `${expected} → ${best}` : expected;
