@@ -129,9 +129,13 @@ pub(crate) fn similar<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {
+    let most = |candidate: &str| 1 + candidate.len() / 4;
+    // Names differ by as much as their lengths at least: a name of a megabyte is like none at once.
+    let n_letters = name.chars().count();
+    let near = candidates.into_iter().filter(|it| n_letters.abs_diff(it.len()) <= most(it));
     let likeness = |candidate: &&str| strsim::damerau_levenshtein(name, candidate);
-    let nearest = candidates.into_iter().min_by_key(likeness)?;
-    (likeness(&nearest) <= 1 + nearest.len() / 4).then_some(nearest)
+    let nearest = near.min_by_key(likeness)?;
+    (likeness(&nearest) <= most(nearest)).then_some(nearest)
 }
 
 /// The error for a name that a choice does not have.

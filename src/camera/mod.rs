@@ -8,8 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 pub use bodies::{BodyModel, CustomBody, CustomLens, LensModel};
 pub(crate) use options::check_size;
 pub use options::{
-    CameraOptions, FixedPose, Framing, MAX_PIXELS, MAX_SIDE_PX, Metering, TrailMetering,
-    WordFraming,
+    CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering, TrailMetering, WordFraming,
 };
 pub use outside::Outside;
 pub use white_balance::WhiteBalance;

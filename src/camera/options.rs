@@ -8,7 +8,7 @@ use crate::geometry::{camera_from_orientation, camera_from_world};
 use crate::settings::{Described, settings};
 
 /// Largest width and height of a picture.
-pub const MAX_SIDE_PX: u32 = 16_384;
+const MAX_SIDE_PX: u32 = 16_384;
 
 /// Most pixels of a picture: 768 MiB of film at 12 bytes a pixel.
 pub const MAX_PIXELS: u64 = 1 << 26;

@@ -104,7 +104,7 @@ pub fn dark(plan: &Plan) -> Result<Vec<Command>> {
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
 #[must_use]
-pub fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
+pub(crate) fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
     let mut parameters = vec![("led.bitmask", BOARD_DARK)];
     if plan.lights.contains_key("color-led") {
         parameters.push(("colorLedBot.wrgb8888", 0));

@@ -31,7 +31,8 @@ mod vviz;
 pub(crate) mod zip;
 
 pub use cflib::Mode;
-pub use on_board::{Form, Length, flown, take_off_s};
+use on_board::take_off_s;
+pub use on_board::{Form, Length, flown};
 
 settings! {
     /// Form of exported files.

@@ -57,7 +57,7 @@ pub enum Length {
 }
 
 /// Plans as they are flown with trajectories that all start together. Time zero is the command to
-/// take off, [`take_off_s`].
+/// take off.
 ///
 /// # Errors
 ///
@@ -104,7 +104,7 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
 /// # Errors
 ///
 /// [`Error::Input`] for plans without letters, [`Error::Infeasible`] for those that reach the floor.
-pub fn take_off_s(plans: &[Plan]) -> Result<f64> {
+pub(super) fn take_off_s(plans: &[Plan]) -> Result<f64> {
     Ok(zero_s(earliest_s(plans)?))
 }
 

@@ -93,7 +93,8 @@ impl LampReading {
 /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly over
 /// a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
 #[must_use]
-pub fn trail_exposure_lx_s(
+#[cfg(test)]
+fn trail_exposure_lx_s(
     intensity_cd: f64,
     camera: &Camera,
     distance_m: f64,

@@ -5,7 +5,7 @@ use kurbo::{BezPath, PathEl, Point};
 
 /// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without one.
 #[must_use]
-pub fn glyph_outline(face: &impl Font, glyph: GlyphId) -> Option<BezPath> {
+pub(super) fn glyph_outline(face: &impl Font, glyph: GlyphId) -> Option<BezPath> {
     let point = |p: ab_glyph::Point| Point::new(f64::from(p.x), f64::from(p.y));
     let mut path = BezPath::new();
     let mut pen_at = None;

@@ -24,7 +24,6 @@ mod vector;
 use crate::digest::Digest;
 use crate::geometry::bounds;
 
-pub use curves::glyph_outline;
 pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;

@@ -70,7 +70,7 @@ pub fn crazyflie() -> Vec<Fixture> {
 /// below the drone sees the spinner's helix, and the team's camera, above it, saw only the glow on
 /// the floor.
 #[must_use]
-pub fn led_ring() -> Vec<Fixture> {
+pub(super) fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
         drive: Drive::Command("headlights".into()),
@@ -127,7 +127,7 @@ const PLACES: [[f64; 2]; 12] = [
 /// Assumptions: the dome lets all of it through and spills 20 % sideways; 10 mm across; pulse width
 /// at 1 kHz. Its throttling when hot is not modeled.
 #[must_use]
-pub fn color_led() -> Vec<Fixture> {
+pub(super) fn color_led() -> Vec<Fixture> {
     let die = |intensity_cd, chromaticity| Die { intensity_cd, chromaticity };
     vec![Fixture {
         name: "color LED".into(),

@@ -2,7 +2,7 @@
 
 /// Linear light 0…1 for an encoded value 0…1.
 #[must_use]
-pub fn linear_from_encoded(encoded: f64) -> f64 {
+pub(super) fn linear_from_encoded(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
 }
 

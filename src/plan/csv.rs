@@ -13,16 +13,16 @@ use crate::flight::table::{Table, write_table};
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
 /// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
-/// adds [`SENT_COLUMNS`], timed light commands add [`LIT_COLUMN`] before the light channels.
+/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light channels.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
 ];
 
 /// Columns of the positions that are sent, where they differ from the design.
-pub const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
+const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
 /// Column of the design's light level, where light commands are sent ahead of it.
-pub const LIT_COLUMN: &str = "lit";
+const LIT_COLUMN: &str = "lit";
 
 impl Plan {
     /// Writes the plan as CSV, on the grid of 1e-6.

@@ -38,7 +38,6 @@ pub use hold::hold_figure;
 pub use labels::{Label, labeled};
 pub use overlay::{overlay_photo, overlay_svg};
 pub use page::Page;
-pub use place::shot_plan;
 pub use plans::plan_view;
 pub use sheet::{spread_sheet, study_sheet};
 pub use shot::{ShotNotes, shot_page};

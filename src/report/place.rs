@@ -21,7 +21,7 @@ const STATION: Rgb = [204, 121, 167];
 /// The shot plan from above (x to the right, y away from the camera) and from the left (y to the
 /// right, z up). SVG. Lengths in meters; the word's plane is y = 0.
 #[must_use]
-pub fn shot_plan(shot: &Shot) -> [String; 2] {
+pub(super) fn shot_plan(shot: &Shot) -> [String; 2] {
     let things = things(shot);
     [
         view(&things, "from above", [0, 1], ["x", "y"]),

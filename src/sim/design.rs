@@ -38,7 +38,7 @@ pub const STATES: [&str; 15] = [
 ];
 /// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors'
 /// output.
-pub const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
+const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 

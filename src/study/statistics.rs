@@ -66,7 +66,7 @@ pub fn mean(values: &[f64]) -> f64 {
 
 /// Standard error of the mean; 0 of fewer than two values.
 #[must_use]
-pub fn standard_error(values: &[f64]) -> f64 {
+pub(super) fn standard_error(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: Vec<f64> = values.iter().map(|v| (v - middle) * (v - middle)).collect();
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
@@ -92,7 +92,7 @@ pub fn median(values: &mut [f64]) -> f64 {
 /// Mean of all values with its 95 % interval by Student's t: of the values within strata, or of all
 /// of them where a stratum has fewer than two; from `-infinity` to `infinity` of a single value.
 #[must_use]
-pub fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
+pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(&strata.concat());
     let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
@@ -112,7 +112,7 @@ pub fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
 /// it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as failures in one of
 /// ten flights, it cannot know: 87 % at 20 values.
 #[must_use]
-pub fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
+pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(&strata.concat());
     let Some(Spread { n, freedom, variance }) = Spread::of(strata) else {
         return Estimate { value, low: 0.0, high: 1.0 };
@@ -193,7 +193,7 @@ pub fn center(differences: &[f64], level: f64) -> Option<Estimate> {
 
 /// Least number of differences that [`center`] needs at `level`.
 #[must_use]
-pub fn least_for_center(level: f64) -> u32 {
+pub(super) fn least_for_center(level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
     let least = libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32;
     least
@@ -262,7 +262,7 @@ fn student_t(freedom: f64) -> f64 {
 /// A statistic of all values together, with its interval at `level` (0.95: two and a half percent lie
 /// beyond either end).
 #[must_use]
-pub fn bootstrap(
+pub(super) fn bootstrap(
     strata: &[Vec<f64>],
     level: f64,
     statistic: impl Fn(&mut [f64]) -> f64,
