@@ -49,7 +49,7 @@ pub struct Design {
     /// columns more where it is designed for rotors that lag. `None` for a controller that is no
     /// regulator.
     pub k: Option<DMatrix<f64>>,
-    /// Its columns: the first of [`STATES`], and [`ROTOR_STATES`].
+    /// Its columns: the first of [`STATES`], and those of the rotors.
     pub states: Vec<&'static str>,
     /// States that the controller has of its own, beside the twelve of the drone: integrals, last
     /// measurements, filters, modeled rotors.

@@ -3,7 +3,7 @@
 //! | figure | interval |
 //! |---|---|
 //! | mean | Student's t, within strata (the flights of a word) where each has two values |
-//! | mean of probabilities | the same on the scale of log-odds ([`mean_of_probabilities`]) |
+//! | mean of probabilities | the same on the scale of log-odds (`mean_of_probabilities`) |
 //! | share | Wilson (1927); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
 //! | tail | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
@@ -28,7 +28,7 @@ const SUBSETS: usize = 20_000;
 const ALL_SUBSETS_OF: usize = 14;
 
 /// Weight, in values, of what is assumed of probabilities before any is seen
-/// ([`mean_of_probabilities`]). More widens the intervals of few values: with 1, those of six hold
+/// (`mean_of_probabilities`). More widens the intervals of few values: with 1, those of six hold
 /// the mean in 99 % of cases; with 0, in 88 to 95 %.
 const PRIOR_VALUES: f64 = 0.5;
 
@@ -108,7 +108,7 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
 /// Few values of a skewed law often lack its rare low ones, and their own spread is then too small.
 /// So half a value is added to them: 1/2 to the mean, and to the variance the largest that values
 /// from 0 to 1 of that mean can have. Simulated for nine laws and 6 to 50 values, the interval holds
-/// the mean in 94 to 99.8 % of cases, that of [`mean_of_strata`] in 79 to 95 %; a bootstrap-t one holds
+/// the mean in 94 to 99.8 % of cases, that of `mean_of_strata` in 79 to 95 %; a bootstrap-t one holds
 /// it in 88 to 98 %, and is up to 1.7 times as wide. What no value shows, such as failures in one of
 /// ten flights, it cannot know: 87 % at 20 values.
 #[must_use]
