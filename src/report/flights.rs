@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::figure::{
     BLACK, BLUE, Curve, Figure, GRAY, Mark, PANEL_WIDTH_PX, Panel, Pen, VERMILION,
 };
-use crate::flight::FlightSample;
 use crate::flight::tracking::CORRIDOR_M;
+use crate::flight::{BATTERY_V, Flight, FlightSample};
 
 /// A flight to draw.
 #[derive(Clone, Debug)]
@@ -95,12 +95,77 @@ pub fn error_over_time(traces: &[Trace]) -> String {
     .svg()
 }
 
+/// Samples of a simulated flight of which the strongest motor is drawn: 50 ms.
+const LOAD_SAMPLES: usize = 12;
+/// A motor's command at full power.
+const FULL: f64 = 65_535.0;
+
+/// The load of drones over time: the command of the strongest motor and, of drones with a battery, its
+/// voltage. SVG.
+pub(super) fn load_over_time(flights: &[Flight]) -> String {
+    let name = |(index, _): (usize, &Flight)| (format!("drone {}", index + 1), pen(index));
+    let power = load_curves(flights, |flight, window| {
+        let time_s = flight.samples[window.start].time_s;
+        let motors = flight.samples[window].iter().flat_map(|sample| sample.motors);
+        Some((time_s, 100.0 * motors.fold(0.0, f64::max) / FULL))
+    });
+    let volts = load_curves(flights, |flight, window| {
+        let at = window.start;
+        Some((flight.samples[at].time_s, *flight.extra.get(BATTERY_V)?.get(at)?))
+    });
+    let places = |curves: &[Curve]| -> Vec<(f64, f64)> {
+        curves.iter().flat_map(|curve| curve.pieces.iter().flatten().copied()).collect()
+    };
+    let x = range(places(&power).iter().map(|(time_s, _)| *time_s));
+    let y = range(places(&volts).iter().map(|(_, volts)| *volts));
+    let panel = |y_name, y, curves| Panel {
+        x: x.clone(),
+        y,
+        height_px: 150.0,
+        y_name,
+        curves,
+        marks: Vec::new(),
+    };
+    let mut panels = vec![panel("strongest motor (%)", 0.0..105.0, power)];
+    if y.start <= y.end {
+        panels.push(panel("battery (V)", y.start - 0.05..y.end + 0.05, volts));
+    }
+    Figure {
+        title: "Load of motors and battery".to_owned(),
+        legend: flights.iter().enumerate().map(name).collect(),
+        x_name: "time (s)",
+        panels,
+    }
+    .svg()
+}
+
+/// A curve a drone, with a place for each window of its samples.
+fn load_curves(
+    flights: &[Flight],
+    place: impl Fn(&Flight, Range<usize>) -> Option<(f64, f64)>,
+) -> Vec<Curve> {
+    let curve = |(index, flight): (usize, &Flight)| {
+        let n = flight.samples.len();
+        let firsts = (0..n).step_by(LOAD_SAMPLES);
+        let piece = firsts.filter_map(|at| place(flight, at..n.min(at + LOAD_SAMPLES)));
+        Curve { pen: pen(index), pieces: vec![piece.collect()] }
+    };
+    flights.iter().enumerate().map(curve).collect()
+}
+
+/// From the least to the largest value.
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let nothing = f64::INFINITY..f64::NEG_INFINITY;
+    values.fold(nothing, |range, value| range.start.min(value)..range.end.max(value))
+}
+
+fn pen(index: usize) -> Pen {
+    Pen { color: [BLUE, VERMILION][index % 2], width_px: 1.75 }
+}
+
 /// The last trace first, so that the first lies on top.
 fn pens(traces: &[Trace]) -> impl Iterator<Item = (&Trace, Pen)> {
-    let colors = [BLUE, VERMILION].into_iter().cycle();
-    let pens = colors.map(|color| Pen { color, width_px: 1.75 });
-    let pairs: Vec<_> = traces.iter().zip(pens).collect();
-    pairs.into_iter().rev()
+    traces.iter().enumerate().map(|(index, trace)| (trace, pen(index))).rev()
 }
 
 /// The legend of the traces of one's choice, the first on top.

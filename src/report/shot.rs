@@ -1,12 +1,12 @@
 //! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
-use super::flights::{Trace, error_over_time, front_view, top_view};
+use super::flights::{Trace, error_over_time, front_view, load_over_time, top_view};
 use super::overlay::marks_svg;
 use super::page::Page;
 use super::place::shot_plan;
 use super::plans::plan_view;
 use crate::error::Result;
-use crate::flight::{Flight, FlightSample};
+use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
 use crate::preflight::{Checked, Severity};
 use crate::scene::Change;
@@ -123,8 +123,11 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
         return page;
     }
-    let drawings = [front_view(&traces), top_view(&traces), error_over_time(&traces)];
-    let drawings: Vec<&String> = drawings.iter().chain(notes.drawings).collect();
+    let mut drawings = vec![front_view(&traces), top_view(&traces), error_over_time(&traces)];
+    if shot.flights.iter().all(|flight| !flight.unlogged.contains(&Quantity::Motors)) {
+        drawings.push(load_over_time(&shot.flights));
+    }
+    drawings.extend_from_slice(notes.drawings);
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 

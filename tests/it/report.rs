@@ -18,6 +18,8 @@ fn a_report_says_what_was_seen_flown_and_set_and_needs_nothing_else() {
         "<h2>Safety sheet</h2>",
         "<td>battery</td>",
         "<h2>Camera</h2>",
+        "Load of motors and battery",
+        "battery (V)",
         "Shot plan from above",
         "take-off",
         "station 2",
