@@ -151,14 +151,7 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes {
-        word,
-        font: Some(font.clone()),
-        glyphs,
-        order: StrokeOrder::Free,
-        times_s: Vec::new(),
-        colors: Vec::new(),
-    }
+    Strokes { word, font: Some(font.clone()), glyphs, order: StrokeOrder::Free, colors: Vec::new() }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

@@ -3,7 +3,7 @@
 //! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves of
 //! the pen, lit or dark. The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
 //!
-//! Letters know no speed and no drone.
+//! Letters know no drone, and of speed only the pace in which handwriting was written.
 
 mod center_line;
 mod charstrings;
@@ -28,7 +28,7 @@ pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;
-pub use options::{Align, LetterOptions, Trace};
+pub use options::{Align, LetterOptions, Pace, Trace};
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
@@ -43,9 +43,6 @@ pub struct Strokes {
     pub glyphs: Vec<Glyph>,
     /// Whether the strokes may be reordered.
     pub order: StrokeOrder,
-    /// When the writer's pen began and ended each move of all glyphs, in seconds from its first;
-    /// empty unless they were handwritten.
-    pub times_s: Vec<[f64; 2]>,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
 }
@@ -95,6 +92,9 @@ pub struct Move {
     pub to_m: [f64; 2],
     /// Whether the lights are on.
     pub lit: bool,
+    /// Speed as a share of the stroke speed: 1 but for handwriting in its writer's pace
+    /// ([`Pace::Written`]).
+    pub pace: f64,
 }
 
 impl Strokes {
@@ -104,8 +104,8 @@ impl Strokes {
         let mut digest = Digest::default();
         digest.add(&self.word);
         for step in self.glyphs.iter().flat_map(|glyph| &glyph.moves) {
-            let Move { from_m, to_m, lit } = step;
-            let lit = f64::from(u8::from(*lit));
+            let Move { from_m, to_m, lit, pace } = step;
+            let lit = f64::from(u8::from(*lit)) * pace;
             digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit]);
         }
         digest.hex()

@@ -24,6 +24,8 @@ settings! {
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
         smoothing_m: f64 = 0.005, in 0.0..=1.0;
+        /// Speed along the strokes of handwriting whose points have times.
+        pace: Pace = Pace::Even, for "plan.style" = "even";
         /// Height of a capital.
         cap_height_m: f64 = 0.5, in 0.01..=100.0;
         /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`), by default 0.6 cap
@@ -52,6 +54,15 @@ settings! {
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
+    }
+
+    /// Speed along the strokes of handwriting.
+    pub enum Pace {
+        /// One speed, the plan's stroke speed.
+        "even" => Even,
+        /// The writer's: where the pen was slower than its mean speed, the drone is slower than the
+        /// stroke speed in proportion, down to a quarter of it, and its light is brighter.
+        "written" => Written,
     }
 
     /// Horizontal alignment of a line.

@@ -83,7 +83,7 @@ pub(super) fn pen_moves(runs: &[Run], place: impl Fn([f64; 2]) -> [f64; 2]) -> V
         let to_m = place(run.points[0]);
         let from_m = moves.last().map_or(to_m, |last| last.to_m);
         if moves.is_empty() || from_m != to_m {
-            moves.push(Move { from_m, to_m, lit: false });
+            moves.push(Move { from_m, to_m, lit: false, pace: 1.0 });
         }
         moves.extend(legs(run, &place));
     }
@@ -92,7 +92,13 @@ pub(super) fn pen_moves(runs: &[Run], place: impl Fn([f64; 2]) -> [f64; 2]) -> V
 
 fn legs(run: &Run, place: impl Fn([f64; 2]) -> [f64; 2]) -> impl Iterator<Item = Move> {
     let lit = run.lit;
-    run.points.windows(2).map(move |leg| Move { from_m: place(leg[0]), to_m: place(leg[1]), lit })
+    let step = move |[from, to]: [[f64; 2]; 2]| Move {
+        from_m: place(from),
+        to_m: place(to),
+        lit,
+        pace: 1.0,
+    };
+    run.points.windows(2).map(move |leg| step([leg[0], leg[1]]))
 }
 
 #[cfg(test)]

@@ -115,7 +115,7 @@ impl Course<'_> {
     }
 
     fn motion(&self, stroke: &PenStroke) -> Motion {
-        Motion::new(&stroke.points_m, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
+        Motion::new(stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
     }
 
     /// A transit to a state.

@@ -9,6 +9,7 @@
 use nalgebra::Vector2;
 
 use super::EvenStyle;
+use super::pen::PenStroke;
 use super::smoothing::Smoothing;
 use super::speed::profile;
 
@@ -43,16 +44,11 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion along a polyline at a speed, lasting a multiple of `tick_s`.
-    pub(super) fn new(
-        points_m: &[Vector2<f64>],
-        speed_m_s: f64,
-        style: &EvenStyle,
-        tick_s: f64,
-    ) -> Self {
+    /// The motion along a stroke at a speed, lasting a multiple of `tick_s`.
+    pub(super) fn new(stroke: &PenStroke, speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
         let smoothing = Smoothing::new(speed_m_s, style);
-        let origin_m = points_m[0];
-        let nodes = profile(points_m, &smoothing, speed_m_s);
+        let origin_m = stroke.points_m[0];
+        let nodes = profile(stroke, &smoothing, speed_m_s);
         let mut pen = Pen::default();
         // The pen starts before the stroke and ends beyond it: the ends are no corners.
         let reach_s = smoothing.reach_s();
@@ -153,8 +149,8 @@ mod tests {
 
     fn motion(points: &[[f64; 2]], speed_m_s: f64, corner_error_m: f64) -> Motion {
         let style = EvenStyle { corner_error_m, ..EvenStyle::default() };
-        let points: Vec<_> = points.iter().map(|p| Vector2::from(*p)).collect();
-        Motion::new(&points, speed_m_s, &style, 0.05)
+        let stroke = PenStroke::even(0, points.iter().map(|p| Vector2::from(*p)).collect());
+        Motion::new(&stroke, speed_m_s, &style, 0.05)
     }
 
     /// Largest distance from the motion to a polyline, speed, acceleration and jerk.

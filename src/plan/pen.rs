@@ -16,6 +16,8 @@ pub(super) struct PenStroke {
     pub(super) letter: usize,
     /// Its corners in the plane of the word, at least two, neighbors apart.
     pub(super) points_m: Vec<Vector2<f64>>,
+    /// Speed along each leg, as a share of the stroke speed.
+    pub(super) pace: Vec<f64>,
 }
 
 /// A way to draw a stroke: how it is entered and left.
@@ -45,8 +47,14 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             match runs.last_mut().filter(|run| {
                 open && run.points_m.last().is_some_and(|end| (end - from).norm() <= SAME_M)
             }) {
-                Some(run) => run.points_m.push(to),
-                None => runs.push(PenStroke { letter, points_m: vec![from, to] }),
+                Some(run) => {
+                    run.points_m.push(to);
+                    run.pace.push(leg.pace);
+                }
+                None => {
+                    let (points_m, pace) = (vec![from, to], vec![leg.pace]);
+                    runs.push(PenStroke { letter, points_m, pace });
+                }
             }
             open = true;
         }
@@ -55,6 +63,13 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
 }
 
 impl PenStroke {
+    /// A stroke in an even pace.
+    #[cfg(test)]
+    pub(super) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
+        let pace = vec![1.0; points_m.len() - 1];
+        Self { letter, points_m, pace }
+    }
+
     /// Whether it ends where it began.
     fn closed(&self) -> bool {
         let (first, last) = (self.points_m[0], self.points_m[self.points_m.len() - 1]);
@@ -65,26 +80,28 @@ impl PenStroke {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
 
-    /// Its corners in the order of a way.
-    pub(super) fn points_along(&self, way: usize) -> Vec<Vector2<f64>> {
-        let mut points = self.points_m.clone();
+    /// The same stroke, drawn a way.
+    pub(super) fn along(&self, way: usize) -> Self {
+        let Self { letter, mut points_m, mut pace } = self.clone();
         if way >= 2 {
-            let n = points.len() - 1;
-            points.pop();
-            points.rotate_left(way / 2 * n / self.starts());
-            points.push(points[0]);
+            let begin = way / 2 * pace.len() / self.starts();
+            points_m.pop();
+            points_m.rotate_left(begin);
+            points_m.push(points_m[0]);
+            pace.rotate_left(begin);
         }
         if way % 2 == 1 {
-            points.reverse();
+            points_m.reverse();
+            pace.reverse();
         }
-        points
+        Self { letter, points_m, pace }
     }
 
     /// All ways to draw it, entered and left at the speed of strokes. Way `2 k + 1` is way `2 k`
     /// backward; way 0 is as drawn.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let way = |way: usize| {
-            let points = self.points_along(way);
+            let points = self.along(way).points_m;
             let n = points.len();
             Way {
                 start_m: points[0],
@@ -98,7 +115,16 @@ impl PenStroke {
     }
 
     pub(super) fn length_m(&self) -> f64 {
-        self.points_m.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum()
+        self.lengths_m().sum()
+    }
+
+    /// Time along it, corners not counted.
+    pub(super) fn duration_s(&self, speed_m_s: f64) -> f64 {
+        self.lengths_m().zip(&self.pace).map(|(leg_m, pace)| leg_m / (pace * speed_m_s)).sum()
+    }
+
+    fn lengths_m(&self) -> impl Iterator<Item = f64> {
+        self.points_m.windows(2).map(|leg| (leg[1] - leg[0]).norm())
     }
 }
 
@@ -125,7 +151,7 @@ mod tests {
         let ways = o.ways(0.2);
         assert_eq!(ways.len(), 8, "four corners, both ways round");
         for (index, way) in ways.iter().enumerate() {
-            let points = o.points_along(index);
+            let points = o.along(index).points_m;
             let length: f64 = points.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
             assert!((length - 1.6).abs() < 1e-12, "way {index}");
             let back = ways[index ^ 1];

@@ -1,5 +1,5 @@
-//! Speed of the pen along a polyline: the stroke speed, and less before and in corners that turn too
-//! far for it.
+//! Speed of the pen along a polyline: the stroke speed or each leg's share of it, and less before and in
+//! corners that turn too far for it.
 //!
 //! Method: where the velocity would turn by more than the smoothing allows within its time, all
 //! corners of that window are slowed by 5 %, repeatedly; a forward and a backward pass along the
@@ -7,6 +7,7 @@
 
 use nalgebra::Vector2;
 
+use super::pen::PenStroke;
 use super::smoothing::Smoothing;
 
 /// A point of the path and the speed there; between two of them the acceleration is constant.
@@ -26,18 +27,19 @@ const NEAR: f64 = 1.05;
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
-/// The path with its speeds: as fast as the smoothing and the acceleration allow.
+/// The stroke with its speeds: as fast as its pace, the smoothing and the acceleration allow.
 pub(super) fn profile(
-    points_m: &[Vector2<f64>],
+    stroke: &PenStroke,
     smoothing: &Smoothing,
     stroke_speed_m_s: f64,
 ) -> Vec<Node> {
+    let PenStroke { points_m, pace, .. } = stroke;
     let fastest_m_s = stroke_speed_m_s;
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
-    let node = |position_m: Vector2<f64>| Node { position_m, speed_m_s: fastest_m_s };
-    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) {
-        return points_m.iter().copied().map(node).collect();
+    let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * fastest_m_s };
+    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && pace.iter().all(|pace| *pace == 1.0) {
+        return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }
     // Nodes are close enough for a slow corner to be slow alone.
     let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
@@ -51,12 +53,12 @@ pub(super) fn profile(
         let n = (length_m / step_m).ceil().max(1.0);
         let mut k = 0.0;
         while k < n {
-            nodes.push(node(leg[0].lerp(&leg[1], k / n)));
+            nodes.push(node(leg[0].lerp(&leg[1], k / n), pace[index]));
             at_m.push(corners.at_m[index] + length_m * k / n);
             k += 1.0;
         }
     }
-    nodes.push(node(points_m[points_m.len() - 1]));
+    nodes.push(node(points_m[points_m.len() - 1], pace[pace.len() - 1]));
     at_m.push(corners.at_m[points_m.len() - 1]);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
     limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
@@ -162,7 +164,8 @@ mod tests {
     #[test]
     fn speeds_rise_and_fall_with_the_acceleration() {
         let points = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]].map(Vector2::from);
-        let nodes = profile(&points, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
+        let stroke = PenStroke::even(0, points.to_vec());
+        let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
         let mut fastest = 0.0_f64;
         for pair in nodes.windows(2) {
             let length_m = (pair[1].position_m - pair[0].position_m).norm();
@@ -171,5 +174,16 @@ mod tests {
             fastest = fastest.max(pair[0].speed_m_s);
         }
         assert_eq!(fastest, 0.5);
+    }
+
+    #[test]
+    fn legs_keep_their_pace_but_for_the_way_to_speed_up() {
+        let points = [0.0, 1.0, 2.0].map(|x| Vector2::new(x, 0.0)).to_vec();
+        let stroke = PenStroke { pace: vec![1.0, 0.5], ..PenStroke::even(0, points) };
+        let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
+        // From 0.25 to 0.5 m/s at 2 m/s² takes 47 mm.
+        let speed_at = |x| nodes.iter().find(|node| node.position_m.x >= x).unwrap().speed_m_s;
+        assert_eq!([0.0, 0.95, 1.0, 1.9].map(speed_at), [0.5, 0.5, 0.25, 0.25]);
+        assert!(speed_at(0.98) < 0.4, "braked before the slow leg: {}", speed_at(0.98));
     }
 }

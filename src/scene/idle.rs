@@ -16,7 +16,11 @@ type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
     (&["letters.trace"], |s| !is_typeface(s), "letters.font is no typeface"),
-    (&["letters.smoothing_m"], |s| !is_handwriting(s), "letters.drawing is no handwriting"),
+    (
+        &["letters.smoothing_m", "letters.pace"],
+        |s| !is_handwriting(s),
+        "letters.drawing is no handwriting",
+    ),
     (
         &["letters.tolerance_m"],
         |s| s.letters.drawing.is_empty() && !is_typeface(s),
@@ -103,7 +107,9 @@ fn is_typeface(scene: &Scene) -> bool {
 }
 
 fn is_handwriting(scene: &Scene) -> bool {
-    [".json", ".inkml"].iter().any(|end| scene.letters.drawing.to_lowercase().ends_with(end))
+    [".json", ".inkml", ".xml"]
+        .iter()
+        .any(|end| scene.letters.drawing.to_lowercase().ends_with(end))
 }
 
 fn has_boxes(scene: &Scene) -> bool {

@@ -7,13 +7,13 @@
 use std::path::Path;
 
 use super::center_line::ring;
-use super::options::{Align, LetterOptions};
+use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
-use super::{Cell, Glyph, StrokeOrder, Strokes};
+use super::{Cell, Glyph, Move, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 use crate::files::Limit;
-use crate::geometry::{arc_lengths, bounds, simplify};
+use crate::geometry::{arc_lengths, bounds, distance, simplify};
 
 mod css;
 mod handwriting;
@@ -41,6 +41,9 @@ const CANVAS: [f64; 2] = [4.0, 1.0];
 /// Spacing of points at which handwriting is smoothed, by its height.
 const SPACING: f64 = 0.01;
 
+/// Slowest pace of handwriting, as a share of the stroke speed.
+const SLOWEST: f64 = 0.25;
+
 /// Radius of the ring that a tap of the pen becomes, by the drawing's height.
 const TAP: f64 = 0.02;
 
@@ -66,8 +69,8 @@ struct Trace {
 /// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. A path has the color of its stroke, or else of its
 /// fill; a gradient is black. Clips, masks, filters, patterns, pictures, markers on
-/// markers and text are not drawn. Handwriting keeps its order and times, and is smoothed by at most
-/// [`LetterOptions::smoothing_m`].
+/// markers and text are not drawn. Handwriting keeps its order and direction, is smoothed by at most
+/// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
@@ -102,7 +105,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             if ink == Ink::Alike {
                 colors.clear();
             }
-            Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free, Vec::new()) })
+            Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free) })
         }
         Some("json") => write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, &file),
         Some("inkml" | "xml") => {
@@ -123,25 +126,33 @@ fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Stro
     }
     let points = traces.iter().flat_map(|trace| trace.points.iter().copied());
     let placing = Placing::new(bounds(points), options, file)?;
-    let timed = traces.iter().all(|trace| trace.times_s.len() == trace.points.len());
-    let start_s = traces.first().and_then(|trace| trace.times_s.first()).copied().unwrap_or(0.0);
-    let (mut runs, mut times_s) = (Vec::new(), Vec::new());
+    let (mut runs, mut lasts_s) = (Vec::new(), Vec::new());
     for trace in &traces {
         let line = placing.run(&trace.points).points;
-        let (line, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
-        let before = runs.last().map(|run: &Run| run.points[run.points.len() - 1]);
-        if timed {
-            // Like the moves: to the stroke's beginning in the dark, unless the pen is there.
-            let begin_s = when[0] - start_s;
-            if before != Some(line[0]) {
-                let left_s = times_s.last().map_or(begin_s, |last: &[f64; 2]| last[1]);
-                times_s.push([left_s, begin_s]);
-            }
-            times_s.extend(when.windows(2).map(|t| [t[0] - start_s, t[1] - start_s]));
-        }
-        runs.push(Run { lit: true, points: line });
+        let (points, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
+        let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
+        let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
+        lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
+        runs.push(Run { lit: true, points });
     }
-    Ok(placing.strokes(vec![runs], StrokeOrder::Kept, times_s))
+    let mut strokes = placing.strokes(vec![runs], StrokeOrder::Kept);
+    if options.pace == Pace::Written {
+        set_pace(&mut strokes, &lasts_s);
+    }
+    Ok(strokes)
+}
+
+/// Gives lit moves the speed of the writer's pen, as a share of its mean speed, from how long it took
+/// for each; nothing is known where that is empty.
+fn set_pace(strokes: &mut Strokes, lasts_s: &[f64]) {
+    let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
+    let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
+    let length_m = |step: &Move| distance(step.from_m, step.to_m);
+    let whole_m: f64 = timed.iter().map(|(step, _)| length_m(step)).sum();
+    let mean_m_s = whole_m / lasts_s.iter().sum::<f64>();
+    for (step, leg_s) in timed.into_iter().filter(|(_, leg_s)| *leg_s > 0.0) {
+        step.pace = (length_m(step) / leg_s / mean_m_s).clamp(SLOWEST, 1.0);
+    }
 }
 
 /// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
@@ -231,12 +242,7 @@ impl Placing {
     }
 
     /// Glyphs, all of them as large as the drawing.
-    fn strokes(
-        &self,
-        glyphs: Vec<Vec<Run>>,
-        order: StrokeOrder,
-        times_s: Vec<[f64; 2]>,
-    ) -> Strokes {
+    fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> Strokes {
         let cell = Cell {
             left_m: self.left_m,
             baseline_m: self.bottom_m,
@@ -245,13 +251,11 @@ impl Placing {
         };
         let glyph = |runs: Vec<Run>| {
             let mut moves = pen_moves(&runs, |point| point);
-            if times_s.is_empty() {
-                moves.retain(|step| !step.lit || step.from_m != step.to_m);
-            }
+            moves.retain(|step| !step.lit || step.from_m != step.to_m);
             Glyph { character: DRAWING, cell, moves }
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
-        Strokes { word: String::new(), font: None, glyphs, order, times_s, colors: Vec::new() }
+        Strokes { word: String::new(), font: None, glyphs, order, colors: Vec::new() }
     }
 }
 

@@ -22,8 +22,7 @@ fn svg(body: &str) -> String {
 fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
     let moves = &strokes.glyphs[0].moves;
     let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
-    let length =
-        |m: &super::super::Move| libm::hypot(m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
+    let length = |m: &Move| libm::hypot(m.to_m[0] - m.from_m[0], m.to_m[1] - m.from_m[1]);
     let round = |p: [f64; 2]| p.map(|x| (x * 1e6).round() / 1e6);
     runs.map(|run| {
         (round(run[0].from_m), round(run[run.len() - 1].to_m), run.iter().map(length).sum())
@@ -87,8 +86,9 @@ const PAGE: &str = r#"{"app": "tablet", "strokes": [
     [[0, 0, 10.0], [0, 10, 10.5], [10, 10, 11.5]], [[5, 0, 12.0], [5, 10, 13.0]], [[10, 0, 14.0]]]}"#;
 
 #[test]
-fn handwriting_keeps_its_order_and_times() {
-    let options = LetterOptions { smoothing_m: 0.0, ..on_canvas(1.0, 1.0) };
+fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
+    let even = LetterOptions { smoothing_m: 0.0, ..on_canvas(1.0, 1.0) };
+    let options = LetterOptions { pace: Pace::Written, ..even.clone() };
     let strokes = drawn("a.json", PAGE, &options).unwrap();
     assert_eq!(strokes.order, StrokeOrder::Kept);
     let lit = lit(&strokes);
@@ -96,14 +96,16 @@ fn handwriting_keeps_its_order_and_times() {
     assert_eq!((lit[1].0, lit[1].1), ([0.5, 1.5], [0.5, 0.5]), "the second stays the second");
     assert_eq!(lit.len(), 3, "a tap is a ring");
     let moves = &strokes.glyphs[0].moves;
-    assert_eq!(strokes.times_s.len(), moves.len());
-    let of = |wanted: [f64; 2]| {
-        let at = moves.iter().position(|m| m.lit && m.from_m == wanted).unwrap();
-        strokes.times_s[at]
-    };
-    assert_eq!(of([0.0, 1.5]), [0.0, 0.5], "from the first point on");
-    assert_eq!(of([0.5, 1.5]), [2.0, 3.0]);
-    assert!(strokes.times_s.windows(2).all(|t| t[0][1] == t[1][0]), "without a gap");
+    let pace = |from_m: [f64; 2]| moves.iter().find(|m| m.lit && m.from_m == from_m).unwrap().pace;
+    // 3 m in 2.5 s and a tap of no length in time: the first leg takes 0.5 s, the others 1 s a meter.
+    let mean_m_s =
+        moves.iter().filter(|m| m.lit).map(|m| distance(m.from_m, m.to_m)).sum::<f64>() / 2.5;
+    assert_eq!(pace([0.0, 1.5]), 1.0, "at most the stroke speed");
+    assert!((pace([0.5, 1.5]) - 1.0 / mean_m_s).abs() < 1e-12, "{}", pace([0.5, 1.5]));
+    assert!(moves.iter().all(|m| m.lit || m.pace == 1.0), "the dark has none");
+    let evenly = drawn("a.json", PAGE, &even).unwrap();
+    assert!(evenly.glyphs[0].moves.iter().all(|m| m.pace == 1.0), "unless it is wanted");
+    assert_ne!(evenly.sha256(), strokes.sha256(), "another drawing");
 }
 
 #[test]
@@ -131,7 +133,6 @@ fn smoothing_takes_the_wobble_and_keeps_within_its_limit() {
     assert!(roughness(&raw) > 100.0 * roughness(&smooth), "2 mm of wobble on a straight line");
     let far = drawn("a.json", &wobble(30.0), &options).unwrap();
     assert!(roughness(&far) > 10.0, "what is larger than the limit was meant");
-    assert_eq!(smooth.times_s.len(), smooth.glyphs[0].moves.len(), "times stay beside the moves");
 }
 
 #[test]
@@ -258,6 +259,7 @@ fn broken_files_give_errors_and_never_panic() {
     };
     let spice = b"<>&;'\"{}[]()-+.,eE0123456789 \n#%/=!xZ\0\xff";
     let folder = tempfile::tempdir().unwrap();
+    let options = LetterOptions { pace: Pace::Written, ..LetterOptions::default() };
     let (mut drawn, mut refused) = (0, 0);
     for (name, text) in corpus {
         let path = folder.path().join(name);
@@ -277,17 +279,15 @@ fn broken_files_give_errors_and_never_panic() {
                 }
             }
             std::fs::write(&path, &bytes).unwrap();
-            match draw(&path, &LetterOptions::default(), Ink::Alike) {
+            match draw(&path, &options, Ink::Alike) {
                 Err(_) => refused += 1,
                 Ok(strokes) => {
                     drawn += 1;
                     let moves = &strokes.glyphs[0].moves;
-                    let finite = |m: &super::super::Move| {
-                        m.from_m.iter().chain(&m.to_m).all(|x| x.is_finite())
-                    };
+                    let finite = |m: &Move| m.from_m.iter().chain(&m.to_m).all(|x| x.is_finite());
                     assert!(moves.iter().all(finite), "{}", String::from_utf8_lossy(&bytes));
-                    let whole = strokes.times_s.is_empty() || strokes.times_s.len() == moves.len();
-                    assert!(whole, "{}", String::from_utf8_lossy(&bytes));
+                    let paced = moves.iter().all(|m| (SLOWEST..=1.0).contains(&m.pace));
+                    assert!(paced, "{}", String::from_utf8_lossy(&bytes));
                 }
             }
         }

@@ -55,7 +55,7 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    let lit_s = drawn.iter().map(PenStroke::length_m).sum::<f64>() / speed_m_s;
+    let lit_s = drawn.iter().map(|stroke| stroke.duration_s(speed_m_s)).sum::<f64>();
     if lit_s > MAX_DURATION_S || drawn.len() > MAX_STROKES {
         let n = drawn.len();
         return Err(Error::Infeasible {
@@ -69,11 +69,8 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
 /// Strokes in the order and direction with the least time in the dark.
 pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
-    let flown = shortest_legs(&ways, style).into_iter().map(|(stroke, way)| PenStroke {
-        letter: drawn[stroke].letter,
-        points_m: drawn[stroke].points_along(way),
-    });
-    flown.collect()
+    let flown = shortest_legs(&ways, style).into_iter();
+    flown.map(|(stroke, way)| drawn[stroke].along(way)).collect()
 }
 
 fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle) -> Vec<Leg> {
@@ -243,7 +240,7 @@ mod tests {
             let x = rng.random_range(0.0..2.0);
             Vector2::new(x, rng.random_range(0.5..1.5))
         };
-        let strokes = (0..n).map(|letter| PenStroke { letter, points_m: vec![point(), point()] });
+        let strokes = (0..n).map(|letter| PenStroke::even(letter, vec![point(), point()]));
         strokes.map(|stroke| stroke.ways(0.2)).collect()
     }
 

@@ -17,7 +17,7 @@ fn fixed(text: &str) -> Strokes {
 fn box_of_light(strokes: &Strokes) -> Vec<Move> {
     let [left, bottom, right, top] = strokes.bounds_m();
     let rows = (0..=100).map(|row| bottom + (top - bottom) * f64::from(row) / 100.0);
-    rows.map(|y| Move { from_m: [left, y], to_m: [right, y], lit: true }).collect()
+    rows.map(|y| Move { from_m: [left, y], to_m: [right, y], lit: true, pace: 1.0 }).collect()
 }
 
 fn scribble(strokes: &Strokes, seed: u64, n_lines: usize) -> Vec<Move> {
@@ -25,7 +25,7 @@ fn scribble(strokes: &Strokes, seed: u64, n_lines: usize) -> Vec<Move> {
     let mut dice = Dice(seed);
     let mut point = || [left + (right - left) * dice.roll(), bottom + (top - bottom) * dice.roll()];
     let points: Vec<_> = (0..=n_lines).map(|_| point()).collect();
-    points.windows(2).map(|p| Move { from_m: p[0], to_m: p[1], lit: true }).collect()
+    points.windows(2).map(|p| Move { from_m: p[0], to_m: p[1], lit: true, pace: 1.0 }).collect()
 }
 
 fn simplex(text: &str) -> Strokes {
@@ -166,7 +166,7 @@ fn a_wrong_letter_is_named() {
 
 #[test]
 fn a_stem_alone_is_no_l() {
-    let stem = [Move { from_m: [-0.15, 1.0], to_m: [-0.15, 0.5], lit: true }];
+    let stem = [Move { from_m: [-0.15, 1.0], to_m: [-0.15, 0.5], lit: true, pace: 1.0 }];
     let l = fixed("L");
     let verdict = Shot::of(&l).showing(stem.to_vec()).verdict(&l);
     assert!(!verdict.legible && verdict.letters[0].best != Some('L'), "{verdict:?}");
@@ -222,7 +222,8 @@ fn digits_of_another_font_are_read() {
     let glyphs = cells.glyphs.iter().zip(drawn).map(|(glyph, (character, points))| {
         let place = |p: [f64; 2]| [glyph.cell.left_m + 0.3 * p[0], 0.5 + 0.5 * p[1]];
         let moves = points.windows(2);
-        let moves = moves.map(|p| Move { from_m: place(p[0]), to_m: place(p[1]), lit: true });
+        let moves =
+            moves.map(|p| Move { from_m: place(p[0]), to_m: place(p[1]), lit: true, pace: 1.0 });
         Glyph { character, cell: glyph.cell, moves: moves.collect() }
     });
     let strokes = Strokes { word: "7420".into(), glyphs: glyphs.collect(), ..cells.clone() };

@@ -120,7 +120,7 @@ impl Shot {
                 let part = f64::from(piece) / f64::from(n_pieces);
                 let goal = [step.from_m[0] + part * dx, step.from_m[1] + part * dy];
                 let to_m = [0, 1].map(|axis| at[axis] + piece_m / lag_m * (goal[axis] - at[axis]));
-                flown.push(Move { from_m: at, to_m, lit: step.lit });
+                flown.push(Move { from_m: at, to_m, lit: step.lit, pace: 1.0 });
                 at = to_m;
             }
         }

@@ -79,7 +79,7 @@ fn a_shifted_letter_and_a_tail_are_named() {
             point[1] += 0.1;
         }
     }
-    shot.moves.insert(0, Move { from_m: [-0.6, 0.3], to_m: [-0.6, 0.5], lit: true });
+    shot.moves.insert(0, Move { from_m: [-0.6, 0.3], to_m: [-0.6, 0.5], lit: true, pace: 1.0 });
     let verdict = explained(&shot, &noor);
     let letter_of = |kind| verdict.causes.iter().find(|cause| cause.kind == kind).map(|c| c.letter);
     assert_eq!(letter_of(CauseKind::Shifted), Some(Some(2)), "{:#?}", verdict.causes);
