@@ -6,7 +6,8 @@
 //!
 //! A stroke is a list of points from pen down to pen up; a point is x, y and, if known, the time in
 //! seconds. Units of length are arbitrary; `y` grows `down` (the default, as on screens) or `up`.
-//! Other keys are ignored.
+//! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for lamps
+//! that write in colors; black is the lamp's own. Other keys are ignored.
 
 use serde::Deserialize;
 
@@ -16,6 +17,8 @@ use crate::error::{Error, Result};
 #[derive(Deserialize)]
 struct Page {
     strokes: Vec<Vec<Vec<f64>>>,
+    #[serde(default)]
+    colors: Vec<[u8; 3]>,
     #[serde(default)]
     y: Upward,
 }
@@ -39,11 +42,22 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
         Upward::Down => -1.0,
         Upward::Up => 1.0,
     };
+    let (n_strokes, n_colors) = (page.strokes.len(), page.colors.len());
+    if n_colors > 0 && n_colors != n_strokes {
+        let (found, wanted) =
+            (format!("{n_colors} colors"), format!("{n_strokes}, one per stroke"));
+        return Err(Error::input(
+            file,
+            found,
+            wanted,
+            "leave `colors` out, or add what is missing",
+        ));
+    }
     let mut traces = Vec::new();
     let mut n_values = None;
     let mut latest_s = f64::NEG_INFINITY;
     for (stroke, points) in page.strokes.iter().enumerate() {
-        let mut trace = Trace { points: Vec::new(), times_s: Vec::new() };
+        let mut trace = Trace { color: page.colors.get(stroke).copied(), ..Trace::default() };
         for (point, values) in points.iter().enumerate() {
             let refuse = |wanted: &str| {
                 let place = format!("{file}: stroke {}, point {}", stroke + 1, point + 1);

@@ -113,7 +113,7 @@ impl Format {
 
     /// The points of a trace; `None` where one is invalid.
     fn trace(&self, text: &str, offset_s: f64) -> Option<Trace> {
-        let mut trace = Trace { points: Vec::new(), times_s: Vec::new() };
+        let mut trace = Trace::default();
         let mut coding = vec![Coding::Explicit; self.n_channels];
         let (mut value, mut step) = (vec![0.0; self.n_channels], vec![0.0; self.n_channels]);
         for point in text.split(',').map(str::trim).filter(|point| !point.is_empty()) {

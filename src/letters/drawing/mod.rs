@@ -47,21 +47,23 @@ const SLOWEST: f64 = 0.25;
 /// Radius of the ring that a tap of the pen becomes, by the drawing's height.
 const TAP: f64 = 0.02;
 
-/// Whether the colors of an SVG file matter.
+/// Whether the colors of a drawing matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
     /// They do not: the drawing is one glyph.
     Alike,
-    /// Each color is a glyph, in the order in which they first occur.
+    /// Each color of an SVG file is a glyph, in the order in which they first occur; of handwriting,
+    /// which keeps its order, each run of strokes of one color.
     ByColor,
 }
 
 /// A stroke of handwriting: points, y up, in the writer's units, and when each was written.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Trace {
     points: Vec<[f64; 2]>,
     /// As many as points, or none.
     times_s: Vec<f64>,
+    color: Option<[u8; 3]>,
 }
 
 /// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
@@ -107,9 +109,11 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             }
             Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free) })
         }
-        Some("json") => write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, &file),
+        Some("json") => {
+            write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
+        }
         Some("inkml" | "xml") => {
-            write(inkml::read(&LIMIT.read_text(path)?, &file)?, options, &file)
+            write(inkml::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
         }
         _ => {
             let wanted = "a file *.svg, *.json (strokes) or *.inkml";
@@ -119,23 +123,28 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
 }
 
 /// Handwriting placed and smoothed.
-fn write(traces: Vec<Trace>, options: &LetterOptions, file: &str) -> Result<Strokes> {
+fn write(traces: Vec<Trace>, options: &LetterOptions, ink: Ink, file: &str) -> Result<Strokes> {
     let n_points: usize = traces.iter().map(|trace| trace.points.len()).sum();
     if n_points > MAX_POINTS {
         return Err(too_many(file));
     }
     let points = traces.iter().flat_map(|trace| trace.points.iter().copied());
     let placing = Placing::new(bounds(points), options, file)?;
-    let (mut runs, mut lasts_s) = (Vec::new(), Vec::new());
+    let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
     for trace in &traces {
+        let color = trace.color.filter(|_| ink == Ink::ByColor);
+        if glyphs.is_empty() || color != colors.last().copied() {
+            glyphs.push(Vec::new());
+            colors.extend(color);
+        }
         let line = placing.run(&trace.points).points;
         let (points, when) = smoothed(&line, &trace.times_s, options, placing.height_m);
         let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
         let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
-        runs.push(Run { lit: true, points });
+        glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
-    let mut strokes = placing.strokes(vec![runs], StrokeOrder::Kept);
+    let mut strokes = Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Kept) };
     if options.pace == Pace::Written {
         set_pace(&mut strokes, &lasts_s);
     }

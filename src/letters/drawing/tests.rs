@@ -143,6 +143,7 @@ fn broken_handwriting_is_refused_with_its_place() {
         ("{\"strokes\": [[[0, 0, 1], [1, 1, 0.5]]]}", "stroke 1, point 2"),
         ("{\"strokes\": [[[0, 1e300], [1, 1]]]}", "stroke 1, point 1"),
         ("{\"strokes\": 7}", "a.json:1:13"),
+        ("{\"strokes\": [[[0, 0], [1, 1]]], \"colors\": [[0, 0, 0], [9, 9, 9]]}", "one per stroke"),
         ("{\"strokes\": []}", "nothing drawn"),
         ("{\"strokes\": [[[5, 5]]]}", "without extent"),
         ("", "a.json:1:0"),
@@ -337,6 +338,18 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     assert_eq!(begins(&by_color.glyphs[0]), [[0.0, 1.5], [0.0, 0.929]], "both red strokes");
     assert_eq!((by_color.glyphs.len(), by_color.bounds_m()), (3, alike.bounds_m()));
 
+    let path = folder.path().join("a.json");
+    let colors = "[[255, 0, 0], [255, 0, 0], [0, 0, 255]]";
+    std::fs::write(&path, PAGE.replace("\"app\": \"tablet\"", &format!("\"colors\": {colors}")))
+        .unwrap();
+    let [alike, by_color] =
+        [Ink::Alike, Ink::ByColor].map(|ink| draw(&path, &on_canvas(2.0, 1.0), ink).unwrap());
+    assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
+    assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255]], "in the writer's order");
+    let n_strokes = |glyph: &Glyph| begins(glyph).len();
+    assert_eq!(by_color.glyphs.iter().map(n_strokes).collect::<Vec<_>>(), [2, 1]);
+
+    let path = folder.path().join("a.svg");
     let line = |n: u32| format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>");
     std::fs::write(&path, svg(&(0..65).map(line).collect::<String>())).unwrap();
     let refused = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap_err();
