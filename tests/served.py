@@ -42,6 +42,10 @@ def finished(page):
     return page.inner_text("#verdict")
 
 
+def flight_s(page):
+    return int(re.search(r"(\d+) s of flight", page.inner_text("#facts")).group(1))
+
+
 def fits(page, width):
     found = page.evaluate("document.documentElement.scrollWidth")
     assert found <= width, f"{found} px on a screen of {width}"
@@ -101,6 +105,23 @@ def draws_and_drops(browser, url):
     finished(page)
     drawn = src(page)
     assert "m of light" in page.inner_text("#length")
+    slow = flight_s(page)
+    page.uncheck("#pace")
+    changed(page, drawn)
+    finished(page)
+    assert flight_s(page) < slow, f"{flight_s(page)} s evenly, {slow} s at the speed of the pen"
+
+    # A second stroke in another color.
+    page.select_option("#lamp", "color-led")
+    page.click("#swatches [aria-label=red]")
+    page.mouse.move(*place(0.7, 0.8))
+    page.mouse.down()
+    page.mouse.move(*place(0.7, 0.2), steps=12)
+    page.mouse.up()
+    labels = page.eval_on_selector_all("#painted button", "all => all.map(button => button.getAttribute('aria-label'))")
+    assert labels == ["1: white", "2: red"], labels
+    finished(page)
+    drawn = src(page)
     data = "text => { const data = new DataTransfer(); data.items.add(new File([text], 'star.svg')); return data; }"
     page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(data, SVG)})
     changed(page, drawn)

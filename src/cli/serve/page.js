@@ -2,7 +2,6 @@
 const $ = selector => document.querySelector(selector);
 const $$ = selector => [...document.querySelectorAll(selector)];
 const VISITOR = Array.from(crypto.getRandomValues(new Uint32Array(4)), part => part.toString(16)).join("");
-// White is the lamp's own where it has white.
 const COLORS = { white: [255, 255, 255], red: [255, 0, 0], orange: [255, 110, 0], yellow: [255, 200, 0], green: [0, 255, 0], cyan: [0, 255, 255], blue: [0, 0, 255], magenta: [255, 0, 255] };
 const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm", "phone": "28mm" };
 const LATER_MS = 700; // after which typing rests
@@ -10,8 +9,8 @@ const PEN_M_S = 0.2, BATTERY_S = 240;
 
 let drawing = null; // {kind, text}: what was opened
 let strokes = []; // what was drawn: [x, y, seconds]
-let painted = []; // the color of each letter
-let color = "white";
+let painted = []; // the color of each letter or stroke
+let color = "white", before = "white"; // the color that is chosen, and the one chosen before it
 let advised = {}; // settings that advice set
 let seed = 0, number = 0, kept = null, timer = 0, newest = {};
 
@@ -34,10 +33,21 @@ $("#language").value = language;
 $("#language").onchange = event => { language = event.target.value; speak(); };
 
 /* What is wished. */
+const inColor = () => $("#lamp").value !== "headlights";
+const colorOf = i => painted[i] ?? color;
+// White is the color LED deck's own, which has a die for it.
+const isOwn = name => name === "white" && $("#lamp").value === "color-led";
+// What has a color of its own: the letters of a word, or strokes. An SVG file has its colors.
+function parts() {
+  if (drawing) return [];
+  return strokes.length ? strokes.map((_, i) => `${i + 1}`) : [...$("#word").value.replace(/\s/g, "")];
+}
 function subject() {
   if (drawing) return { drawing };
-  if (strokes.length) return { drawing: { kind: "json", text: JSON.stringify({ strokes, y: "down" }) } };
-  return { word: $("#word").value.trim() };
+  if (!strokes.length) return { word: $("#word").value.trim() };
+  const rgb = name => isOwn(name) ? [0, 0, 0] : COLORS[name];
+  const colors = inColor() ? { colors: strokes.map((_, i) => rgb(colorOf(i))) } : {};
+  return { drawing: { kind: "json", text: JSON.stringify({ strokes, y: "down", ...colors }) } };
 }
 function settings() {
   const set = { ...advised };
@@ -46,15 +56,14 @@ function settings() {
   }
   if (seed) set.seed = `${seed}`;
   const height = +$("[data-key='letters.cap_height_m']").value;
-  if (subject().drawing) set["letters.canvas_m"] = JSON.stringify([6 * height, 2 * height]);
+  if (strokes.length || drawing) set["letters.canvas_m"] = JSON.stringify([6 * height, 2 * height]);
+  if (strokes.length || drawing?.kind === "json") set["letters.pace"] = $("#pace").checked ? "written" : "even";
   const lamp = $("#lamp").value, body = $("#body").value;
-  if (lamp !== "headlights") {
+  if (inColor()) {
     set["light.deck"] = lamp === "ring" ? "led-ring" : "color-led";
     set["plan.lights"] = JSON.stringify([lamp]);
-    const wrgb = name => lamp !== "ring" && name === "white" ? [255, 0, 0, 0] : [0, ...COLORS[name]];
-    const letters = subject().word ? [...$("#word").value.replace(/\s/g, "")] : ["drawing"];
-    // An SVG file has colors of its own.
-    if (!drawing) set["light.letters_wrgb"] = JSON.stringify(letters.map((_, i) => wrgb(painted[i] ?? color)));
+    const wrgb = name => isOwn(name) ? [255, 0, 0, 0] : [0, ...COLORS[name]];
+    if (subject().word) set["light.letters_wrgb"] = JSON.stringify(parts().map((_, i) => wrgb(colorOf(i))));
   }
   if (body) { set["camera.body"] = body; set["camera.lens"] = BODIES[body]; }
   return set;
@@ -65,8 +74,10 @@ function wish() {
 }
 
 /* Photos: a small one at once, a large one with advice when typing rests. */
+const post = (route, body) =>
+  fetch(route, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
 async function ask(route, onEvent) {
-  const response = await fetch(route, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(wish()) });
+  const response = await post(route, wish());
   if (response.status === 503) return onEvent({ busy: true });
   if (!response.ok) return onEvent({ error: await response.text(), hint: "" });
   onEvent(await response.json());
@@ -176,20 +187,26 @@ for (const input of $$("[data-key]")) {
   label(input);
   input.oninput = () => { delete advised[input.dataset.key]; label(input); change(); };
 }
-for (const id of ["#lamp", "#room", "#body"]) $(id).onchange = () => { paint(); change(); };
+for (const id of ["#lamp", "#room", "#body", "#pace"]) $(id).onchange = () => { paint(); change(); };
 $("#controls").onsubmit = event => event.preventDefault();
-$("#word").oninput = () => { drawing = null; strokes = []; ink(); paint(); change(); };
+$("#word").oninput = () => {
+  if (strokes.length) painted = [];
+  drawing = null;
+  strokes = [];
+  paint();
+  change();
+};
 $("#again").onclick = () => { seed += 1; change(); };
 $("#print").onclick = () => print();
 $("#hang").onclick = async () => {
-  await fetch("wall", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ id: kept }) });
+  await post("wall", { id: kept });
   openWall();
 };
 for (const element of $$(".home")) element.hidden = !HOME;
 $("#network").hidden = HOME;
 
 function paint() {
-  $("#colors").hidden = $("#lamp").value === "headlights";
+  $("#colors").hidden = !inColor();
   $("#swatches").replaceChildren(...Object.entries(COLORS).map(([name, rgb]) => {
     const swatch = document.createElement("button");
     Object.assign(swatch, { type: "button", title: t(name) });
@@ -198,28 +215,28 @@ function paint() {
     swatch.setAttribute("aria-label", t(name));
     swatch.setAttribute("aria-checked", name === color);
     swatch.onclick = () => {
-      color = name;
+      [before, color] = [color, name];
       if (!painted.length) change();
       paint();
       $("#swatches [aria-checked=true]").focus();
     };
     return swatch;
   }));
-  const letters = subject().word ? [...$("#word").value.replace(/\s/g, "")] : [];
-  painted.length = Math.min(painted.length, letters.length);
-  $("#painted").replaceChildren(...letters.map((letter, i) => {
+  painted.length = Math.min(painted.length, parts().length);
+  $("#painted").replaceChildren(...parts().map((part, i) => {
     const button = document.createElement("button");
-    Object.assign(button, { type: "button", textContent: letter });
-    button.style.color = `rgb(${COLORS[painted[i] ?? color]})`;
-    button.setAttribute("aria-label", `${letter}: ${t(painted[i] ?? color)}`);
+    Object.assign(button, { type: "button", textContent: part });
+    button.style.color = `rgb(${COLORS[colorOf(i)]})`;
+    button.setAttribute("aria-label", `${part}: ${t(colorOf(i))}`);
     button.onclick = () => {
-      painted = letters.map((_, k) => k === i ? color : painted[k] ?? "white");
+      painted = parts().map((_, k) => k === i ? color : painted[k] ?? before);
       paint();
       change();
       $$("#painted button")[i].focus();
     };
     return button;
   }));
+  ink();
 }
 
 /* Drawing: order and speed are kept, one stroke from pen down to pen up. */
@@ -231,13 +248,13 @@ function ink() {
   pen.strokeStyle = "#555";
   pen.lineWidth = 1;
   pen.strokeRect(40, 75, 720, 150);
-  pen.strokeStyle = "#fff";
   pen.lineWidth = 4;
-  for (const line of stroke ? [...strokes, stroke] : strokes) {
+  (stroke ? [...strokes, stroke] : strokes).forEach((line, i) => {
+    pen.strokeStyle = `rgb(${COLORS[inColor() ? colorOf(i) : "white"]})`;
     pen.beginPath();
     line.forEach(([x, y]) => pen.lineTo(x, y));
     pen.stroke();
-  }
+  });
   const all = strokes.flat();
   const box = k => Math.max(...all.map(p => p[k])) - Math.min(...all.map(p => p[k]));
   const scale = all.length ? Math.min(2 / Math.max(1, box(0)), 0.5 / Math.max(1, box(1))) : 0;
@@ -265,14 +282,15 @@ pad.onpointermove = event => {
 pad.onpointerup = pad.onpointercancel = () => {
   if (!stroke) return;
   if (stroke.length === 1) stroke.push([stroke[0][0] + 0.1, stroke[0][1], stroke[0][2] + 0.05]);
+  painted = strokes.map((_, i) => colorOf(i)).concat(color);
   strokes.push(stroke.sort((a, b) => a[2] - b[2]));
   stroke = null;
   $("#word").value = "";
-  ink();
+  paint();
   change();
 };
-$("#undo").onclick = () => { strokes.pop(); ink(); change(); };
-$("#clear").onclick = () => { strokes = []; drawing = null; ink(); change(); };
+$("#undo").onclick = () => { strokes.pop(); paint(); change(); };
+$("#clear").onclick = () => { strokes = []; drawing = null; paint(); change(); };
 async function open(file) {
   if (!file) return;
   const kind = file.name.split(".").pop().toLowerCase();
@@ -280,7 +298,7 @@ async function open(file) {
   drawing = { kind, text: await file.text() };
   strokes = [];
   $("#word").value = "";
-  ink();
+  paint();
   change();
 }
 $("#file").onchange = event => open(event.target.files[0]);
@@ -314,4 +332,3 @@ $("#see-wall").onclick = openWall;
 $("#wall").onclose = () => { clearInterval(wallTimer); if (location.hash === "#wall") history.replaceState(null, "", "."); };
 if (location.hash === "#wall") openWall();
 speak();
-ink();

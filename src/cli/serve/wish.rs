@@ -16,13 +16,14 @@ use super::super::output::Output;
 use super::super::preview::PreviewArgs;
 use super::super::{Args, Verb};
 use crate::error::{Error, Result};
+use crate::letters::LetterOptions;
 
 /// Most characters of a word, and of the name of a visitor.
 const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 28] = [
+const KEYS: [&str; 29] = [
     "camera.body",
     "camera.f_number",
     "camera.focus_m",
@@ -36,19 +37,20 @@ const KEYS: [&str; 28] = [
     "letters.canvas_m",
     "letters.cap_height_m",
     "letters.font",
+    "letters.pace",
     "letters.spacing_m",
     "light.color_led_wrgb",
     "light.deck",
     "light.led_bitmask",
     "light.letters_wrgb",
     "light.ring",
+    "photo.ambient_cd_m2",
     "plan.drones",
     "plan.light_clock",
     "plan.lights",
     "plan.reference",
     "plan.stroke_speed_m_s",
     "plan.style",
-    "photo.ambient_cd_m2",
     "preset",
     "seed",
 ];
@@ -103,18 +105,17 @@ impl Wish {
             return Err(Error::input("word", "nothing", "a word", "type or draw something"));
         }
         if wish.visitor.len() > MAX_VISITOR {
-            return refused("visitor", format!("{} bytes", wish.visitor.len()), "40 bytes");
+            let (found, most) = (wish.visitor.len(), format!("at most {MAX_VISITOR}"));
+            return refused("visitor", format!("{found} bytes"), &most);
         }
         if let Some(key) = wish.settings.keys().find(|key| !KEYS.contains(&key.as_str())) {
             return refused("settings", key.clone(), "a key of the page's controls");
         }
-        let font = wish.settings.get("letters.font").map(String::as_str);
-        if font.is_some_and(|font| !["simplex", "ae483", "ae483-fixed"].contains(&font)) {
-            return refused(
-                "letters.font",
-                font.unwrap_or_default().to_owned(),
-                "a font by its name",
-            );
+        if let Some(font) = wish.settings.get("letters.font") {
+            let letters = LetterOptions { font: font.clone(), ..LetterOptions::default() };
+            if letters.files().next().is_some() {
+                return refused("letters.font", font.clone(), "a font by its name");
+            }
         }
         Ok(wish)
     }
