@@ -126,9 +126,25 @@ def draws_and_drops(browser, url):
     page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(data, SVG)})
     changed(page, drawn)
     finished(page)
-    picture = "() => { const data = new DataTransfer(); data.items.add(new File(['x'], 'me.jpg')); return data; }"
-    page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(picture)})
-    page.wait_for_function("document.querySelector('#verdict').textContent.includes('only SVG')")
+
+    # A picture of a cross, larger than what is sent, and a file that is none.
+    drawn = src(page)
+    photographed = """async () => {
+        const canvas = Object.assign(document.createElement('canvas'), {width: 3000, height: 1500});
+        const pen = canvas.getContext('2d');
+        pen.fillStyle = '#ddd'; pen.fillRect(0, 0, 3000, 1500);
+        pen.lineWidth = 40; pen.strokeStyle = '#222';
+        pen.moveTo(500, 300); pen.lineTo(2500, 1200); pen.moveTo(500, 1200); pen.lineTo(2500, 300); pen.stroke();
+        const data = new DataTransfer();
+        data.items.add(new File([await new Promise(done => canvas.toBlob(done))], 'cross.png'));
+        return data;
+    }"""
+    page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(photographed)})
+    changed(page, drawn)
+    finished(page)
+    text = "() => { const data = new DataTransfer(); data.items.add(new File(['x'], 'me.jpg')); return data; }"
+    page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(text)})
+    page.wait_for_function("document.querySelector('#verdict').textContent.includes('wanted a picture')")
     assert not trouble, trouble
 
 

@@ -49,7 +49,7 @@ pub(super) struct CoverageArgs {
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let mut scene = args.scene.load(&args.letters.settings())?;
     if let Some(word) = &args.word {
-        set_word(&mut scene, word);
+        set_word(&mut scene, word)?;
     }
     if matches!(scene.sensors.positioning, Positioning::UwbTwr | Positioning::UwbTdoa) {
         return along_the_word(args, scene);

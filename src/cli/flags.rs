@@ -199,7 +199,7 @@ impl SubjectFlags {
     fn named(&self) -> Result<NamedScene> {
         let mut found = self.design.named(&self.seed.settings())?;
         if let Some(word) = &self.word {
-            set_word(&mut found.scene, word);
+            set_word(&mut found.scene, word)?;
         }
         Ok(found)
     }
@@ -223,7 +223,7 @@ impl SubjectFlags {
         let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
         match inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => set_word(&mut named.scene, word),
+            [word] if plans.is_empty() => set_word(&mut named.scene, word)?,
             all if all.len() == plans.len() => {
                 let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
                 return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);
@@ -408,7 +408,7 @@ impl FlightFlags {
         paths: &[PathBuf],
     ) -> Result<Shoot> {
         if let Some(word) = word {
-            set_word(&mut scene, word);
+            set_word(&mut scene, word)?;
         }
         let mut recordings = Vec::new();
         for path in paths {
@@ -444,6 +444,16 @@ fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
 }
 
 /// Gives a scene a word that was typed, in which the two characters `\n` begin a new line.
-pub(super) fn set_word(scene: &mut Scene, word: &str) {
+///
+/// # Errors
+///
+/// [`Error::Input`] for the name of a picture, which is hardly a word.
+pub(super) fn set_word(scene: &mut Scene, word: &str) -> Result<()> {
+    let ends = [".svg", ".png", ".jpg", ".jpeg", ".inkml"];
+    if ends.iter().any(|end| word.to_lowercase().ends_with(end)) && Path::new(word).is_file() {
+        let hint = format!("draw it with --drawing {word}");
+        return Err(Error::input("input", format!("the file {word}"), "a word", hint));
+    }
     scene.set_word(&word.replace("\\n", "\n"));
+    Ok(())
 }

@@ -36,7 +36,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let mut flight = args.flight.read(&args.log)?;
     if let Some(word) = &args.word {
-        set_word(&mut scene, word);
+        set_word(&mut scene, word)?;
         relit(&mut flight, &mut scene, &args.log)?;
     }
     let path = output.keep(|out| flight.write_csv(out))?;

@@ -10,8 +10,8 @@ pub(super) struct LetterFlags {
     /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
-    /// Drawing instead of a word: *.svg, which the color LED deck and the ring write in its colors,
-    /// or handwriting as *.json or *.inkml
+    /// Drawing instead of a word: *.svg, a picture of lines *.png or *.jpg, or handwriting as *.json or
+    /// *.inkml; the color LED deck and the ring write in its colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes

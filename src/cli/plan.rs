@@ -39,7 +39,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     }
     scene.check()?;
     if let Some(word) = &args.word {
-        set_word(&mut scene, word);
+        set_word(&mut scene, word)?;
     }
     let strokes = scene.strokes()?;
     let output = match &args.output {

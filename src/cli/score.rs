@@ -75,7 +75,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
     }
     if let Some(word) = &args.word {
-        set_word(&mut scene, word);
+        set_word(&mut scene, word)?;
     }
     if !scene.has_strokes() {
         let hint = "name it after the photo, or name the scene that wrote it";

@@ -13,9 +13,10 @@ settings! {
         /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
         /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
         font: String = "ae483".into(), unless "letters.drawing";
-        /// Lines that are drawn of a typeface.
+        /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
-        /// File of a drawing in place of a word: `*.svg`, `*.json` or `*.inkml`; empty: none.
+        /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg`, `*.json` or `*.inkml`; empty:
+        /// none.
         drawing: String = String::new();
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
@@ -48,9 +49,10 @@ settings! {
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
     }
 
-    /// Lines that are drawn of a typeface.
+    /// Lines that are drawn of a typeface or a picture.
     pub enum Trace {
-        /// The center lines of its strokes, as a pen would write them.
+        /// The center lines of its strokes, as a pen would write them; of a picture's patches, which are
+        /// too thick for a pen, the outlines.
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,

@@ -13,13 +13,12 @@ use ab_glyph::{Font as _, FontVec};
 use kurbo::{Affine, BezPath};
 
 use super::Trace;
-use super::center_line::{FLATNESS, center_lines};
+use super::center_line::{center_lines, outlines};
 use super::charstrings;
 use super::composites::points;
 use super::curves::{glyph_outline, polylines};
-use super::outline::{Contour, Ink, rim};
+use super::outline::Contour;
 use super::shape::{Run, Shape};
-use super::smooth::simplified;
 use super::tables::{table, u16_at, without_variations};
 use crate::error::{Error, Result};
 use crate::files::Budget;
@@ -150,10 +149,7 @@ impl Typeface {
                 lost = found.lost;
                 found.lines
             }
-            Trace::Outline => {
-                let rim = rim(&contours, &Ink::new(&contours, budget), 0.01);
-                rim.iter().map(|run| simplified(run, FLATNESS)).collect()
-            }
+            Trace::Outline => outlines(&contours, budget),
         };
         budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
@@ -287,7 +283,10 @@ mod tests {
         let face = roboto(Trace::CenterLine);
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
             let budget = Budget::of("Roboto-Thin.ttf", "none");
-            let ink = Ink::new(&face.contours(character, &budget).unwrap(), &budget);
+            let ink = super::super::outline::Ink::new(
+                &face.contours(character, &budget).unwrap(),
+                &budget,
+            );
             let shape = face.shape(character).unwrap();
             let (mut inside, mut all) = (0, 0);
             for run in

@@ -15,7 +15,11 @@ use crate::vehicle::{Gusts, VehicleOptions};
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
-    (&["letters.trace"], |s| !is_typeface(s), "letters.font is no typeface"),
+    (
+        &["letters.trace"],
+        |s| !is_typeface(s) && !is_bitmap(s),
+        "letters.font is no typeface, and letters.drawing no picture",
+    ),
     (
         &["letters.smoothing_m", "letters.pace"],
         |s| !is_handwriting(s),
@@ -107,9 +111,16 @@ fn is_typeface(scene: &Scene) -> bool {
 }
 
 fn is_handwriting(scene: &Scene) -> bool {
-    [".json", ".inkml", ".xml"]
-        .iter()
-        .any(|end| scene.letters.drawing.to_lowercase().ends_with(end))
+    is_drawing(scene, &[".json", ".inkml", ".xml"])
+}
+
+fn is_bitmap(scene: &Scene) -> bool {
+    is_drawing(scene, &[".png", ".jpg", ".jpeg"])
+}
+
+fn is_drawing(scene: &Scene, ends: &[&str]) -> bool {
+    let drawing = scene.letters.drawing.to_lowercase();
+    ends.iter().any(|end| drawing.ends_with(end))
 }
 
 fn has_boxes(scene: &Scene) -> bool {

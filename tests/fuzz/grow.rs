@@ -32,7 +32,7 @@ pub(crate) fn of(reader: &str) -> Option<(usize, Grower)> {
         "png" => (64 * MIB, |_, most, random| heavy::png(most, random)),
         "store" => (320 * MIB, grown),
         "sweep" => (20 * MIB, grown),
-        "jpeg" | "exif" => (256 * KIB, grown),
+        "jpeg" | "picture" | "exif" => (256 * KIB, grown),
         _ => return None,
     })
 }

@@ -117,6 +117,7 @@ pub(crate) fn all() -> Vec<Reader> {
         }),
         reader("typeface", "font.ttf", word, || vec![file("fonts/Roboto-Thin.ttf")]),
         reader("svg", "a.svg", drawing, || SVG.map(|svg| svg.as_bytes().to_vec()).to_vec()),
+        reader("picture", "a.jpg", drawing, || vec![sketch()]),
         reader("handwriting", "a.json", drawing, || vec![PAGE.into()]),
         reader("inkml", "a.inkml", drawing, || vec![INK.into()]),
         reader("log-json", "log.json", log, || vec![log_json()]),
@@ -290,6 +291,17 @@ fn shot() -> Vec<u8> {
 }
 
 /// A JPEG of 16 × 16 pixels with the EXIF of a camera.
+/// A cross on paper.
+fn sketch() -> Vec<u8> {
+    let is_ink = |x: u32, y: u32| x.abs_diff(y) < 3 || x.abs_diff(63 - y) < 3;
+    let gray = (0..64 * 64).map(|at| if is_ink(at % 64, at / 64) { 30 } else { 230 });
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
+    let gray: Vec<u8> = gray.collect();
+    image::ImageEncoder::write_image(encoder, &gray, 64, 64, image::ExtendedColorType::L8).unwrap();
+    bytes
+}
+
 fn jpeg() -> Vec<u8> {
     let mut bytes = Vec::new();
     let gray: Vec<u8> = (0..=255).collect();

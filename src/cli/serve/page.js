@@ -291,11 +291,27 @@ pad.onpointerup = pad.onpointercancel = () => {
 };
 $("#undo").onclick = () => { strokes.pop(); paint(); change(); };
 $("#clear").onclick = () => { strokes = []; drawing = null; paint(); change(); };
+/* A picture as a JPEG on white that fits into a request. */
+async function picture(file) {
+  const bitmap = await createImageBitmap(file);
+  const canvas = document.createElement("canvas");
+  const scale = Math.min(1, 1200 / Math.max(bitmap.width, bitmap.height));
+  [canvas.width, canvas.height] = [bitmap.width * scale, bitmap.height * scale].map(Math.ceil);
+  const flat = canvas.getContext("2d");
+  flat.fillStyle = "#fff";
+  flat.fillRect(0, 0, canvas.width, canvas.height);
+  flat.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  const texts = [.9, .7, .5, .3].map(quality => canvas.toDataURL("image/jpeg", quality).split(",")[1]);
+  return { kind: "jpg", text: texts.find(text => text.length < 200_000) ?? texts.at(-1) };
+}
 async function open(file) {
   if (!file) return;
   const kind = file.name.split(".").pop().toLowerCase();
-  if (kind !== "svg" && kind !== "json") return fail({ error: t("no-picture", { name: file.name }), hint: "" });
-  drawing = { kind, text: await file.text() };
+  try {
+    drawing = ["svg", "json"].includes(kind) ? { kind, text: await file.text() } : await picture(file);
+  } catch {
+    return fail({ error: t("no-picture", { name: file.name }), hint: "" });
+  }
   strokes = [];
   $("#word").value = "";
   paint();

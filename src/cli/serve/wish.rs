@@ -6,10 +6,12 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::io::Write;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use clap::Parser;
+use image::{ImageFormat, ImageReader};
 use serde::Deserialize;
 
 use super::super::output::Output;
@@ -22,8 +24,11 @@ use crate::letters::LetterOptions;
 const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
+/// Most pixels of a picture's side.
+const MAX_SIDE: u32 = 2000;
+
 /// Keys that can be set: those of the page's controls and those that advice sets.
-const KEYS: [&str; 29] = [
+const KEYS: [&str; 30] = [
     "camera.body",
     "camera.f_number",
     "camera.focus_m",
@@ -39,6 +44,7 @@ const KEYS: [&str; 29] = [
     "letters.font",
     "letters.pace",
     "letters.spacing_m",
+    "letters.trace",
     "light.color_led_wrgb",
     "light.deck",
     "light.led_bitmask",
@@ -70,7 +76,7 @@ pub(super) struct Wish {
     settings: BTreeMap<String, String>,
 }
 
-/// A drawing in place of a word.
+/// A drawing in place of a word. A picture's text is base64.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Drawing {
@@ -83,6 +89,28 @@ struct Drawing {
 enum Kind {
     Svg,
     Json,
+    Jpg,
+}
+
+impl Drawing {
+    /// What its file holds.
+    fn bytes(&self) -> Result<Vec<u8>> {
+        if !matches!(self.kind, Kind::Jpg) {
+            return Ok(self.text.clone().into_bytes());
+        }
+        let refused = |found: String| {
+            let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
+            Error::input("drawing", found, wanted, "reload the page")
+        };
+        let bytes = BASE64_STANDARD.decode(&self.text).map_err(|e| refused(e.to_string()))?;
+        // The page makes pictures smaller; a small file can hold a huge one.
+        let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
+        let (width, height) = reader.into_dimensions().map_err(|e| refused(e.to_string()))?;
+        if width.max(height) > MAX_SIDE {
+            return Err(refused(format!("{width} × {height} pixels")));
+        }
+        Ok(bytes)
+    }
 }
 
 impl Wish {
@@ -137,13 +165,14 @@ impl Wish {
         }
         match &self.drawing {
             None => flag("--word", &self.word),
-            Some(Drawing { kind, text }) => {
-                let name = match kind {
+            Some(drawing) => {
+                let name = match drawing.kind {
                     Kind::Svg => "drawing.svg",
                     Kind::Json => "drawing.json",
+                    Kind::Jpg => "drawing.jpg",
                 };
-                let path = folder.join(name);
-                Output::create(&path)?.keep(|out| out.write_all(text.as_bytes()))?;
+                let (path, bytes) = (folder.join(name), drawing.bytes()?);
+                Output::create(&path)?.keep(|out| out.write_all(&bytes))?;
                 arguments.extend(["--drawing".into(), path.into()]);
             }
         }

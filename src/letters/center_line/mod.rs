@@ -22,7 +22,7 @@ mod prune;
 const ERROR: f64 = 0.004;
 
 /// Largest distance of the resulting polyline from the line, in cap heights.
-pub(super) const FLATNESS: f64 = 0.0015;
+const FLATNESS: f64 = 0.0015;
 
 /// Spacing of the points that are smoothed, in cap heights.
 const SPACING: f64 = 0.008;
@@ -90,6 +90,12 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
         false => 0.0,
     };
     CenterLines { lines, half_width, lost }
+}
+
+/// The rim in cap heights, as few points as its error allows.
+pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
+    let rim = rim(contours, &Ink::new(contours, budget), 0.01);
+    rim.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
 /// A ring of four sides, which stands for a dot.

@@ -1,4 +1,4 @@
-//! Drawings: an SVG file, or handwriting as JSON or `InkML`, becomes strokes.
+//! Drawings: an SVG file, a bitmap, or handwriting as JSON or `InkML`, becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
 //! aligned like a line of text. It has no word: it is one glyph, or one of each color, whose
@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, distance, simplify};
 
+mod bitmap;
 mod css;
 mod handwriting;
 mod inkml;
@@ -26,8 +27,11 @@ mod xml;
 pub const DRAWING: char = '\u{fffc}';
 
 /// Largest file that is read.
-pub(crate) const LIMIT: Limit =
-    Limit { bytes: 8 << 20, what: "a drawing", hint: "simplify its paths in the editor" };
+pub(crate) const LIMIT: Limit = Limit {
+    bytes: 8 << 20,
+    what: "a drawing",
+    hint: "simplify its paths, or make the picture smaller",
+};
 
 /// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
 const MAX_POINTS: usize = 200_000;
@@ -66,10 +70,14 @@ struct Trace {
     color: Option<[u8; 3]>,
 }
 
-/// Reads a drawing: `*.svg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
+/// A line of a picture in its own units, y up, and its red, green and blue.
+type ColoredLine = (Vec<[f64; 2]>, [u8; 3]);
+
+/// Reads a drawing: `*.svg`, a picture `*.png` or `*.jpg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
 ///
 /// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
-/// filled rectangle behind everything is paper. A path has the color of its stroke, or else of its
+/// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
+/// center and patches along their rim ([`LetterOptions::trace`]). A path has the color of its stroke, or else of its
 /// fill; a gradient is black. Clips, masks, filters, patterns, pictures, markers on
 /// markers and text are not drawn. Handwriting keeps its order and direction, is smoothed by at most
 /// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
@@ -88,26 +96,14 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let paths = svg::read(&LIMIT.read(path)?, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
-            let mut colors: Vec<[u8; 3]> = Vec::new();
-            let mut glyphs: Vec<Vec<Run>> = Vec::new();
-            for (line, color) in lines {
-                let known = colors.iter().position(|known| ink == Ink::Alike || *known == color);
-                let index = known.unwrap_or(colors.len());
-                if index == colors.len() {
-                    colors.push(color);
-                    glyphs.push(Vec::new());
-                }
-                glyphs[index].push(placing.run(&line));
-                if colors.len() > MAX_COLORS {
-                    let wanted = format!("at most {MAX_COLORS} colors");
-                    let hint = "draw with fewer colors, or write with another lamp than color-led";
-                    return Err(Error::input(&file, "a drawing of more colors", wanted, hint));
-                }
-            }
-            if ink == Ink::Alike {
-                colors.clear();
-            }
-            Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free) })
+            by_color(lines, &placing, ink, &file)
+        }
+        Some("png" | "jpg" | "jpeg") => {
+            let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
+            let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
+            let lines = bitmap::read(&LIMIT.read(path)?, options.trace, size, &file)?;
+            let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
+            by_color(lines.clone(), &placing(bounds(points))?, ink, &file)
         }
         Some("json") => {
             write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
@@ -116,10 +112,34 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             write(inkml::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
         }
         _ => {
-            let wanted = "a file *.svg, *.json (strokes) or *.inkml";
+            let wanted = "a file *.svg, *.png, *.jpg, *.json (strokes) or *.inkml";
             Err(Error::input(&file, "a file of another kind", wanted, "save the drawing as SVG"))
         }
     }
+}
+
+/// Lines of a picture: one glyph, or one of each color.
+fn by_color(lines: Vec<ColoredLine>, placing: &Placing, ink: Ink, file: &str) -> Result<Strokes> {
+    let mut colors: Vec<[u8; 3]> = Vec::new();
+    let mut glyphs: Vec<Vec<Run>> = Vec::new();
+    for (line, color) in lines {
+        let known = colors.iter().position(|known| ink == Ink::Alike || *known == color);
+        let index = known.unwrap_or(colors.len());
+        if index == colors.len() {
+            colors.push(color);
+            glyphs.push(Vec::new());
+        }
+        glyphs[index].push(placing.run(&line));
+        if colors.len() > MAX_COLORS {
+            let wanted = format!("at most {MAX_COLORS} colors");
+            let hint = "draw with fewer colors, or write with another lamp than color-led";
+            return Err(Error::input(file, "a drawing of more colors", wanted, hint));
+        }
+    }
+    if ink == Ink::Alike {
+        colors.clear();
+    }
+    Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// Handwriting placed and smoothed.

@@ -252,7 +252,18 @@ fn broken_files_give_errors_and_never_panic() {
         <use xlink:href='#a' x='5'/><ellipse cx='5' cy='7' rx='3' ry='4'/><polygon points='0,0 5,5 9,0'/>
         </g><marker id='m'><path d='M0 0h3'/></marker><polyline points='1 1 9 3' marker-end='url(#m)'/>
         <clipPath id='c'><rect width='9' height='9'/></clipPath><text/><image href='x.png'/>");
-    let corpus = [("a.svg", page.as_str()), ("a.json", PAGE), ("a.inkml", INK)];
+    let picture = |format| {
+        let mut file = Vec::new();
+        sheet(CROSS, 4.0).write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
+        file
+    };
+    let corpus = [
+        ("a.svg", 400, page.into_bytes()),
+        ("a.json", 400, PAGE.into()),
+        ("a.inkml", 400, INK.into()),
+        ("a.png", 60, picture(image::ImageFormat::Png)),
+        ("a.jpg", 60, picture(image::ImageFormat::Jpeg)),
+    ];
     let mut state = 7_u64;
     let mut roll = |n: usize| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
@@ -262,10 +273,10 @@ fn broken_files_give_errors_and_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let options = LetterOptions { pace: Pace::Written, ..LetterOptions::default() };
     let (mut drawn, mut refused) = (0, 0);
-    for (name, text) in corpus {
+    for (name, rounds, text) in corpus {
         let path = folder.path().join(name);
-        for round in 0..400 {
-            let mut bytes = text.as_bytes().to_vec();
+        for round in 0..rounds {
+            let mut bytes = text.clone();
             for _ in 0..=round % 3 {
                 let at = roll(bytes.len());
                 match roll(4) {
@@ -354,4 +365,179 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     std::fs::write(&path, svg(&(0..65).map(line).collect::<String>())).unwrap();
     let refused = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap_err();
     assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
+}
+
+/// A drawing by its lines in shares of a picture, how wide its pen is in pixels, and what a camera makes
+/// of it.
+struct Drawn {
+    lines: &'static [&'static [[f32; 2]]],
+    pen_px: f32,
+    taken: fn(&mut image::RgbImage),
+}
+
+const SIZE: [u32; 2] = [480, 320];
+const CROSS: &[&[[f32; 2]]] = &[&[[0.2, 0.2], [0.8, 0.8]], &[[0.2, 0.8], [0.8, 0.2]]];
+const HOUSE: &[&[[f32; 2]]] = &[
+    &[[0.2, 0.9], [0.2, 0.5], [0.5, 0.15], [0.8, 0.5], [0.8, 0.9], [0.2, 0.9]],
+    &[[0.4, 0.9], [0.4, 0.65], [0.6, 0.65], [0.6, 0.9]],
+];
+const NOOR: &[&[[f32; 2]]] = &[
+    &[[0.1, 0.7], [0.1, 0.3], [0.25, 0.7], [0.25, 0.3]],
+    &[[0.35, 0.4], [0.4, 0.3], [0.48, 0.4], [0.48, 0.6], [0.4, 0.7], [0.35, 0.6], [0.35, 0.4]],
+    &[[0.58, 0.4], [0.63, 0.3], [0.7, 0.4], [0.7, 0.6], [0.63, 0.7], [0.58, 0.6], [0.58, 0.4]],
+    &[[0.8, 0.7], [0.8, 0.3], [0.92, 0.38], [0.8, 0.5], [0.92, 0.7]],
+];
+
+/// The drawing in black on white.
+fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
+    let [width, height] = SIZE;
+    let mut pixmap = tiny_skia::Pixmap::new(width, height).unwrap();
+    pixmap.fill(tiny_skia::Color::WHITE);
+    let stroke = tiny_skia::Stroke {
+        width: pen_px,
+        line_cap: tiny_skia::LineCap::Round,
+        line_join: tiny_skia::LineJoin::Round,
+        ..tiny_skia::Stroke::default()
+    };
+    let mut paint = tiny_skia::Paint::default();
+    paint.set_color_rgba8(20, 20, 25, 255);
+    for line in lines {
+        let mut path = tiny_skia::PathBuilder::new();
+        for (index, [x, y]) in line.iter().enumerate() {
+            let (x, y) = (x * width as f32, y * height as f32);
+            if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+        }
+        let path = path.finish().unwrap();
+        pixmap.stroke_path(&path, &paint, &stroke, tiny_skia::Transform::identity(), None);
+    }
+    let rgb = pixmap.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
+    image::RgbImage::from_raw(width, height, rgb).unwrap()
+}
+
+fn change(picture: &mut image::RgbImage, of: impl Fn(f64, f64, f64) -> f64) {
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        pixel.0 = pixel.0.map(|value| of(f64::from(x), f64::from(y), f64::from(value)) as u8);
+    }
+}
+
+fn shadow(picture: &mut image::RgbImage) {
+    change(picture, |x, y, value| {
+        let edge = 1.0 / (1.0 + libm::exp((x - 0.6 * y - 180.0) / 15.0));
+        0.9 * value * (1.0 - 0.0004 * x) * (0.65 + 0.35 * edge)
+    });
+}
+
+fn noise(picture: &mut image::RgbImage) {
+    change(picture, |x, y, value| {
+        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
+        0.94 * value + 14.0 * (hash - hash.floor())
+    });
+}
+
+fn squares(picture: &mut image::RgbImage) {
+    change(
+        picture,
+        |x, y, value| if x % 24.0 < 1.0 || y % 24.0 < 1.0 { 0.85 * value } else { value },
+    );
+}
+
+fn chalk(picture: &mut image::RgbImage) {
+    change(picture, |_, _, value| 40.0 + 0.7 * (255.0 - value));
+    noise(picture);
+}
+
+fn table(picture: &mut image::RgbImage) {
+    change(picture, |x, y, value| {
+        let off = x < 30.0 + 0.05 * y || x > 450.0 || y < 20.0 + 0.03 * x || y > 305.0;
+        if off { 55.0 } else { value }
+    });
+    shadow(picture);
+}
+
+fn faint(picture: &mut image::RgbImage) {
+    change(picture, |_, _, value| 150.0 + 0.4 * value);
+    noise(picture);
+}
+
+/// Share of places that lie within a distance of others.
+fn near(of: &[[f64; 2]], others: &[[f64; 2]], within: f64) -> f64 {
+    let is_near = |p: &&[f64; 2]| others.iter().any(|other| distance(**p, *other) <= within);
+    of.iter().filter(is_near).count() as f64 / of.len() as f64
+}
+
+#[test]
+fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
+    let plain: fn(&mut image::RgbImage) = |_| {};
+    let sheets = [
+        Drawn { lines: CROSS, pen_px: 3.0, taken: plain },
+        Drawn { lines: CROSS, pen_px: 8.0, taken: shadow },
+        Drawn { lines: CROSS, pen_px: 3.0, taken: faint },
+        Drawn { lines: CROSS, pen_px: 5.0, taken: table },
+        Drawn { lines: HOUSE, pen_px: 3.0, taken: shadow },
+        Drawn { lines: HOUSE, pen_px: 5.0, taken: noise },
+        Drawn { lines: HOUSE, pen_px: 6.0, taken: squares },
+        Drawn { lines: HOUSE, pen_px: 5.0, taken: chalk },
+        Drawn { lines: NOOR, pen_px: 3.0, taken: plain },
+        Drawn { lines: NOOR, pen_px: 6.0, taken: shadow },
+        Drawn { lines: NOOR, pen_px: 4.0, taken: chalk },
+        Drawn { lines: NOOR, pen_px: 5.0, taken: squares },
+    ];
+    for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {
+        let clean = sheet(lines, pen_px);
+        let mut picture = clean.clone();
+        taken(&mut picture);
+        let mut file = Vec::new();
+        let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
+        picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
+        let size = |_: [f64; 4]| Ok(1.0 / f64::from(SIZE[1]));
+        let found = bitmap::read(&file, super::super::Trace::CenterLine, size, "a").unwrap();
+        let mut flown = Vec::new();
+        for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
+            let n = distance(leg[0], leg[1]).ceil().max(1.0);
+            flown.extend((0..n as u32).map(|k| {
+                // The lines have a margin of a pixel, and y up.
+                let share = f64::from(k) / n;
+                let at = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
+                [at[0] - 1.0, -at[1] - 1.0]
+            }));
+        }
+        let dark = clean.enumerate_pixels().filter(|(.., pixel)| pixel.0[0] < 128);
+        let dark: Vec<_> = dark.map(|(x, y, _)| [f64::from(x), f64::from(y)]).collect();
+        let within = 1.5 * f64::from(pen_px);
+        let [drawn, meant] = [near(&dark, &flown, within), near(&flown, &dark, within)];
+        assert!(drawn >= 0.97 && meant >= 0.97, "{index}: {drawn:.3} drawn, {meant:.3} meant");
+        assert!(found.len() <= 8, "{index}: {} strokes", found.len());
+        assert!(found.iter().all(|(_, color)| *color == [0; 3]), "{index}: black ink");
+    }
+}
+
+#[test]
+fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
+    let mut picture = image::RgbImage::from_pixel(300, 200, image::Rgb([250, 250, 245]));
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        if (50..150).contains(&x) && (50..150).contains(&y) {
+            pixel.0 = [200, 30, 30];
+        } else if (200..206).contains(&x) && (30..170).contains(&y) {
+            pixel.0 = [20, 30, 180];
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    picture.save(&path).unwrap();
+    let strokes = draw(&path, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
+    let length_m = |glyph: &Glyph| {
+        let lit = glyph.moves.iter().filter(|step| step.lit);
+        lit.map(|step| distance(step.from_m, step.to_m)).sum::<f64>()
+    };
+    let found: Vec<_> =
+        strokes.colors.iter().zip(&strokes.glyphs).map(|(c, g)| (*c, length_m(g))).collect();
+    let [(blue, bar_m), (red, rim_m)] = found[..] else { panic!("two colors: {found:?}") };
+    assert_eq!((red, blue), ([255, 0, 0], [0, 0, 255]), "hues at full level");
+    // The bar is the tallest: its 140 pixels are the canvas, less a pen at its ends.
+    assert!((rim_m / bar_m - 400.0 / 134.0).abs() < 0.1, "{rim_m} m around, {bar_m} m along");
+
+    let blank = image::RgbImage::from_fn(300, 200, |x, _| image::Rgb([200 - (x / 4) as u8; 3]));
+    blank.save(&path).unwrap();
+    let refused = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
+    assert!(refused.contains("stand out"), "{refused}");
 }

@@ -1,0 +1,412 @@
+//! Bitmaps: line art, handwriting on paper and logos, as PNG or JPEG, turned upright by their EXIF.
+//!
+//! Ink is what is darker than the paper around it (lighter, where most of the picture is dark): the
+//! paper's brightness is estimated block by block, so that shadows are none. The threshold is Otsu's
+//! (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch of ink with
+//! its holes is traced as a typeface's characters are ([`center_lines`]), or along its outline where it
+//! is too thick for a pen. A line has the hue of its ink where that is not gray.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, imageops};
+
+use super::{ColoredLine, MAX_POINTS};
+use crate::error::{Error, Result};
+use crate::files::Budget;
+use crate::geometry::{bounds, distance};
+use crate::letters::center_line::{center_lines, outlines};
+use crate::letters::options::Trace;
+use crate::letters::outline::{Contour, Ink, mean_stroke_width};
+
+/// Pixels of the longer side to which a picture is made smaller.
+const LONGER_SIDE: u32 = 1200;
+
+/// Steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
+const STEPS: usize = 8;
+
+/// Blocks of paper along the longer side.
+const BLOCKS: usize = 24;
+/// Share of a block's pixels that are darker than its paper.
+const PAPER: f64 = 0.75;
+/// Paper is brighter than this share of the brightest block; what is darker is a patch of ink.
+const SHADOW: f64 = 0.45;
+/// Least difference of ink and paper, as a share of the paper's brightness.
+const FAINT: f64 = 0.12;
+/// Least area of a patch, and least length along the picture's rim of what stands around the paper, by
+/// the picture's longer side.
+const SPECK: f64 = 2e-3;
+const SURROUNDINGS: f64 = 0.3;
+/// Mean width of a patch that is outlined, by the drawing's larger side.
+const THICK: f64 = 0.1;
+/// Least chroma of a colored ink, by its brightness.
+const CHROMA: f64 = 0.35;
+
+/// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size` gives the
+/// size of a pixel in cap heights from the bounds of the ink.
+pub(super) fn read(
+    bytes: &[u8],
+    trace: Trace,
+    size: impl Fn([f64; 4]) -> Result<f64>,
+    file: &str,
+) -> Result<Vec<ColoredLine>> {
+    let hint = "photograph the drawing in even light, or draw with a darker pen";
+    let budget = Budget::of(file, "make the picture smaller, or draw less");
+    let picture = upright(bytes, &budget, file)?;
+    let field = Field::of(&picture);
+    let Some((threshold, strong)) = field.thresholds() else {
+        let found = "a picture without lines that stand out from its paper";
+        return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
+    };
+    let patches = field.patches(threshold, strong);
+    let extent = bounds(patches.iter().flatten().flatten().copied());
+    let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
+    let scale = size(extent)?;
+    let mut lines = Vec::new();
+    for patch in patches {
+        let patch: Vec<Contour> =
+            patch.iter().map(|c| c.iter().map(|p| p.map(|x| x * scale)).collect()).collect();
+        let is_thick = mean_stroke_width(&patch) > THICK * larger * scale;
+        let drawn = match trace {
+            Trace::CenterLine if !is_thick => center_lines(&patch, &budget).lines,
+            Trace::CenterLine | Trace::Outline => outlines(&patch, &budget),
+        };
+        budget.check()?;
+        let drawn = drawn.into_iter().map(|line| line.into_iter().map(|p| p.map(|x| x / scale)));
+        lines.extend(drawn.map(Iterator::collect::<Vec<_>>).filter(|line| line.len() > 1));
+    }
+    if lines.iter().map(Vec::len).sum::<usize>() > MAX_POINTS {
+        return Err(super::too_many(file));
+    }
+    let colored = lines.into_iter().map(|line| {
+        let color = field.color(&picture, &line, threshold);
+        (line, color)
+    });
+    Ok(colored.collect())
+}
+
+/// The picture in upright position, on white where it is transparent, and at most as large as needed.
+fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<RgbImage> {
+    let refuse = |found: &dyn std::fmt::Display| {
+        let wanted = "a PNG image or a JPEG photo";
+        Error::input(file, found, wanted, "choose another file, or make it smaller")
+    };
+    let reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| refuse(&e))?;
+    let mut decoder = reader.into_decoder().map_err(|e| refuse(&e))?;
+    let (width, height) = decoder.dimensions();
+    if width < 3 || height < 3 {
+        return Err(refuse(&format!("{width} × {height} pixels")));
+    }
+    let n_bytes = usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX);
+    budget.steps(STEPS.saturating_mul(n_bytes))?;
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| refuse(&e))?;
+    if width.max(height) > LONGER_SIDE {
+        picture = picture.thumbnail(LONGER_SIDE, LONGER_SIDE);
+    }
+    picture.apply_orientation(orientation);
+    let mut on_white = RgbImage::new(picture.width(), picture.height());
+    for (pixel, rgba) in on_white.pixels_mut().zip(picture.into_rgba8().pixels()) {
+        let [.., alpha] = rgba.0.map(u32::from);
+        for (channel, value) in pixel.0.iter_mut().zip(rgba.0) {
+            let sum = u32::from(value) * alpha + 255 * (255 - alpha);
+            *channel = u8::try_from((sum + 127) / 255).unwrap_or(255);
+        }
+    }
+    Ok(on_white)
+}
+
+/// Share of the paper's brightness that the ink takes, pixel by pixel, 0 to 1, with a margin of paper.
+struct Field {
+    width: usize,
+    height: usize,
+    ink: Vec<f64>,
+}
+
+impl Field {
+    fn of(picture: &RgbImage) -> Self {
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        let luma = imageops::grayscale(picture);
+        let mut counts = [0_usize; 256];
+        luma.pixels().for_each(|pixel| counts[usize::from(pixel.0[0])] += 1);
+        // Most of a picture is paper.
+        let level = |share: f64| quantile(&counts, share) as f64;
+        let light = 2.0 * level(0.5) < level(0.01) + level(0.99);
+        let bright = |value: u8| if light { 255.0 - f64::from(value) } else { f64::from(value) };
+        let values: Vec<f64> = luma.pixels().map(|pixel| bright(pixel.0[0])).collect();
+        let values = softened(&values, width);
+        let paper = Paper::of(&values, width, height);
+        let (w, h) = (width + 2, height + 2);
+        let mut ink = vec![0.0; w * h];
+        for (at, value) in values.iter().enumerate() {
+            let (x, y) = (at % width, at / width);
+            ink[(y + 1) * w + x + 1] = (1.0 - value / paper.at(x, y)).clamp(0.0, 1.0);
+        }
+        Self { width: w, height: h, ink }
+    }
+
+    /// Otsu's threshold, the one with the largest variance between ink and paper, and the middle between
+    /// it and the mean ink. `None` where ink and paper are hardly different.
+    fn thresholds(&self) -> Option<(f64, f64)> {
+        let mut counts = [0_usize; 256];
+        self.ink.iter().for_each(|ink| counts[level(255.0 * ink)] += 1);
+        let total = self.ink.len() as f64;
+        let whole: f64 = (0..).zip(&counts).map(|(i, n)| f64::from(i) * *n as f64).sum();
+        let (mut below, mut sum) = (0.0, 0.0);
+        let mut best = (0.0, 0.0, (0.0, 0.0));
+        for (i, n) in (0..255).zip(&counts) {
+            below += *n as f64;
+            sum += f64::from(i) * *n as f64;
+            let above = total - below;
+            if above == 0.0 {
+                break;
+            }
+            let ink = (whole - sum) / above;
+            let apart = ink - sum / below;
+            let variance = below * above * apart * apart;
+            if variance > best.0 {
+                let threshold = f64::from(i) + 0.5;
+                best =
+                    (variance, apart / 255.0, (threshold / 255.0, 0.5 * (threshold + ink) / 255.0));
+            }
+        }
+        let (_, apart, thresholds) = best;
+        (apart > FAINT).then_some(thresholds)
+    }
+
+    /// Patches of ink, each a contour with its holes; without specks, what is nowhere strong, and what
+    /// stands around the paper.
+    fn patches(&self, threshold: f64, strong: f64) -> Vec<Vec<Contour>> {
+        let side = self.width.max(self.height) as f64;
+        let contours = self.contours(threshold);
+        let least = (SPECK * side * SPECK * side).max(2.0);
+        // Half a pixel within a contour there is a pixel of its ink.
+        let is_strong = |contour: &Contour| {
+            let ink = |[x, y]: &[f64; 2]| {
+                let (x, y) = (pixel(*x, self.width), pixel(-y, self.height));
+                near(y * self.width + x, self.width, self.height)
+                    .map(|at| self.ink[at])
+                    .fold(0.0, f64::max)
+            };
+            contour.iter().map(ink).fold(0.0, f64::max) > strong
+        };
+        let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
+            .into_iter()
+            .filter(|contour| area(contour).abs() >= least)
+            .partition(|contour| area(contour) > 0.0);
+        let outer = outer.into_iter().filter(is_strong);
+        let mut patches: Vec<Vec<Contour>> = outer.map(|c| vec![c]).collect();
+        // The smallest patch that holds a point of a hole has the hole.
+        patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
+        let budget = Budget::of("", "");
+        let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
+        for hole in holes {
+            let [x, y] = hole[0];
+            let within = |[left, bottom, right, top]: &[f64; 4]| {
+                (*left..=*right).contains(&x) && (*bottom..=*top).contains(&y)
+            };
+            let owner = (0..patches.len())
+                .find(|k| within(&boxes[*k]) && Ink::new(&patches[*k][..1], &budget).holds([x, y]));
+            if let Some(owner) = owner {
+                patches[owner].push(hole);
+            }
+        }
+        let around = |patch: &Vec<Contour>| self.along_rim(&patch[0]) > SURROUNDINGS * side;
+        if !patches.iter().all(around) {
+            patches.retain(|patch| !around(patch));
+        }
+        patches
+    }
+
+    /// Length of a contour along the rim of the picture.
+    fn along_rim(&self, contour: &Contour) -> f64 {
+        let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
+        let at_rim = |[x, y]: [f64; 2]| x < 1.0 || x > right || -y < 1.0 || -y > bottom;
+        let legs = contour.iter().zip(contour.iter().skip(1));
+        legs.filter(|(a, b)| at_rim(**a) && at_rim(**b)).map(|(a, b)| distance(*a, *b)).sum()
+    }
+
+    /// Closed contours of a level, y up, with the ink to their left: around a patch counterclockwise,
+    /// around a hole clockwise.
+    fn contours(&self, threshold: f64) -> Vec<Contour> {
+        let value = |x: usize, y: usize| self.ink[y * self.width + x] - threshold;
+        // Where a contour crosses an edge of the grid, and at which edge it goes on. An edge has the
+        // number of its upper or left pixel, and whether it runs downward.
+        let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
+        for y in 0..self.height - 1 {
+            for x in 0..self.width - 1 {
+                let corners = [value(x, y), value(x + 1, y), value(x + 1, y + 1), value(x, y + 1)];
+                let case = corners.map(|value| value > 0.0);
+                if case == [false; 4] || case == [true; 4] {
+                    continue;
+                }
+                let at = y * self.width + x;
+                let edges = [(at, false), (at + 1, true), (at + self.width, false), (at, true)];
+                // Going clockwise around the cell, a contour enters before a corner with ink and leaves
+                // after one, so that ink is to its left. Two corners with ink that face each other are
+                // joined where the middle has ink.
+                let joined = corners.iter().sum::<f64>() > 0.0;
+                for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
+                    let turn = |step: usize| (enter + if joined { 4 - step } else { step }) % 4;
+                    let leave = (1..4).map(turn).find(|k| case[*k] && !case[(k + 1) % 4]);
+                    next.extend(leave.map(|leave| (edges[enter], edges[leave])));
+                }
+            }
+        }
+        let place = |(at, down): (usize, bool)| {
+            let (x, y) = (at % self.width, at / self.width);
+            let to = if down { value(x, y + 1) } else { value(x + 1, y) };
+            let share = value(x, y) / (value(x, y) - to);
+            let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
+            [x as f64 + dx, -(y as f64 + dy)]
+        };
+        let mut contours = Vec::new();
+        while let Some((first, mut edge)) = next.pop_first() {
+            let mut contour = vec![place(first)];
+            while edge != first {
+                contour.push(place(edge));
+                let Some(onward) = next.remove(&edge) else { break };
+                edge = onward;
+            }
+            contours.push(contour);
+        }
+        contours
+    }
+
+    /// The hue of the ink along a line at full saturation; black where it is gray.
+    fn color(&self, picture: &RgbImage, line: &[[f64; 2]], threshold: f64) -> [u8; 3] {
+        let mut sum = [0.0; 3];
+        for leg in line.windows(2) {
+            for share in [0.0, 0.25, 0.5, 0.75] {
+                let [x, y] = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
+                let (x, y) = (pixel(x, self.width), pixel(-y, self.height));
+                if self.ink[y * self.width + x] > threshold {
+                    let at = 3 * ((y - 1) * (self.width - 2) + x - 1);
+                    (0..3).for_each(|i| sum[i] += f64::from(picture.as_raw()[at + i]));
+                }
+            }
+        }
+        let least = sum.into_iter().fold(f64::MAX, f64::min);
+        let most = sum.into_iter().fold(0.0, f64::max);
+        if most - least <= CHROMA * most {
+            return [0; 3];
+        }
+        // In halves, so that strokes of one pen have one color.
+        sum.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
+    }
+}
+
+/// Brightness of the paper in blocks.
+struct Paper {
+    block: usize,
+    columns: usize,
+    rows: usize,
+    levels: Vec<f64>,
+}
+
+impl Paper {
+    fn of(values: &[f64], width: usize, height: usize) -> Self {
+        let block = width.max(height).div_ceil(BLOCKS);
+        let (columns, rows) = (width.div_ceil(block), height.div_ceil(block));
+        let mut counts = vec![[0_usize; 256]; columns * rows];
+        for (at, value) in values.iter().enumerate() {
+            counts[at / width / block * columns + at % width / block][level(*value)] += 1;
+        }
+        let mut levels: Vec<f64> =
+            counts.iter().map(|counts| (quantile(counts, PAPER) as f64).max(1.0)).collect();
+        let brightest = levels.iter().copied().fold(0.0, f64::max);
+        // Blocks in the middle of a patch have the paper of their neighbors.
+        let mut known: Vec<bool> = levels.iter().map(|paper| *paper > SHADOW * brightest).collect();
+        while known.contains(&false) {
+            let before = known.clone();
+            for at in (0..levels.len()).filter(|at| !before[*at]) {
+                let near = near(at, columns, rows).filter(|k| before[*k]);
+                let papers: Vec<f64> = near.map(|k| levels[k]).collect();
+                if !papers.is_empty() {
+                    levels[at] = papers.iter().sum::<f64>() / papers.len() as f64;
+                    known[at] = true;
+                }
+            }
+        }
+        // Brightest, then darkest of the neighbors (a morphological closing): a patch as large as a few
+        // blocks is filled, and the edge of a shadow stays where it is.
+        let each = |levels: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+            let near = |at| near(at, columns, rows).map(|k| levels[k]).collect::<Vec<_>>();
+            (0..levels.len()).map(|at| of(&near(at))).collect()
+        };
+        levels = each(&levels, &|near| near.iter().copied().fold(0.0, f64::max));
+        levels = each(&levels, &|near| near.iter().copied().fold(f64::MAX, f64::min));
+        levels = each(&levels, &|near| near.iter().sum::<f64>() / near.len() as f64);
+        Self { block, columns, rows, levels }
+    }
+
+    /// At a pixel, between the middles of blocks.
+    fn at(&self, x: usize, y: usize) -> f64 {
+        let along = |at: usize, n: usize| {
+            let place = ((at as f64 + 0.5) / self.block as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+            let first = level(place).min(n - 1);
+            (first, (first + 1).min(n - 1), place - first as f64)
+        };
+        let (left, right, across) = along(x, self.columns);
+        let (top, bottom, down) = along(y, self.rows);
+        let row = |row: usize| {
+            let [a, b] = [left, right].map(|column| self.levels[row * self.columns + column]);
+            a + across * (b - a)
+        };
+        row(top) + down * (row(bottom) - row(top))
+    }
+}
+
+/// A cell and those around it.
+fn near(at: usize, columns: usize, rows: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (at % columns, at / columns);
+    let around = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
+    around(y, rows).flat_map(move |y| around(x, columns).map(move |x| y * columns + x))
+}
+
+/// Each pixel averaged with its neighbors, 1 2 1 in both directions: noise has no contours.
+fn softened(values: &[f64], width: usize) -> Vec<f64> {
+    let pass = |values: &[f64], step: usize, n: usize| -> Vec<f64> {
+        let mean = |at: usize| {
+            let place = at / step % n;
+            let before = if place > 0 { values[at - step] } else { values[at] };
+            let after = if place + 1 < n { values[at + step] } else { values[at] };
+            0.25 * (before + after) + 0.5 * values[at]
+        };
+        (0..values.len()).map(mean).collect()
+    };
+    pass(&pass(values, 1, width), width, values.len() / width)
+}
+
+/// The area within a closed contour, negative where it runs clockwise.
+fn area(contour: &Contour) -> f64 {
+    let legs = contour.iter().zip(contour.iter().cycle().skip(1));
+    legs.map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
+}
+
+/// The value below which a share of counted values lies.
+fn quantile(counts: &[usize; 256], share: f64) -> usize {
+    let total: usize = counts.iter().sum();
+    let mut passed = 0;
+    let wanted = share * total as f64;
+    counts
+        .iter()
+        .position(|n| {
+            passed += n;
+            passed as f64 >= wanted
+        })
+        .unwrap_or(255)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+fn level(value: f64) -> usize {
+    (value as usize).min(255)
+}
+
+/// The pixel of the field at a place, which is not in its margin.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the picture")]
+fn pixel(place: f64, side: usize) -> usize {
+    (place.round().max(1.0) as usize).min(side - 2)
+}
