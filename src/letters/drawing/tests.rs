@@ -414,6 +414,7 @@ fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
     image::RgbImage::from_raw(width, height, rgb).unwrap()
 }
 
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "levels")]
 fn change(picture: &mut image::RgbImage, of: impl Fn(f64, f64, f64) -> f64) {
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         pixel.0 = pixel.0.map(|value| of(f64::from(x), f64::from(y), f64::from(value)) as u8);
@@ -494,9 +495,9 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let mut flown = Vec::new();
         for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
             let n = distance(leg[0], leg[1]).ceil().max(1.0);
-            flown.extend((0..n as u32).map(|k| {
+            flown.extend((0..1000).map(f64::from).take_while(|k| *k < n).map(|k| {
                 // The lines have a margin of a pixel, and y up.
-                let share = f64::from(k) / n;
+                let share = k / n;
                 let at = [0, 1].map(|i| leg[0][i] + share * (leg[1][i] - leg[0][i]));
                 [at[0] - 1.0, -at[1] - 1.0]
             }));
@@ -536,7 +537,8 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
     // The bar is the tallest: its 140 pixels are the canvas, less a pen at its ends.
     assert!((rim_m / bar_m - 400.0 / 134.0).abs() < 0.1, "{rim_m} m around, {bar_m} m along");
 
-    let blank = image::RgbImage::from_fn(300, 200, |x, _| image::Rgb([200 - (x / 4) as u8; 3]));
+    let blank =
+        image::RgbImage::from_fn(300, 200, |x, _| image::Rgb([if x < 99 { 200 } else { 190 }; 3]));
     blank.save(&path).unwrap();
     let refused = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
     assert!(refused.contains("stand out"), "{refused}");
