@@ -59,6 +59,7 @@
 //! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
 //! | 10 | [`report`] | products → plots, sheets |
 //! | 11 | [`cli`] | arguments, tables, exit codes |
+//! | 11 | `python` | the Python package: stages as functions, products with numpy arrays (feature `python`) |
 //!
 //! Row 0 holds the tools of all rooms: none imports anything of ours but `error`, so that no stage
 //! owns them and none writes them again.
@@ -101,6 +102,8 @@ pub mod logs;
 pub mod photo;
 pub mod plan;
 pub mod preflight;
+#[cfg(feature = "python")]
+mod python;
 mod random;
 pub mod report;
 pub mod scene;

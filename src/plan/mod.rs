@@ -44,6 +44,8 @@ pub use light_timing::{Between, time_lights};
 pub use options::{
     EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
 };
+#[cfg(feature = "python")]
+pub(crate) use relight::HEADLIGHTS;
 pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};

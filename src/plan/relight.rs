@@ -10,7 +10,7 @@ use crate::geometry::segment_distance;
 use crate::letters::{Move, Strokes};
 
 /// The light channel that the team's letters drive.
-const HEADLIGHTS: &str = "headlights";
+pub(crate) const HEADLIGHTS: &str = "headlights";
 
 /// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints; strokes
 /// lie centimeters apart.

@@ -1,0 +1,82 @@
+"""The photograph of a drone's light painting before the flight, and whether it reads.
+
+>>> import noctograph as nc
+>>> nc.preview("NOOR")
+<Shot: 1920 × 1080, NOOR reads as NOOR: legible>
+
+The stages one by one: `Scene` → `plan` → `fly` → `photograph`, whose `Shot` has the verdict. A `Flight`
+made of your own simulator's arrays is photographed like any other.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+# Without this folder Mesa's device-select layer prints an error at each look at the graphics devices.
+if "XDG_RUNTIME_DIR" not in os.environ:
+    os.environ.setdefault("NODEVICE_SELECT", "1")
+
+from ._noctograph import (  # noqa: E402
+    Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
+)  # fmt: skip
+from .errors import InfeasibleError, InputError  # noqa: E402
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = [
+    "Flight", "InfeasibleError", "InputError", "Plan", "Scene", "Shot", "fly", "import_log", "photograph",
+    "plan", "preview", "read", "save", "score", "to_pandas", "__version__",
+]  # fmt: skip
+
+
+def preview(
+    word: str, scene: str = "cf21", *, seed: int | None = None, set: Mapping[str, Any] | None = None
+) -> Shot:
+    """Plans, flies and photographs a word; in a notebook, the result shows its photo.
+
+    Parameters
+    ----------
+    word : str
+        Word to write.
+    scene : str
+        A preset, a shipped scene or a file, as for `Scene`.
+    seed : int, optional
+        Seed of all noise.
+    set : dict, optional
+        Further keys of the scene, as for `Scene`.
+    """
+    return photograph(Scene(scene, word=word, seed=seed, set=dict(set or {})))
+
+
+def to_pandas(table: Flight | Plan) -> pandas.DataFrame:
+    """A flight or plan as a table with the columns of its CSV file; needs pandas."""
+    import pandas
+
+    return pandas.read_csv(io.StringIO(table.to_csv()))
+
+
+def save(product: Flight | Plan | Shot | Scene, path: str | os.PathLike[str]) -> None:
+    """Writes a flight or plan as CSV, a shot as PNG with its scene, a scene as TOML.
+
+    The file appears when it is whole.
+    """
+    if isinstance(product, Shot):
+        data = product.to_png()
+    elif isinstance(product, Scene):
+        data = product.to_toml().encode()
+    else:
+        data = product.to_csv().encode()
+    path = os.fspath(path)
+    part = f"{path}.part"
+    try:
+        with open(part, "wb") as file:
+            file.write(data)
+        os.replace(part, path)
+    except BaseException:
+        if os.path.exists(part):
+            os.remove(part)
+        raise

@@ -1,0 +1,35 @@
+"""Exceptions of noctograph, with what was found, where, and what to do."""
+
+
+class InputError(ValueError):
+    """An input value cannot be used.
+
+    Attributes
+    ----------
+    place, found, wanted, hint : str
+        Where it stands, what is there, what is accepted, and advice.
+    """
+
+    def __init__(self, place: str, found: str, wanted: str, hint: str) -> None:
+        super().__init__(f"{place}: found {found}, wanted {wanted} ({hint})")
+        self.place, self.found, self.wanted, self.hint = place, found, wanted, hint
+
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
+        return type(self), (self.place, self.found, self.wanted, self.hint)
+
+
+class InfeasibleError(RuntimeError):
+    """The input is well formed, but cannot be carried out.
+
+    Attributes
+    ----------
+    what, hint : str
+        The reason, and advice.
+    """
+
+    def __init__(self, what: str, hint: str) -> None:
+        super().__init__(f"{what} ({hint})")
+        self.what, self.hint = what, hint
+
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
+        return type(self), (self.what, self.hint)

@@ -1,0 +1,160 @@
+"""The package against the command line: `pytest` with NOCTOGRAPH naming the program."""
+
+import json
+import os
+import pickle
+import subprocess
+import threading
+import time
+
+import noctograph as nc
+import numpy as np
+import pytest
+
+SMALL = {"camera.width_px": 640, "camera.height_px": 360}
+
+
+def program(*arguments, cwd):
+    command = [os.environ["NOCTOGRAPH"], *arguments]
+    return subprocess.run(command, cwd=cwd, check=False, capture_output=True, text=True).stdout
+
+
+@pytest.fixture(scope="module")
+def shot():
+    return nc.preview("RIGA", seed=3)
+
+
+def test_bytes_are_those_of_the_command_line(shot, tmp_path):
+    program("preview", "RIGA", "--seed", "3", "-o", "out", cwd=tmp_path)
+    assert shot.to_png() == (tmp_path / "out/photo.png").read_bytes()
+    assert shot.flights[0].to_csv() == (tmp_path / "out/flight.csv").read_text()
+    verdict = json.loads((tmp_path / "out/verdict.json").read_text())
+    assert {key: verdict[key] for key in shot.verdict} == shot.verdict
+    assert nc.plan(nc.Scene(word="RIGA", seed=3))[0].to_csv() == (tmp_path / "out/plan.csv").read_text()
+    assert nc.read(tmp_path / "out/photo.png") == "RIGA"
+
+
+def test_stages_make_the_same_photo(shot):
+    scene = nc.Scene(word="RIGA", seed=3)
+    flights = nc.fly(scene, nc.plan(scene))
+    assert flights[0].sha256 == shot.flights[0].sha256
+    assert nc.photograph(scene, flights).film_sha256 == shot.film_sha256
+    scored = nc.score(shot.image, shot.scene)
+    assert scored["read"] == "RIGA" and scored["readability"] == shot.verdict["readability"]
+
+
+def test_arrays_have_shapes_and_are_made_once(shot):
+    flight = shot.flights[0]
+    n = len(flight)
+    shapes = {"time_s": (n,), "position_m": (n, 3), "design_m": (n, 3), "estimate_m": (n, 3), "attitude_rad": (n, 3),
+              "velocity_body_m_s": (n, 3), "rate_body_rad_s": (n, 3), "motors": (n, 4)}  # fmt: skip
+    for name, shape in shapes.items():
+        array = getattr(flight, name)
+        assert array.shape == shape and array.dtype == np.float64, name
+        assert getattr(flight, name) is array and not array.flags.writeable, name
+    assert set(flight.lights) == {"headlights"} and {"battery_v", "energy_j"} <= set(flight.extra)
+    assert shot.image.shape == (1080, 1920, 3) and not shot.image.flags.writeable
+    assert 0.9 < flight.position_m[flight.lights["headlights"] > 0, 2].max() < 1.1, "capitals end at 1 m"
+
+
+def test_a_flight_of_any_simulator_is_photographed():
+    time_s = np.linspace(0, 12, 1201)
+    angle = 2 * np.pi * time_s / 10
+    on = (time_s < 10).astype(float)
+    circle = np.stack([0.3 * np.cos(angle), 0 * angle, 1 + 0.3 * np.sin(angle)], axis=1)
+    image = nc.photograph(nc.Scene(word="", set=SMALL), [nc.Flight(time_s, circle, light=on)]).image
+    lit = np.argwhere(image.min(axis=2) > 250)
+    assert len(lit) > 100
+    height, width = np.ptp(lit, axis=0)
+    assert abs(height - width) < 0.05 * width, "a circle"
+    middle = image[image.shape[0] // 2, image.shape[1] // 2]
+    assert middle.max() < 100, "and not a disc"
+    # Read-only, strided and integer arrays are arrays.
+    nc.Flight(np.arange(5), np.zeros((3, 5)).T)
+
+
+def test_errors_say_what_is_wrong():
+    with pytest.raises(nc.InputError) as caught:
+        nc.Scene(set={"vehicle": {"mas_kg": 0.03}})
+    assert "vehicle.mas_kg" in str(caught.value) and "vehicle.mass_kg" in caught.value.hint
+    for arguments, place in [
+        (([0, 1], np.zeros((2, 2))), "position_m"),
+        (([0, 1], np.zeros((3, 3))), "position_m"),
+        (([1, 0], np.zeros((2, 3))), "time_s"),
+        (([0, np.nan], np.zeros((2, 3))), "time_s"),
+        (([0, 1], [[0, 0, 0], [0, np.inf, 0]]), "position_m"),
+    ]:
+        with pytest.raises(nc.InputError) as caught:
+            nc.Flight(*arguments)
+        assert caught.value.place == place
+    with pytest.raises(ValueError, match="wanted uint8"):
+        nc.score(np.zeros((4, 4)), nc.Scene(word="A"))
+    with pytest.raises(FileNotFoundError):
+        nc.Flight.read("none.csv")
+    with pytest.raises(nc.InfeasibleError):
+        nc.plan(nc.Scene(word="NOOR" * 60, set={"plan.stroke_speed_m_s": 0.001}))
+    assert pickle.loads(pickle.dumps(nc.InputError("a", "b", "c", "d"))).wanted == "c"
+
+
+def test_settings_reach_the_scene(tmp_path):
+    scene = nc.Scene("ae483-2022", word="HI", seed=5, set={"camera": {"iso": 200}, "plan.lights": ["headlights"], "vehicle.mass_kg": np.float64(0.035)})
+    assert (scene.word, scene.seed) == ("HI", 5) and "mass_kg = 0.035" in scene.to_toml()
+    nc.save(scene, tmp_path / "scene.toml")
+    assert nc.Scene(str(tmp_path / "scene.toml")).to_toml() == scene.to_toml()
+    assert os.listdir(tmp_path) == ["scene.toml"]
+
+
+def test_tables_are_those_of_the_files(shot, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    nc.save(shot.flights[0], tmp_path / "flight.csv")
+    table = nc.to_pandas(shot.flights[0])
+    assert table.equals(pandas.read_csv(tmp_path / "flight.csv"))
+    assert nc.Flight.read(tmp_path / "flight.csv").sha256 == shot.flights[0].sha256
+
+
+def test_the_interpreter_is_free_meanwhile():
+    ticks = []
+    worker = threading.Thread(target=nc.preview, args=("MOON",))
+    worker.start()
+    while worker.is_alive():
+        time.sleep(0.005)
+        ticks.append(time.perf_counter())
+    assert len(ticks) > 10 and max(np.diff(ticks)) < 0.1
+
+
+def test_ctrl_c_ends_a_stage():
+    code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
+    import signal, sys  # noqa: E401
+
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    child.stdout.readline()
+    time.sleep(0.2)
+    child.send_signal(signal.SIGINT)
+    _, error = child.communicate(timeout=20)
+    assert b"KeyboardInterrupt" in error
+
+
+def test_memory_does_not_grow():
+    scene = nc.Scene(word="I", set={"camera.width_px": 320, "camera.height_px": 180})
+
+    def resident_kb():
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+
+    for _ in range(20):
+        nc.photograph(scene)
+    before = resident_kb()
+    for _ in range(60):
+        nc.photograph(scene)
+    assert resident_kb() < 1.1 * before
+
+
+def test_every_public_name_is_documented():
+    for name in nc.__all__:
+        thing = getattr(nc, name)
+        if name == "__version__":
+            continue
+        assert thing.__doc__, name
+        for part in vars(thing) if isinstance(thing, type) and thing.__module__ == "noctograph" else []:
+            if not part.startswith("_"):
+                assert getattr(thing, part).__doc__, f"{name}.{part}"

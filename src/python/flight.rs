@@ -1,0 +1,285 @@
+//! Flights: simulated, imported, or from anybody's arrays.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::Vector3;
+use pyo3::prelude::*;
+
+use super::plan::PyPlan;
+use super::scene::PyScene;
+use super::{array, numbers, raised, run};
+use crate::error::Error;
+use crate::flight::{Flight, FlightSample, Quantity};
+use crate::geometry::Attitude;
+use crate::logs::{ImportOptions, import};
+use crate::plan::{HEADLIGHTS, relight};
+use crate::shoot::{Shoot, Stop};
+
+/// The flight of one drone, sampled over time.
+///
+/// Parameters
+/// ----------
+/// time_s : numpy.ndarray
+///     Rising times in s, shape (N,).
+/// position_m : numpy.ndarray
+///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
+/// light : numpy.ndarray, optional
+///     Level of the headlights, 0 to 1, shape (N,); 1 by default.
+/// attitude_rad : numpy.ndarray, optional
+///     Yaw, pitch and roll in rad, shape (N, 3); 0 by default.
+/// design_m : numpy.ndarray, optional
+///     Position that was to be flown in m, shape (N, 3); the flown one by default. Without a word in the
+///     scene, the camera frames the design where there is light.
+#[pyclass(frozen, name = "Flight", module = "noctograph")]
+#[derive(Debug)]
+pub(super) struct PyFlight {
+    pub(super) flight: Flight,
+    /// Arrays that were asked for, so that they are made once.
+    arrays: Mutex<BTreeMap<String, Py<PyAny>>>,
+}
+
+impl PyFlight {
+    pub(super) fn new(flight: Flight) -> Self {
+        Self { flight, arrays: Mutex::default() }
+    }
+
+    /// An array that is made when it is first asked for.
+    fn array<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        name: &str,
+        of: impl Fn(&FlightSample) -> [f64; N],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut arrays = self.arrays.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = arrays.get(name) {
+            return Ok(known.bind(py).clone());
+        }
+        let values: Vec<f64> = self.flight.samples.iter().flat_map(of).collect();
+        let made = array(py, &values, N)?;
+        arrays.insert(name.to_owned(), made.clone().unbind());
+        Ok(made)
+    }
+}
+
+#[pymethods]
+impl PyFlight {
+    #[new]
+    #[pyo3(signature = (time_s, position_m, *, light = None, attitude_rad = None, design_m = None))]
+    fn from_arrays<'py>(
+        py: Python<'py>,
+        time_s: &Bound<'py, PyAny>,
+        position_m: &Bound<'py, PyAny>,
+        light: Option<&Bound<'py, PyAny>>,
+        attitude_rad: Option<&Bound<'py, PyAny>>,
+        design_m: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let refuse = |name: &str, found: String, wanted: String| {
+            let hint = "one row for each time, all of them finite";
+            raised(py, &Error::input(name, found, wanted, hint))
+        };
+        let finite = |name: &str, array, columns| {
+            let values = numbers(array, name, columns)?;
+            match values.iter().position(|value| value.is_nan() || value.abs() > 1e6) {
+                Some(at) => {
+                    let found = format!("{} in row {}", values[at], at / columns);
+                    Err(refuse(name, found, "numbers up to 1e6".into()))
+                }
+                None => Ok(values),
+            }
+        };
+        let times_s = finite("time_s", time_s, 1)?;
+        if let Some(at) = times_s.windows(2).position(|pair| pair[0] >= pair[1]) {
+            let found = format!("{} after {}", times_s[at + 1], times_s[at]);
+            return Err(refuse("time_s", found, "rising times".into()));
+        }
+        let n = times_s.len();
+        let column = |name: &str, array: Option<_>, columns, usual| {
+            let Some(array) = array else { return Ok(vec![usual; columns * n]) };
+            let values = finite(name, array, columns)?;
+            if values.len() == columns * n {
+                return Ok(values);
+            }
+            let found = format!("{} rows", values.len() / columns);
+            Err(refuse(name, found, format!("{n} rows, as time_s")))
+        };
+        let positions_m = column("position_m", Some(position_m), 3, 0.0)?;
+        let lights = column("light", light, 1, 1.0)?;
+        let angles_rad = column("attitude_rad", attitude_rad, 3, 0.0)?;
+        let designs_m = column("design_m", design_m.or(Some(position_m)), 3, 0.0)?;
+        let point =
+            |values: &[f64], row: usize| Vector3::from_column_slice(&values[3 * row..][..3]);
+        let samples = times_s.iter().enumerate().map(|(row, time_s)| FlightSample {
+            time_s: *time_s,
+            position_m: point(&positions_m, row),
+            attitude: {
+                let [yaw_rad, pitch_rad, roll_rad] = point(&angles_rad, row).into();
+                Attitude { yaw_rad, pitch_rad, roll_rad }
+            },
+            design_m: point(&designs_m, row),
+            letter: (lights[row] > 0.0).then_some(0),
+            ..FlightSample::default()
+        });
+        Ok(Self::new(Flight {
+            samples: samples.collect(),
+            lights: BTreeMap::from([(HEADLIGHTS.to_owned(), lights)]),
+            unlogged: [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors]
+                .into(),
+            ..Flight::default()
+        }))
+    }
+
+    /// Reads the flight that ``save`` or ``noctograph fly`` wrote.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Flight::read_csv(&path).map(Self::new).map_err(|error| raised(py, &error))
+    }
+
+    /// numpy.ndarray: Time of each sample in s, shape (N,).
+    #[getter]
+    fn time_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "time_s", |sample| [sample.time_s])
+    }
+
+    /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up; shape (N, 3).
+    #[getter]
+    fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "position_m", |sample| sample.position_m.data.0[0])
+    }
+
+    /// numpy.ndarray: Position that was to be flown, in m; shape (N, 3).
+    #[getter]
+    fn design_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "design_m", |sample| sample.design_m.data.0[0])
+    }
+
+    /// numpy.ndarray: Position according to the drone's estimator, in m; shape (N, 3).
+    #[getter]
+    fn estimate_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "estimate_m", |sample| sample.estimate_m.data.0[0])
+    }
+
+    /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s; shape (N, 3).
+    #[getter]
+    fn velocity_body_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "velocity_body_m_s", |sample| sample.velocity_body_m_s.data.0[0])
+    }
+
+    /// numpy.ndarray: Angular velocity in the body frame in rad/s; shape (N, 3).
+    #[getter]
+    fn rate_body_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "rate_body_rad_s", |sample| sample.rate_body_rad_s.data.0[0])
+    }
+
+    /// numpy.ndarray: Yaw, pitch and roll in rad; shape (N, 3).
+    #[getter]
+    fn attitude_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "attitude_rad", |sample| {
+            let Attitude { yaw_rad, pitch_rad, roll_rad } = sample.attitude;
+            [yaw_rad, pitch_rad, roll_rad]
+        })
+    }
+
+    /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535; shape (N, 4).
+    #[getter]
+    fn motors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, "motors", |sample| sample.motors)
+    }
+
+    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape (N,).
+    #[getter]
+    fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
+        let columns = self.flight.lights.iter();
+        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
+    }
+
+    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of shape
+    /// (N,).
+    #[getter]
+    fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
+        let columns = self.flight.extra.iter();
+        columns.map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
+    }
+
+    /// str: SHA-256 of the flight, as the command line prints it.
+    #[getter]
+    fn sha256(&self) -> String {
+        self.flight.sha256()
+    }
+
+    /// The flight as CSV, one row a sample.
+    fn to_csv(&self) -> String {
+        let mut csv = Vec::new();
+        self.flight.write_csv(&mut csv).expect("memory can be written");
+        String::from_utf8_lossy(&csv).into_owned()
+    }
+
+    fn __len__(&self) -> usize {
+        self.flight.samples.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let samples = &self.flight.samples;
+        let duration_s = samples.last().map_or(0.0, |last| last.time_s - samples[0].time_s);
+        format!("<Flight: {} samples, {duration_s:.1} s>", samples.len())
+    }
+}
+
+/// Flies the plans of a scene, or other ones, one for each drone.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+///     Its drone, controller, estimator, air and seed.
+/// plans : list of Plan, optional
+///     The scene's own by default.
+///
+/// Returns
+/// -------
+/// list of Flight
+#[pyfunction]
+#[pyo3(signature = (scene, plans = None))]
+pub(super) fn fly(
+    py: Python<'_>,
+    scene: &PyScene,
+    plans: Option<Vec<PyRef<'_, PyPlan>>>,
+) -> PyResult<Vec<PyFlight>> {
+    let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
+    let scene = scene.0.clone();
+    let stage = || {
+        let shoot = match plans {
+            None => Shoot::new(scene)?,
+            Some(plans) => Shoot::with_plans(scene, plans)?,
+        };
+        shoot.fly(&|_, _| {})
+    };
+    let flights = run(py, &Stop::default(), stage)?;
+    Ok(flights.into_iter().map(PyFlight::new).collect())
+}
+
+/// Reads the log of a real flight: JSON of the AE483 course, CSV of cfclient, µSD card, plain CSV.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+///     The log, or a folder of files that belong together.
+/// scene : Scene, optional
+///     Its word's letters and lights are inferred from the log's setpoints.
+#[pyfunction]
+#[pyo3(signature = (path, scene = None))]
+pub(super) fn import_log(
+    py: Python<'_>,
+    path: PathBuf,
+    scene: Option<&PyScene>,
+) -> PyResult<PyFlight> {
+    let scene = scene.map(|scene| scene.0.clone());
+    let stage = || {
+        let mut flight = import(&path, &ImportOptions::default())?;
+        if let Some(scene) = scene {
+            relight(&mut flight, &scene.strokes()?)?;
+        }
+        Ok(flight)
+    };
+    run(py, &Stop::default(), stage).map(PyFlight::new)
+}

@@ -1,0 +1,125 @@
+//! The Python package `noctograph` (feature `python`): stages as functions, products as objects with
+//! numpy arrays. `examples/python` builds and documents it.
+//!
+//! The interpreter is released while a stage runs, and asked for Ctrl-C meanwhile.
+#![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
+
+mod flight;
+mod plan;
+mod scene;
+mod shot;
+
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
+
+use crate::error::{Error, Result};
+use crate::shoot::Stop;
+
+/// Time between two looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+#[pymodule]
+fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<scene::PyScene>()?;
+    module.add_class::<plan::PyPlan>()?;
+    module.add_class::<flight::PyFlight>()?;
+    module.add_class::<shot::PyShot>()?;
+    module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
+    module.add_function(wrap_pyfunction!(flight::fly, module)?)?;
+    module.add_function(wrap_pyfunction!(flight::import_log, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::photograph, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::score, module)?)?;
+    module.add_function(wrap_pyfunction!(shot::read, module)?)
+}
+
+/// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
+fn raised(py: Python<'_>, error: &Error) -> PyErr {
+    let (class, arguments) = match error {
+        Error::Input { place, found, wanted, hint } => {
+            ("InputError", vec![place.clone(), found.clone(), wanted.clone(), hint.clone()])
+        }
+        Error::Io { path, source, .. } => {
+            let text = format!("{}: {source}", path.display());
+            return match source.raw_os_error() {
+                Some(_) => PyErr::from(std::io::Error::new(source.kind(), text)),
+                None => pyo3::exceptions::PyOSError::new_err(text),
+            };
+        }
+        Error::Infeasible { what, hint } => ("InfeasibleError", vec![what.clone(), hint.clone()]),
+        other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
+    };
+    let made = py.import("noctograph.errors").and_then(|errors| {
+        let arguments = PyTuple::new(py, arguments)?;
+        errors.getattr(class)?.call1(arguments)
+    });
+    made.map_or_else(|broken| broken, PyErr::from_value)
+}
+
+/// Runs a stage without the interpreter; on Ctrl-C it is stopped and its result dropped.
+fn run<T: Send>(
+    py: Python<'_>,
+    stop: &Stop,
+    stage: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
+    let done = py.detach(|| {
+        let (sender, receiver) = channel();
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                // Nobody listens after Ctrl-C.
+                let _ = sender.send(stage());
+            });
+            loop {
+                match receiver.recv_timeout(LOOK) {
+                    Ok(done) => return Ok(done),
+                    Err(RecvTimeoutError::Timeout) => {
+                        Python::attach(|py| py.check_signals()).inspect_err(|_| stop.now())?;
+                    }
+                    Err(RecvTimeoutError::Disconnected) => {
+                        let text = "the program failed: please report what it printed";
+                        return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
+                    }
+                }
+            }
+        })
+    });
+    done?.map_err(|error| raised(py, &error))
+}
+
+/// Bytes as an array of numpy that cannot be written to; no copy but the one into Python's memory.
+fn array_of<'py>(
+    py: Python<'py>,
+    bytes: &[u8],
+    dtype: &str,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let flat = py.import("numpy")?.call_method1("frombuffer", (PyBytes::new(py, bytes), dtype))?;
+    flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
+}
+
+/// Rows of numbers as an array of `(rows, columns)`, or of `(rows,)` for a single column.
+fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound<'py, PyAny>> {
+    let rows = values.len() / columns;
+    let shape: &[usize] = if columns == 1 { &[rows] } else { &[rows, columns] };
+    array_of(py, bytemuck::cast_slice(values), "f8", shape)
+}
+
+/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes are
+/// refused.
+fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
+    let py = array.py();
+    let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let fits =
+        if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
+    if !fits {
+        let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
+        let error = Error::input(name, format!("shape {shape:?}"), wanted, "reshape the array");
+        return Err(raised(py, &error));
+    }
+    let bytes = array.call_method0("tobytes")?;
+    Ok(bytemuck::pod_collect_to_vec(bytes.cast::<PyBytes>()?.as_bytes()))
+}

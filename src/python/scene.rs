@@ -1,0 +1,99 @@
+//! Scenes: what fixes a photo.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict};
+
+use super::raised;
+use crate::scene::Scene;
+
+/// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera, seed.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     A preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``, ...), a shipped scene or
+///     a file ``*.toml`` or ``*.png`` of a photo.
+/// word : str, optional
+///     Word to write; the scene's by default.
+/// seed : int, optional
+///     Seed of all noise; the scene's by default.
+/// set : dict, optional
+///     Further keys of the scene, dotted or nested: ``{"vehicle.mass_kg": 0.038}`` is
+///     ``{"vehicle": {"mass_kg": 0.038}}``. ``noctograph scene`` prints every key with its meaning.
+#[pyclass(frozen, name = "Scene", module = "noctograph")]
+#[derive(Debug)]
+pub(super) struct PyScene(pub(super) Scene);
+
+#[pymethods]
+impl PyScene {
+    #[new]
+    #[pyo3(signature = (name = "cf21", *, word = None, seed = None, set = None))]
+    fn new(
+        py: Python<'_>,
+        name: &str,
+        word: Option<&str>,
+        seed: Option<u64>,
+        set: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let mut settings = Vec::new();
+        if let Some(set) = set {
+            flatten(set, "", &mut settings)?;
+        }
+        settings.extend(seed.map(|seed| ("seed".to_owned(), seed.to_string())));
+        let borrowed: Vec<(&str, &str)> =
+            settings.iter().map(|(key, value)| (&**key, &**value)).collect();
+        let mut found = Scene::find(name, &borrowed).map_err(|error| raised(py, &error))?.scene;
+        if let Some(word) = word {
+            found.set_word(word);
+        }
+        Ok(Self(found))
+    }
+
+    /// str: The word; empty for a drawing.
+    #[getter]
+    fn word(&self) -> &str {
+        &self.0.word
+    }
+
+    /// int: Seed of all noise.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.0.seed
+    }
+
+    /// The whole scene as TOML, every key with its meaning; ``Scene(FILE)`` reads it again.
+    fn to_toml(&self) -> String {
+        self.0.to_toml()
+    }
+
+    fn __repr__(&self) -> String {
+        let changes = self.0.changes();
+        let changes = changes.iter().map(|[key, value, _]| format!("{key} = {value}"));
+        format!("<Scene: {}>", changes.collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// Dotted keys with their values as the command line takes them.
+fn flatten(
+    table: &Bound<'_, PyDict>,
+    path: &str,
+    into: &mut Vec<(String, String)>,
+) -> PyResult<()> {
+    for (key, value) in table.iter() {
+        let key = format!("{path}{}", key.extract::<String>()?);
+        if let Ok(table) = value.cast::<PyDict>() {
+            flatten(table, &format!("{key}."), into)?;
+        } else if let Ok(text) = value.extract::<String>() {
+            into.push((key, text));
+        } else if let Ok(flag) = value.cast::<PyBool>() {
+            into.push((key, flag.is_true().to_string()));
+        } else {
+            // Arrays of numpy become lists; numbers and lists read alike in JSON and TOML.
+            let value =
+                if value.hasattr("tolist")? { value.call_method0("tolist")? } else { value };
+            let json = value.py().import("json")?.call_method1("dumps", (value,))?;
+            into.push((key, json.extract()?));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,163 @@
+//! Shots: photographs with their verdicts.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use super::flight::PyFlight;
+use super::scene::PyScene;
+use super::{array_of, raised, run};
+use crate::error::Error;
+use crate::photo::Photo;
+use crate::score::{Reader, View};
+use crate::shoot::{Format, Recording, Shoot, Shot, Stop};
+
+/// A photograph with what was flown for it and whether it reads.
+#[pyclass(frozen, name = "Shot", module = "noctograph")]
+#[derive(Debug)]
+pub(super) struct PyShot {
+    shot: Shot,
+    image: Py<PyAny>,
+}
+
+#[pymethods]
+impl PyShot {
+    /// numpy.ndarray: The photo, shape (height, width, 3), uint8, sRGB; read-only.
+    #[getter]
+    fn image<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.image.bind(py).clone()
+    }
+
+    /// dict or None: The verdict with the keys of ``verdict.json``; None for a drawing.
+    #[getter]
+    fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let json = serde_json::to_string(&self.shot.verdict).expect("a verdict is plain data");
+        py.import("json")?.call_method1("loads", (json,))
+    }
+
+    /// bool: Whether a viewer reads the word and no other.
+    #[getter]
+    fn legible(&self) -> bool {
+        self.shot.verdict.as_ref().is_some_and(|verdict| verdict.legible)
+    }
+
+    /// list of Flight: One for each drone.
+    #[getter]
+    fn flights(&self) -> Vec<PyFlight> {
+        self.shot.flights.iter().cloned().map(PyFlight::new).collect()
+    }
+
+    /// Scene: What the photo depends on, with the exposure that the light meter set.
+    #[getter]
+    fn scene(&self) -> PyScene {
+        PyScene(self.shot.scene.clone())
+    }
+
+    /// str: SHA-256 of the film's sums of light, as the command line prints it.
+    #[getter]
+    fn film_sha256(&self) -> String {
+        self.shot.exposure.film.sha256()
+    }
+
+    /// bytes: The photo as PNG with its scene, the same bytes as those of ``noctograph preview``.
+    fn to_png<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, self.shot.file.as_deref().unwrap_or_default())
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        self.to_png(py)
+    }
+
+    fn __repr__(&self) -> String {
+        let (width, height) = (self.shot.photo.width_px, self.shot.photo.height_px);
+        let said = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
+            let not = if verdict.legible { "" } else { "not " };
+            format!(", {} reads as {}: {not}legible", verdict.word, verdict.read)
+        });
+        format!("<Shot: {width} × {height}{said}>")
+    }
+}
+
+/// Photographs flights, or what a scene flies.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+///     Word, lamps, camera and seed. Without a word the photo is not read.
+/// flights : list of Flight, optional
+///     One for each drone, from any simulator; by default the scene's plans are flown.
+#[pyfunction]
+#[pyo3(signature = (scene, flights = None))]
+pub(super) fn photograph(
+    py: Python<'_>,
+    scene: &PyScene,
+    flights: Option<Vec<PyRef<'_, PyFlight>>>,
+) -> PyResult<PyShot> {
+    let recordings: Option<Vec<Recording>> =
+        flights.map(|all| all.iter().map(|it| Recording::Flight(it.flight.clone())).collect());
+    let scene = scene.0.clone();
+    let stop = Stop::default();
+    let until = stop.clone();
+    let stage = move || {
+        let shoot = match recordings {
+            None => Shoot::new(scene)?,
+            Some(recordings) => Shoot::with_recordings(scene, recordings)?,
+        };
+        Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
+    };
+    let shot = run(py, &stop, stage)?;
+    let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
+    let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
+    Ok(PyShot { image: image.unbind(), shot })
+}
+
+/// Scores a photo of a word as its camera sees it: the verdict as a dict with the keys of
+/// ``verdict.json``.
+///
+/// Parameters
+/// ----------
+/// image : numpy.ndarray
+///     Photo, shape (height, width, 3), uint8, sRGB.
+/// scene : Scene
+///     Word, letters and camera.
+#[pyfunction]
+pub(super) fn score<'py>(
+    py: Python<'py>,
+    image: &Bound<'py, PyAny>,
+    scene: &PyScene,
+) -> PyResult<Bound<'py, PyAny>> {
+    let image = py.import("numpy")?.call_method1("ascontiguousarray", (image,))?;
+    let shape: Vec<usize> = image.getattr("shape")?.extract()?;
+    let dtype: String = image.getattr("dtype")?.str()?.extract()?;
+    let sides = match (&*shape, &*dtype) {
+        ([height, width, 3], "uint8") => {
+            u32::try_from(*width).ok().zip(u32::try_from(*height).ok())
+        }
+        _ => None,
+    };
+    let Some((width_px, height_px)) = sides else {
+        let (found, wanted) =
+            (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
+        return Err(raised(py, &Error::input("image", found, wanted, "leave out transparency")));
+    };
+    let bytes = image.call_method0("tobytes")?;
+    let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();
+    let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+    let mut scene = scene.0.clone();
+    (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
+    let stage = move || {
+        let strokes = scene.strokes()?;
+        let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
+        Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))
+    };
+    let verdict = run(py, &Stop::default(), stage)?;
+    let json = serde_json::to_string(&verdict).expect("a verdict is plain data");
+    py.import("json")?.call_method1("loads", (json,))
+}
+
+/// Reads a photograph, PNG or JPEG, without knowing its word: the text, lines separated by ``\n``.
+#[pyfunction]
+pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    run(py, &Stop::default(), || Ok(crate::score::read(&Photo::read(&path)?).text))
+}
