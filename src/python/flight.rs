@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
@@ -16,6 +16,7 @@ use crate::geometry::Attitude;
 use crate::logs::{ImportOptions, import};
 use crate::plan::{HEADLIGHTS, relight};
 use crate::shoot::{Shoot, Stop};
+use crate::sim::ControlLaw;
 
 /// The flight of one drone, sampled over time.
 ///
@@ -226,6 +227,29 @@ impl PyFlight {
     }
 }
 
+/// A controller as a function of Python, and what it raised.
+fn law_of(function: Py<PyAny>, failed: Arc<Mutex<Option<PyErr>>>) -> ControlLaw {
+    Box::new(move |state, reference| {
+        let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+        if failed.is_some() {
+            return [0.0; 4];
+        }
+        let call = |py: Python<'_>| {
+            let arguments = (array(py, state, 1)?, array(py, reference, 1)?);
+            let motors = numbers(&function.bind(py).call1(arguments)?, "controller", 1)?;
+            motors.try_into().map_err(|motors: Vec<f64>| {
+                let (found, wanted) = (format!("{} numbers", motors.len()), "four motor commands");
+                let hint = "return m1 to m4, 0 to 65535";
+                raised(py, &Error::input("controller", found, wanted, hint))
+            })
+        };
+        Python::attach(call).unwrap_or_else(|error| {
+            *failed = Some(error);
+            [0.0; 4]
+        })
+    })
+}
+
 /// Flies the plans of a scene, or other ones, one for each drone.
 ///
 /// Parameters
@@ -234,28 +258,49 @@ impl PyFlight {
 ///     Its drone, controller, estimator, air and seed.
 /// plans : list of Plan, optional
 ///     The scene's own by default.
+/// controller : callable, optional
+///     ``controller(state, reference)`` returns the motor commands m1 to m4, 0 to 65535, in place of the
+///     scene's controller; for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
+///     pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y
+///     left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
+///     acceleration (m/s²), in the world. It is called ``rates.attitude_hz`` times a second (500 by default)
+///     while the motors are on.
 ///
 /// Returns
 /// -------
 /// list of Flight
 #[pyfunction]
-#[pyo3(signature = (scene, plans = None))]
+#[pyo3(signature = (scene, plans = None, *, controller = None))]
 pub(super) fn fly(
     py: Python<'_>,
     scene: &PyScene,
     plans: Option<Vec<PyRef<'_, PyPlan>>>,
+    controller: Option<Py<PyAny>>,
 ) -> PyResult<Vec<PyFlight>> {
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let scene = scene.0.clone();
+    let failed = Arc::default();
+    let law = controller.map(|function| law_of(function, Arc::clone(&failed)));
     let stage = || {
         let shoot = match plans {
             None => Shoot::new(scene)?,
             Some(plans) => Shoot::with_plans(scene, plans)?,
         };
-        shoot.fly(&|_, _| {})
+        match (law, shoot.plans.len()) {
+            (None, _) => shoot.fly(&|_, _| {}),
+            (Some(law), 1) => Ok(vec![shoot.fly_with(law, &mut |_| {})?]),
+            (Some(_), n) => {
+                let hint = "fly each plan by itself";
+                Err(Error::input("controller", format!("{n} plans"), "one plan", hint))
+            }
+        }
     };
-    let flights = run(py, &Stop::default(), stage)?;
-    Ok(flights.into_iter().map(PyFlight::new).collect())
+    let flights = run(py, &Stop::default(), stage);
+    // The controller's own error is the cause of what came of it.
+    if let Some(error) = failed.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        return Err(error);
+    }
+    Ok(flights?.into_iter().map(PyFlight::new).collect())
 }
 
 /// Reads the log of a real flight: JSON of the AE483 course, CSV of cfclient, µSD card, plain CSV.

@@ -1,10 +1,14 @@
 //! Scenes: what fixes a photo.
 
+use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
-use super::raised;
+use super::{array, raised, run};
 use crate::scene::Scene;
+use crate::shoot::Stop;
+use crate::sim::design::{MOTOR_LAG_S, design};
+use crate::vehicle::Mixer;
 
 /// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera, seed.
 ///
@@ -59,6 +63,29 @@ impl PyScene {
     #[getter]
     fn seed(&self) -> u64 {
         self.0.seed
+    }
+
+    /// float: Mass of the drone in kg.
+    #[getter]
+    fn mass_kg(&self) -> f64 {
+        self.0.vehicle.mass_kg
+    }
+
+    /// numpy.ndarray: Motor commands m1 to m4 for torques about x, y and z (N m) and thrust (N), shape
+    /// (4, 4).
+    #[getter]
+    fn motors_from_wrench<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, Mixer::new(&self.0.vehicle).motors_from_wrench().transpose().as_slice(), 4)
+    }
+
+    /// Gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x - x_ref)``, by the
+    /// weights ``controller.lqr.q`` and ``.r``: torques about x, y and z (N m) and thrust (N) by the twelve
+    /// states of a controller (further columns for integrals and lagging rotors). None for a scene whose
+    /// controller is no regulator.
+    fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let design = run(py, &Stop::default(), || design(&self.0.sim(), MOTOR_LAG_S))?;
+        let array = |k: DMatrix<f64>| array(py, k.transpose().as_slice(), k.ncols());
+        design.k.map(array).transpose()
     }
 
     /// The whole scene as TOML, every key with its meaning; ``Scene(FILE)`` reads it again.

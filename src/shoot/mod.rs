@@ -33,7 +33,7 @@ use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
 use crate::score::{Reader, is_judged};
-use crate::sim::{Drone, EstimatorKind, SimOptions, fly, fly_fleet};
+use crate::sim::{ControlLaw, Drone, EstimatorKind, SimOptions, fly, fly_fleet, fly_with};
 
 mod exported;
 mod file;
@@ -304,6 +304,20 @@ impl Shoot {
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
+    }
+
+    /// Flies the first plan by a controller of one's own.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::sim::fly`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no plan.
+    pub fn fly_with(&self, law: ControlLaw, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+        let believed = self.scene.sim();
+        fly_with(&self.plans[0].plan, &self.drone(0, &believed), law, progress)
     }
 
     /// Flies, exposes, develops and reads.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::controller::{Command, Controller, Reference, controller};
+use super::controller::{Command, ControlLaw, Controller, Custom, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
 use super::options::{ControllerKind, EstimatorKind};
@@ -67,6 +67,11 @@ impl Avionics {
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
         })
+    }
+
+    /// Replaces the controller.
+    pub(super) fn set_law(&mut self, law: ControlLaw) {
+        self.controller = Box::new(Custom::new(law, self.motor_max));
     }
 
     /// One tick: reads the sensors, updates the estimate and commands the motors. `fleet_m` are the

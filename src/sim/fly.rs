@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
+use super::controller::ControlLaw;
 use super::drone::Drone;
 use super::recorder::Recorder;
 use crate::error::{Error, Result};
@@ -53,9 +54,37 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// The same, with `watch` called for every drone at every tick, after its motors were commanded.
+/// Flies a plan with one drone by a controller of one's own, in place of the options' controller.
+///
+/// # Errors
+///
+/// As [`fly`].
+///
+/// # Panics
+///
+/// As [`fly`].
+pub fn fly_with(
+    plan: &Plan,
+    drone: &Drone<'_>,
+    law: ControlLaw,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Flight> {
+    Ok(fly_by(&[(plan, *drone)], Some(law), &mut |_, _, _| {}, progress)?.remove(0))
+}
+
+/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were commanded.
 pub(super) fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
+    watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Flight>> {
+    fly_by(fleet, None, watch, progress)
+}
+
+/// As [`fly_watched`]; a law controls the first drone.
+fn fly_by(
+    fleet: &[(&Plan, Drone<'_>)],
+    law: Option<ControlLaw>,
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Flight>> {
@@ -76,6 +105,9 @@ pub(super) fn fly_watched(
     let mut rigs = Vec::with_capacity(fleet.len());
     for (place, (plan, drone)) in fleet.iter().enumerate() {
         rigs.push(Rig::new(plan, drone, &Fleet { members: members.clone(), place })?);
+    }
+    if let Some(law) = law {
+        rigs[0].avionics.set_law(law);
     }
     let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
     let mut fleet_m = Vec::with_capacity(rigs.len());
@@ -281,6 +313,25 @@ mod tests {
         assert_eq!(end.velocity_body_m_s, Vector3::zeros());
         assert_eq!((flight.samples.len(), end.time_s), (2001, 8.0), "250 Hz, both ends");
         assert_eq!(flight.lights["headlights"], vec![0.5; 2001]);
+    }
+
+    #[test]
+    fn a_law_of_ones_own_commands_the_motors_within_their_range() {
+        let hover = plan(&[(0.0, 0.1, 0.5), (0.1, 0.1, 0.5)]);
+        let (sender, seen) = std::sync::mpsc::channel();
+        let mut first = true;
+        let law: ControlLaw = Box::new(move |state, design| {
+            sender.send((*state, *design)).unwrap();
+            let odd = std::mem::replace(&mut first, false);
+            if odd { [f64::NAN, 1e9, -1.0, 5.0] } else { [4e4; 4] }
+        });
+        let options = SimOptions::default();
+        let flight = fly_with(&hover, &Drone::new(&options, 1), law, &mut |_| {}).unwrap();
+        assert_eq!(flight.samples[0].motors, [0.0, 65_535.0, 0.0, 5.0]);
+        let (state, design) = seen.recv().unwrap();
+        assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!((state[0] - 0.1).abs() < 0.1 && (state[2] - 0.5).abs() < 0.1, "{state:?}");
+        assert_eq!(seen.iter().count(), 50, "500 a second, both ends");
     }
 
     #[test]

@@ -27,6 +27,12 @@ impl Mixer {
         }
     }
 
+    /// Commands m1…m4 for a wrench, as a matrix.
+    #[cfg(feature = "python")]
+    pub(crate) fn motors_from_wrench(&self) -> Matrix4<f64> {
+        self.motors_from_wrench
+    }
+
     /// Commands m1…m4 for a wrench, each clamped to the motors' range, and whether any was clamped.
     pub(crate) fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);

@@ -126,7 +126,8 @@ fn what_the_readme_shows_is_what_the_program_prints() {
         match language.as_str() {
             "sh" => last = commands(block),
             "text" if !own.is_empty() => last = own,
-            "text" => {}
+            // The Python of the README is run by tests/python.
+            "text" | "python" => {}
             other => panic!("a block of {other:?}"),
         }
         // The road from word to verdict is a drawing.
@@ -157,6 +158,9 @@ fn the_commands_of_the_readme_run() {
     let logo = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 40 20'><path fill='none' \
                 stroke='red' d='M2 2 L18 18 M22 2 L38 2'/></svg>";
     std::fs::write(folder.path().join("logo.svg"), logo).unwrap();
+    let stroke = |x: u32, y: u32| (x + 8..x + 16).contains(&(2 * y)) && (20..100).contains(&y);
+    let sketch = |x, y| image::Luma([if stroke(x, y) { 30_u8 } else { 220 }]);
+    image::ImageBuffer::from_fn(240, 120, sketch).save(folder.path().join("sketch.jpg")).unwrap();
     let lines: Vec<String> = text_of("README.md").lines().map(str::to_owned).collect();
     let shells = blocks(&lines).into_iter().filter(|block| block.language == "sh");
     let commands: Vec<_> = shells.flat_map(|block| commands(&lines[block.lines])).collect();

@@ -2,7 +2,9 @@
 
 import json
 import os
+import pathlib
 import pickle
+import re
 import subprocess
 import threading
 import time
@@ -71,6 +73,50 @@ def test_a_flight_of_any_simulator_is_photographed():
     assert middle.max() < 100, "and not a disc"
     # Read-only, strided and integer arrays are arrays.
     nc.Flight(np.arange(5), np.zeros((3, 5)).T)
+
+
+def test_a_controller_in_python_flies():
+    scene = nc.Scene("cf21", word="NOOR", seed=1, set={"controller.kind": "lqr"})
+    k, motors = scene.gain()[:, :12], scene.motors_from_wrench
+    assert k.shape == (4, 12) and motors.shape == (4, 4)
+    calls = 0
+
+    def lqr(state, reference):
+        nonlocal calls
+        calls += 1
+        error = state.copy()
+        error[:3] -= reference[:3]
+        return motors @ (np.array([0, 0, 0, 9.81 * scene.mass_kg]) - k @ error)
+
+    begun = time.perf_counter()
+    (flight,) = nc.fly(scene, controller=lqr)
+    took_s = time.perf_counter() - begun
+    print(f"{calls} calls, {calls / took_s:.0f} a second")
+    assert calls > 15_000 and took_s < 10
+    (ours,) = nc.fly(scene)
+    error_m = np.abs(flight.position_m - ours.position_m).max()
+    assert 0 < error_m < 0.15, f"{error_m} m from the regulator of the same gain, which also knows the rotors"
+    assert nc.photograph(scene, [flight]).verdict["read"] == "NOOR"
+
+    with pytest.raises(ZeroDivisionError):
+        nc.fly(scene, controller=lambda state, reference: 1 / 0)
+    with pytest.raises(nc.InputError, match="four motor commands"):
+        nc.fly(scene, controller=lambda state, reference: [1, 2, 3])
+    with pytest.raises(nc.InputError, match="2 plans"):
+        nc.fly(nc.Scene(word="NOOR", set={"plan.drones": 2}), controller=lqr)
+
+
+@pytest.mark.parametrize("path", ["README.md", "examples/python/README.md"])
+def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
+    text = (pathlib.Path(__file__).parents[3] / path).read_text()
+    time_s = np.linspace(0, 10, 501)
+    circle = np.stack([np.cos(time_s), 0 * time_s, 1 + np.sin(time_s)], axis=1)
+    names = {"np": np, "time_s": time_s, "position_m": circle, "on": (time_s < 7).astype(float)}
+    blocks = re.findall(r"^```python$(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    for block in blocks:
+        exec(block, names)
+    assert blocks
 
 
 def test_errors_say_what_is_wrong():
