@@ -11,7 +11,7 @@ use crate::control::Margins;
 use crate::error::Result;
 use crate::scene::Scene;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
-use crate::sim::{ControllerKind, ControllerOptions, EstimatorKind, SimOptions, pid_gains};
+use crate::sim::{ControllerKind, ControllerOptions, EstimatorKind, SimOptions};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {
@@ -54,7 +54,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
                 ["rate roll", "rate pitch", "rate yaw"],
             ];
             let units = ["m/s per m", "deg per m/s", "deg/s per deg", "1/65535 per deg/s"];
-            let loops = names.into_iter().flatten().zip(pid_gains(&sim.controller.pid).concat());
+            let loops = names.into_iter().flatten().zip(sim.controller.pid.gains().concat());
             let named = loops.enumerate().map(|(index, (name, [p, i, d]))| {
                 // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
                 let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };

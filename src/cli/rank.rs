@@ -7,6 +7,7 @@ use clap::Args;
 use super::outcome::Report;
 use super::studies::{StudyFlags, counter, open_store, ranking_report, write_ranking};
 use crate::error::Result;
+use crate::shoot::Stop;
 use crate::study::{Record, Trial, evaluate, rank};
 
 #[derive(Debug, Args)]
@@ -29,7 +30,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
-    let records: Vec<Record> = evaluate(&study, &trials, Some(&store), &bar)?;
+    let records: Vec<Record> = evaluate(&study, &trials, Some(&store), &Stop::default(), &bar)?;
     drop(bar);
     let ranking = rank(&study, &records);
     let files = write_ranking(&args.output, &study, &ranking, &records)?;

@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::NamedScene;
 use crate::scene::Scene;
+use crate::shoot::Stop;
 use crate::study::{
     Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, candidates_csv,
     evaluate, rank, tune,
@@ -115,7 +116,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
         budget.time.is_none() || spent < 1.0
     };
-    let tuned = tune(&base.scene, &options, Some(&store), &mut watch)?;
+    let tuned = tune(&base.scene, &options, Some(&store), &Stop::default(), &mut watch)?;
     drop(progress);
 
     let paths = [
@@ -208,7 +209,8 @@ fn plot(tuned: &Tuned) -> String {
     pareto(&within, &others, &front, Some(at(start)))
 }
 
-fn report(options: &TuneOptions, tuned: &Tuned) -> String {
+/// The candidates that are best in time and legibility, and what the best one changed.
+pub(crate) fn report(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
     let mut text = format!(
         "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
@@ -280,7 +282,7 @@ fn test(
         };
         let trials: Vec<_> = study.trials().collect();
         let bar = counter("testing", trials.len());
-        let records = evaluate(&study, &trials, Some(store), &bar)?;
+        let records = evaluate(&study, &trials, Some(store), &Stop::default(), &bar)?;
         let ranking = rank(&study, &records);
         text += &format!("\ntested on new {new}: {}", ranking_table(&study, &ranking));
         json.push(json!({ "new": new, "measures": ranking.measures, "pairs": ranking.pairs }));

@@ -18,7 +18,7 @@ use serde_json::{Map, json};
 use super::File;
 use crate::error::Result;
 use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
-use crate::sim::{ControllerKind, SimOptions, pid_gains};
+use crate::sim::{ControllerKind, SimOptions};
 
 /// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;
@@ -100,7 +100,7 @@ fn pid(sim: &SimOptions) -> Parameters {
         ("pid_rate", ["roll_k", "pitch_k", "yaw_k"]),
     ];
     let mut parameters = Parameters::new();
-    for ((group, loops), gains) in names.into_iter().zip(pid_gains(&sim.controller.pid)) {
+    for ((group, loops), gains) in names.into_iter().zip(sim.controller.pid.gains()) {
         for (name, gains) in loops.into_iter().zip(gains) {
             let terms = ["p", "i", "d"].into_iter().zip(gains);
             parameters.extend(terms.map(|(term, gain)| (format!("{group}.{name}{term}"), gain)));
@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(gain("posCtlPid.zKi"), Some(0.5));
         assert_eq!(gain("velCtlPid.vxKp"), Some(25.0));
         assert_eq!(gain("pid_attitude.yaw_kd"), Some(0.35));
-        let rate = SimOptions::default().controller.pid.rate_pid;
+        let rate = SimOptions::default().controller.pid.roll_rate;
         assert_eq!(gain("pid_rate.roll_ki"), Some(rate[1]), "the scene's");
     }
 

@@ -31,7 +31,6 @@ mod options;
 mod recorder;
 
 pub use controller::ControlLaw;
-pub(crate) use controller::pid_gains;
 pub use drone::Drone;
 pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
 pub use fly::{fly, fly_fleet, fly_with};

@@ -9,6 +9,7 @@ use super::{Conditions, Prepared, Record, Store};
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
 use crate::scene::NamedScene;
+use crate::shoot::Stop;
 
 /// Most flights of a study: a week of one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
@@ -101,27 +102,30 @@ impl Study {
     /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let both = self.contenders.iter().flat_map(|c| self.words.iter().map(move |w| (c, w)));
-        both.map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
+        let both: Vec<_> = both.collect();
+        both.into_par_iter()
+            .map(|(contender, (word, _))| Prepared::new(contender, word, &self.conditions))
             .collect()
     }
 }
 
 /// Flies trials, on as many threads as rayon's pool has; trials in the
 /// store are not flown again, and new ones go into it at once. `done` is called with the number of
-/// trials that are done, from any thread.
+/// trials that are done, from any thread; `stop` ends the study between two flights.
 ///
 /// The records come in the order of the trials: they depend on nothing but the study.
 ///
 /// # Errors
 ///
-/// Those of the flights and the store; earlier trials stay in the store.
+/// Those of the flights and the store, [`Error::Stopped`]; earlier trials stay in the store.
 pub fn evaluate(
     study: &Study,
     trials: &[Trial],
     store: Option<&Store>,
+    stop: &Stop,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
-    evaluate_prepared(study, &study.prepare()?, trials, store, done)
+    evaluate_prepared(study, &study.prepare()?, trials, store, stop, done)
 }
 
 /// The same with the scenes of [`Study::prepare`].
@@ -130,10 +134,12 @@ pub(super) fn evaluate_prepared(
     prepared: &[Prepared],
     trials: &[Trial],
     store: Option<&Store>,
+    stop: &Stop,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let finished = AtomicUsize::new(0);
     let record = |trial: &Trial| {
+        stop.check()?;
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
         let name = &study.contenders[trial.contender].name;
         let record = match store.and_then(|store| store.get(ready.digest(), trial.seed)) {
@@ -189,7 +195,7 @@ mod tests {
         let trials: Vec<Trial> = study.trials().collect();
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| evaluate(&study, &trials, None, &|_| {})).unwrap()
+            pool.install(|| evaluate(&study, &trials, None, &Stop::default(), &|_| {})).unwrap()
         };
         let json = |records: &[Record]| serde_json::to_string(records).unwrap();
         assert_eq!(json(&on(1)), json(&on(3)));

@@ -48,6 +48,7 @@ impl Knob {
         );
         let speed = Self::to(&["plan.stroke_speed_m_s"], 0.12, 0.4);
         let mut knobs = match scene.controller.kind {
+            _ if scene.controller.lqr.k.is_some() => Vec::new(),
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
                 let kinds = ["lqr", "lqr-feedforward", "lqr-integral"].map(str::to_owned);
                 let integral =
@@ -86,7 +87,14 @@ impl Knob {
                     3.0,
                 ),
             ],
-            ControllerKind::Pid => Vec::new(),
+            ControllerKind::Pid => vec![
+                Self::times(&["controller.pid.pos_x[0]", "controller.pid.pos_y[0]"], 0.3, 3.0),
+                Self::times(&["controller.pid.pos_z[0]"], 0.3, 3.0),
+                Self::times(&["controller.pid.vel_x[0]", "controller.pid.vel_y[0]"], 0.3, 3.0),
+                Self::times(&["controller.pid.vel_z[0]"], 0.3, 3.0),
+                Self::times(&["controller.pid.vel_z[1]"], 0.1, 10.0),
+                Self::times(&["controller.pid.roll[0]", "controller.pid.pitch[0]"], 0.5, 2.0),
+            ],
         };
         knobs.extend([trust, speed]);
         knobs

@@ -10,6 +10,7 @@ use super::statistics::{Estimate, mean_of_probabilities, share};
 use super::{Conditions, Factor, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
 use crate::scene::NamedScene;
+use crate::shoot::Stop;
 
 /// Share of photos that must be legible.
 const HALF: f64 = 0.5;
@@ -89,7 +90,8 @@ pub fn robustness(
             };
             study.check()?;
             let trials: Vec<Trial> = study.trials().collect();
-            let records = evaluate(&study, &trials, store, &|n| done(before + n))?;
+            let records =
+                evaluate(&study, &trials, store, &Stop::default(), &|n| done(before + n))?;
             before += trials.len();
             levels.push(level(times, &records));
         }

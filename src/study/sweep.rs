@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{Prepared, Record, Store, Study, Trial, evaluate};
 use crate::error::{Error, Result};
 use crate::files::{Limit, files_in};
+use crate::shoot::Stop;
 
 /// Largest plan file that is read.
 const LIMIT: Limit = Limit { bytes: 20 << 20, what: "a sweep's plan", hint: REPLAN };
@@ -136,7 +137,7 @@ impl Sweep {
             let place = path.display().to_string();
             return Err(Error::input(place, "flights of another plan", "those of this plan", hint));
         }
-        let records = evaluate(&self.study, &trials, None, done)?;
+        let records = evaluate(&self.study, &trials, None, &Stop::default(), done)?;
         Store::write(&path, &records)?;
         Ok((path, true))
     }

@@ -19,6 +19,7 @@ use super::{Conditions, Prepared, Record, Store, Study, Trial};
 use crate::error::{Error, Result};
 use crate::flight::tracking::CORRIDOR_M;
 use crate::scene::{NamedScene, Scene};
+use crate::shoot::Stop;
 use crate::sim::ControllerKind;
 use crate::sim::design::{MOTOR_LAG_S, design};
 
@@ -179,7 +180,8 @@ impl Tuned {
 }
 
 /// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
-/// far, and returns whether to go on to the next; then come the finals.
+/// far, and returns whether to go on to the next; then come the finals. `stop` ends it between two
+/// flights.
 ///
 /// # Errors
 ///
@@ -189,11 +191,13 @@ pub fn tune(
     base: &Scene,
     options: &TuneOptions,
     store: Option<&Store>,
+    stop: &Stop,
     watch: &mut dyn FnMut(usize, &Candidate) -> bool,
 ) -> Result<Tuned> {
     options.check()?;
     let (n_each, finals) = (options.n_each(), options.finals());
-    let mut tuning = Tuning { base, options, store, limits: options.limits.clone(), n_flights: 0 };
+    let mut tuning =
+        Tuning { base, options, store, limits: options.limits.clone(), stop, n_flights: 0 };
     let as_it_is = tuning.candidate(0, &[], f64::INFINITY)?;
     if tuning.limits.duration_s.is_none() {
         tuning.limits.duration_s = as_it_is.duration_s;
@@ -228,6 +232,7 @@ struct Tuning<'a> {
     base: &'a Scene,
     options: &'a TuneOptions,
     store: Option<&'a Store>,
+    stop: &'a Stop,
     limits: Limits,
     n_flights: usize,
 }
@@ -292,7 +297,7 @@ impl Tuning<'_> {
         trials: &[Trial],
     ) -> Result<Vec<Record>> {
         self.n_flights += trials.len();
-        evaluate_prepared(study, prepared, trials, self.store, &|_| {})
+        evaluate_prepared(study, prepared, trials, self.store, self.stop, &|_| {})
     }
 
     /// Figures of a candidate by its flights; `margin` is the broken share of the motor-lag limit.
@@ -391,7 +396,7 @@ mod tests {
         base.plan.stroke_speed_m_s = 1.5;
         let (mut heard, mut options) = (0, options(48 + 40));
         options.limits.duration_s = Some(60.0);
-        let tuned = tune(&base, &options, None, &mut |n_flights, _| {
+        let tuned = tune(&base, &options, None, &Stop::default(), &mut |n_flights, _| {
             heard = n_flights;
             true
         })
@@ -409,18 +414,29 @@ mod tests {
         let run = |n: usize| {
             let store = Store::open(folder.path()).unwrap();
             let mut left = n;
-            let tuned =
-                tune(&Scene::preset(Preset::Ae4832022), &options(70), Some(&store), &mut |_, _| {
+            let tuned = tune(
+                &Scene::preset(Preset::Ae4832022),
+                &options(70),
+                Some(&store),
+                &Stop::default(),
+                &mut |_, _| {
                     left -= 1;
                     left > 0
-                });
+                },
+            );
             (tuned.unwrap(), store.n_known())
         };
         let _interrupted = run(3);
         let (resumed, known) = run(1000);
         assert!(known > 20, "{known} flights were known");
-        let alone =
-            tune(&Scene::preset(Preset::Ae4832022), &options(70), None, &mut |_, _| true).unwrap();
+        let alone = tune(
+            &Scene::preset(Preset::Ae4832022),
+            &options(70),
+            None,
+            &Stop::default(),
+            &mut |_, _| true,
+        )
+        .unwrap();
         assert_eq!(resumed.candidates, alone.candidates);
         assert_eq!(resumed.scene, alone.scene);
     }
@@ -451,8 +467,14 @@ mod tests {
 
     #[test]
     fn a_budget_without_room_for_a_final_is_refused() {
-        let error = tune(&Scene::preset(Preset::Ae4832022), &options(20), None, &mut |_, _| true)
-            .unwrap_err();
+        let error = tune(
+            &Scene::preset(Preset::Ae4832022),
+            &options(20),
+            None,
+            &Stop::default(),
+            &mut |_, _| true,
+        )
+        .unwrap_err();
         assert!(error.to_string().contains("at least 68 flights"), "{error}");
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
 use crate::control::{dynamic, lqr, with_input_lag};
 use crate::error::{Error, Result};
-use crate::sim::options::{ControllerKind, MotorLag, SimOptions};
+use crate::sim::options::{ControllerKind, LqrOptions, MotorLag, SimOptions};
 
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
@@ -30,6 +30,10 @@ impl Gain {
     pub(in crate::sim) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
+        if let Some(k) = &weights.k {
+            let k = DMatrix::from_row_iterator(4, n, k.iter().flatten().copied());
+            return Ok(Self { k, k_rotor: Matrix4::zeros() });
+        }
         let q = weights.q.iter().chain(&weights.q_integral).copied().take(n);
         let r = Vector4::from(weights.r);
         let Some(lag_s) = modeled_lag_s(options) else {
@@ -66,11 +70,12 @@ pub(in crate::sim) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate motors
-/// and where the lag is ignored.
+/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate motors,
+/// and where the lag is ignored or the gain is given.
 pub(in crate::sim) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
-    (lag_s > 0.0 && options.controller.lqr.motor_lag == MotorLag::Modeled).then_some(lag_s)
+    let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
+    (lag_s > 0.0 && *motor_lag == MotorLag::Modeled && k.is_none()).then_some(lag_s)
 }
 
 /// Names the weights that have no gain.
@@ -126,6 +131,17 @@ mod tests {
         ] {
             assert!((found / want - 1.0).abs() < 1e-8, "{found} against {want}");
         }
+    }
+
+    #[test]
+    fn a_given_gain_is_flown_as_it_is() {
+        let mut options = SimOptions::cf21();
+        let row = |row| (0..12).map(|i| f64::from(12 * row + i)).collect();
+        options.controller.lqr.k = Some((0..4).map(row).collect());
+        let found = gain(&options);
+        assert_eq!((found.k[(1, 0)], found.k[(3, 11)]), (12.0, 47.0));
+        assert_eq!(found.k_rotor, Matrix4::zeros());
+        assert_eq!(modeled_lag_s(&options), None);
     }
 
     #[test]

@@ -95,6 +95,7 @@ mod tests {
     use super::*;
     use crate::crazyflie::GRAVITY_M_S2;
     use crate::sim::design::design;
+    use crate::sim::options::PidOptions;
     use crate::vehicle::Vehicle;
 
     #[test]
@@ -125,9 +126,10 @@ mod tests {
         options.controller.kind = ControllerKind::Pid;
         let of = |options: &SimOptions| LinearController::new(options).f.nrows();
         assert_eq!(of(&options), 13, "ten integrals, three derivatives");
-        options.controller.pid.rate_pid[1] = 0.0;
+        let pid = &mut options.controller.pid;
+        (pid.roll_rate[1], pid.pitch_rate[1]) = (0.0, 0.0);
         assert_eq!(of(&options), 11, "no integral of the roll and pitch rate");
-        options.controller.pid.rate_pid[1] = 500.0;
+        options.controller.pid = PidOptions::default();
         options.vehicle.motor_rise_s = 0.0;
         assert_eq!(of(&options), 21, "immediate motors need filters");
     }

@@ -25,7 +25,6 @@ use self::geometric::Geometric;
 pub(super) use self::linear::LinearController;
 use self::lqr::Lqr;
 use self::pid::PidCascade;
-pub(crate) use self::pid::pid_gains;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
 use crate::error::Result;

@@ -5,8 +5,7 @@
 //! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
 //! are unchanged; pitch has our sign.
 //!
-//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`; what
-//! other platforms have otherwise is in [`PidOptions`]),
+//! Source: bitcraze/crazyflie-firmware, `platform_defaults_cf2.h` (commit 0555cb1, `PID_*`),
 //! `position_controller_pid.c` (42f1a94), `attitude_pid_controller.c` (47f5999), `controller_pid.c`
 //! (1346ece), `pid.c`. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those of the
 //! body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity because
@@ -36,17 +35,6 @@ const OVERHEAD: f64 = 1.1;
 const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
-
-/// Proportional, integral and derivative gains of the loops: position x y z, velocity x y z, attitude
-/// roll pitch yaw, and rate roll pitch yaw.
-pub(crate) fn pid_gains(options: &PidOptions) -> [[[f64; 3]; 3]; 4] {
-    [
-        [[2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.5, 0.0]],
-        [[25.0, 1.0, 0.0], [25.0, 1.0, 0.0], [25.0, 15.0, 0.0]],
-        [[6.0, 3.0, 0.0], [6.0, 3.0, 0.0], [6.0, 1.0, 0.35]],
-        [options.rate_pid, options.rate_pid, [120.0, 16.7, 0.0]],
-    ]
-}
 
 /// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
 /// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
@@ -158,7 +146,7 @@ impl PidCascade {
         let PidOptions { thrust_base, .. } = options.controller.pid;
         let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
         let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
-        let [position, velocity, attitude, rate] = pid_gains(&options.controller.pid);
+        let [position, velocity, attitude, rate] = options.controller.pid.gains();
         let [vx, vy, vz] = velocity;
         let [roll, pitch, yaw] = attitude;
         let [p, q, r] = rate;

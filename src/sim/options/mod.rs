@@ -81,6 +81,7 @@ impl SimOptions {
         self.floor.check_steps()?;
         self.sensors.check_counts()?;
         self.sensors.check_silences()?;
+        self.controller.check_gain()?;
         self.observer.check_inputs(&self.sensors)?;
         self.rates.check_ratios()
     }
@@ -161,6 +162,14 @@ mod tests {
         assert!(
             refused(|o| o.controller.geometric.k_rate[2] = -1.0)
                 .starts_with("controller.geometric.k_rate[2]")
+        );
+        assert!(
+            refused(|o| o.controller.lqr.k = Some(vec![vec![0.0; 12]; 3]))
+                .contains("3 rows of 12, 12")
+        );
+        assert!(
+            refused(|o| o.controller.lqr.k = Some(vec![vec![0.0; 15]; 4]))
+                .contains("12 numbers for lqr")
         );
         assert!(refused(|o| o.rates.log_hz = 0).starts_with("rates.log_hz"));
         assert!(refused(|o| o.vehicle.mass_kg = 0.06).contains("weighs 0.589 N"));
