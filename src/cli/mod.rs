@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use outcome::{Outcome, Report, wrapped};
+use outcome::{Outcome, wrapped};
 
 mod advice;
 mod check;
@@ -57,6 +57,12 @@ mod square_on;
 mod studies;
 mod sweep;
 mod tune;
+
+pub(crate) use self::outcome::Report;
+#[cfg(feature = "python")]
+pub(crate) use self::studies::ranking_report;
+#[cfg(feature = "python")]
+pub(crate) use self::tune::report as tuning_table;
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
@@ -236,6 +242,28 @@ pub fn main() -> ExitCode {
                 message("hint: ", &advice);
             }
             ExitCode::from(2)
+        }
+    }
+}
+
+/// Runs a command for a program that calls this one.
+///
+/// # Errors
+///
+/// [`Error::Input`] for arguments that are refused, and those of the verb.
+#[cfg(feature = "python")]
+pub(crate) fn report_of(words: &[String]) -> Result<Report> {
+    let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
+    let args = command().try_get_matches_from(words);
+    match args.and_then(|matches| Args::from_arg_matches(&matches)) {
+        Ok(args) => on_threads(args.threads, || run(&args.verb)),
+        Err(error) if !error.use_stderr() => {
+            Ok(Report::new(error.render().to_string(), serde_json::Value::Null))
+        }
+        Err(error) => {
+            let text = error.render().to_string();
+            let found = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+            Err(Error::input("options", found, "those of the command", "see its --help"))
         }
     }
 }

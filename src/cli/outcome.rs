@@ -15,10 +15,10 @@ const NAME_WIDTH: usize = 10;
 
 /// Result of a verb.
 #[derive(Debug)]
-pub(super) struct Report {
-    pub(super) text: String,
+pub(crate) struct Report {
+    pub(crate) text: String,
     /// An object.
-    pub(super) json: Value,
+    pub(crate) json: Value,
     pub(super) outcome: Outcome,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::outcome::{line, wrapped};
 use super::output::OutputFolder;
-use super::studies::{conditions, counter};
+use super::studies::counter;
 use super::warn;
 use crate::error::Result;
 use crate::photo::Photo;
@@ -40,7 +40,7 @@ pub(super) struct Shown {
 impl SpreadFlags {
     /// The conditions, which are read before the long work.
     pub(super) fn conditions(&self) -> Result<Conditions> {
-        conditions(&self.conditions)
+        Conditions::find(&self.conditions)
     }
 
     /// Flies the spread of a shoot, if one is asked for, and writes its pictures.

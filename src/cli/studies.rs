@@ -18,7 +18,6 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::report::study_sheet;
 use crate::scene::NamedScene;
-use crate::settings::similar;
 use crate::study::statistics::Estimate;
 use crate::study::{Conditions, Measures, Ranking, Record, Store, Study, flights_csv, ranking_csv};
 
@@ -65,7 +64,7 @@ impl StudyFlags {
 
     /// The conditions that were named.
     pub(super) fn conditions(&self) -> Result<Conditions> {
-        conditions(&self.conditions)
+        Conditions::find(&self.conditions)
     }
 
     /// The words with their numbers of seeds, where none is given a usual one.
@@ -96,23 +95,6 @@ impl StudyFlags {
             Error::input("words", text, wanted, "for example NOOR:200,LOG:20")
         })?;
         Ok((word.to_owned(), n))
-    }
-}
-
-/// Conditions by their name or from a file.
-pub(super) fn conditions(named: &str) -> Result<Conditions> {
-    match named {
-        "room" => Ok(Conditions::default()),
-        "drone" => Ok(Conditions::any_drone()),
-        "still" => Ok(Conditions::still()),
-        file if Path::new(file).exists() => Conditions::parse(&read_text(file)?, file),
-        name => {
-            let hint = match similar(name, ["room", "drone", "still"]) {
-                Some(similar) => format!("did you mean {similar}?"),
-                None => "name a file that exists".into(),
-            };
-            Err(Error::input("conditions", name, "room, drone, still, or a TOML file", hint))
-        }
     }
 }
 
@@ -171,7 +153,7 @@ pub(super) fn write_ranking(
 }
 
 /// A ranking for people and for programs.
-pub(super) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
+pub(crate) fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let (measures, pairs) = (&ranking.measures, &ranking.pairs);
     let json = json!({
         "flights": flights,

@@ -8,6 +8,7 @@ mod flight;
 mod plan;
 mod scene;
 mod shot;
+mod study;
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -33,7 +34,11 @@ fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(flight::import_log, module)?)?;
     module.add_function(wrap_pyfunction!(shot::photograph, module)?)?;
     module.add_function(wrap_pyfunction!(shot::score, module)?)?;
-    module.add_function(wrap_pyfunction!(shot::read, module)?)
+    module.add_function(wrap_pyfunction!(shot::read, module)?)?;
+    module.add_function(wrap_pyfunction!(command, module)?)?;
+    module.add_function(wrap_pyfunction!(study::outcomes, module)?)?;
+    module.add_function(wrap_pyfunction!(study::ranking, module)?)?;
+    module.add_function(wrap_pyfunction!(study::tuning, module)?)
 }
 
 /// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
@@ -59,10 +64,33 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
     made.map_or_else(|broken| broken, PyErr::from_value)
 }
 
+/// Runs a command of the program: its table, and what it prints with `--json`.
+#[pyfunction]
+fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
+    let report = run(py, &Stop::default(), move || crate::cli::report_of(&words))?;
+    Ok((report.text, to_python(py, &report.json)?))
+}
+
+/// Plain data as objects of Python.
+fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let json = serde_json::to_string(value).expect("plain data");
+    py.import("json")?.call_method1("loads", (json,))
+}
+
 /// Runs a stage without the interpreter; on Ctrl-C it is stopped and its result dropped.
 fn run<T: Send>(
     py: Python<'_>,
     stop: &Stop,
+    stage: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
+    run_showing(py, stop, |_| Ok(()), stage)
+}
+
+/// As [`run`], with a call of `show` now and then and at the end; what it raises stops the stage.
+fn run_showing<T: Send>(
+    py: Python<'_>,
+    stop: &Stop,
+    mut show: impl FnMut(Python<'_>) -> PyResult<()> + Send,
     stage: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
     let done = py.detach(|| {
@@ -76,7 +104,8 @@ fn run<T: Send>(
                 match receiver.recv_timeout(LOOK) {
                     Ok(done) => return Ok(done),
                     Err(RecvTimeoutError::Timeout) => {
-                        Python::attach(|py| py.check_signals()).inspect_err(|_| stop.now())?;
+                        Python::attach(|py| py.check_signals().and_then(|()| show(py)))
+                            .inspect_err(|_| stop.now())?;
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         let text = "the program failed: please report what it printed";
@@ -86,7 +115,9 @@ fn run<T: Send>(
             }
         })
     });
-    done?.map_err(|error| raised(py, &error))
+    let done = done?.map_err(|error| raised(py, &error))?;
+    show(py)?;
+    Ok(done)
 }
 
 /// Bytes as an array of numpy that cannot be written to; no copy but the one into Python's memory.

@@ -14,8 +14,8 @@ use crate::vehicle::Mixer;
 ///
 /// Parameters
 /// ----------
-/// name : str
-///     A preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``, ...), a shipped scene or
+/// scene : str or Scene
+///     A scene to change, or its name: a preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``, ...), a shipped scene or
 ///     a file ``*.toml`` or ``*.png`` of a photo.
 /// word : str, optional
 ///     Word to write; the scene's by default.
@@ -31,10 +31,10 @@ pub(super) struct PyScene(pub(super) Scene);
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (name = "cf21", *, word = None, seed = None, set = None))]
+    #[pyo3(signature = (scene = None, *, word = None, seed = None, set = None))]
     fn new(
         py: Python<'_>,
-        name: &str,
+        scene: Option<&Bound<'_, PyAny>>,
         word: Option<&str>,
         seed: Option<u64>,
         set: Option<&Bound<'_, PyDict>>,
@@ -46,7 +46,14 @@ impl PyScene {
         settings.extend(seed.map(|seed| ("seed".to_owned(), seed.to_string())));
         let borrowed: Vec<(&str, &str)> =
             settings.iter().map(|(key, value)| (&**key, &**value)).collect();
-        let mut found = Scene::find(name, &borrowed).map_err(|error| raised(py, &error))?.scene;
+        let found = match scene.map(|scene| (scene, scene.cast::<Self>())) {
+            None => Scene::find("cf21", &borrowed).map(|found| found.scene),
+            Some((_, Ok(scene))) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
+            Some((name, Err(_no_scene))) => {
+                Scene::find(&name.str()?.to_cow()?, &borrowed).map(|found| found.scene)
+            }
+        };
+        let mut found = found.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             found.set_word(word);
         }

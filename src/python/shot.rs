@@ -7,7 +7,7 @@ use pyo3::types::PyBytes;
 
 use super::flight::PyFlight;
 use super::scene::PyScene;
-use super::{array_of, raised, run};
+use super::{array_of, raised, run, to_python};
 use crate::error::Error;
 use crate::photo::Photo;
 use crate::score::{Reader, View};
@@ -32,8 +32,7 @@ impl PyShot {
     /// dict or None: The verdict with the keys of ``verdict.json``; None for a drawing.
     #[getter]
     fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let json = serde_json::to_string(&self.shot.verdict).expect("a verdict is plain data");
-        py.import("json")?.call_method1("loads", (json,))
+        to_python(py, &self.shot.verdict)
     }
 
     /// bool: Whether a viewer reads the word and no other.
@@ -151,9 +150,7 @@ pub(super) fn score<'py>(
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
         Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))
     };
-    let verdict = run(py, &Stop::default(), stage)?;
-    let json = serde_json::to_string(&verdict).expect("a verdict is plain data");
-    py.import("json")?.call_method1("loads", (json,))
+    to_python(py, &run(py, &Stop::default(), stage)?)
 }
 
 /// Reads a photograph, PNG or JPEG, without knowing its word: the text, lines separated by ``\n``.

@@ -6,6 +6,7 @@
 //! numbers), and each factor has a stream of its own, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::scene::Scene;
 use crate::settings::{Described, settings, similar};
 use crate::shoot::Actual;
@@ -125,6 +127,32 @@ impl Conditions {
     #[must_use]
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
+    }
+
+    /// Conditions by their name, `room`, `drone` or `still`, or of a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for another name, and those of the file.
+    pub fn find(named: &str) -> Result<Self> {
+        match named {
+            "room" => Ok(Self::default()),
+            "drone" => Ok(Self::any_drone()),
+            "still" => Ok(Self::still()),
+            file if Path::new(file).exists() => {
+                let hint = "leave out what is no condition";
+                let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
+                Self::parse(&limit.read_text(file.as_ref())?, file)
+            }
+            name => {
+                let hint = match similar(name, ["room", "drone", "still"]) {
+                    Some(similar) => format!("did you mean {similar}?"),
+                    None => "name a file that exists".into(),
+                };
+                let wanted = "room, drone, still, or a TOML file";
+                Err(Error::input("conditions", name, wanted, hint))
+            }
+        }
     }
 
     /// Every flight is as its scene says; only noise differs.

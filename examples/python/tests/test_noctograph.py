@@ -106,6 +106,65 @@ def test_a_controller_in_python_flies():
         nc.fly(nc.Scene(word="NOOR", set={"plan.drones": 2}), controller=lqr)
 
 
+def test_many_flights_are_those_of_the_command_line(tmp_path):
+    scene = nc.Scene("cf21", word="HI", set={"controller.kind": "lqr", **SMALL})
+    k = scene.gain()[:, :12]
+    shown = []
+    found = nc.fly_many(scene, 3, gains=[k, 0.6 * k], progress=lambda *counts: shown.append(counts))
+    assert found.legible.shape == found.rmse_x_m.shape == (2, 3) and len(found.read[1]) == 3
+    assert shown[-1] == (6, 6)
+    (flight,) = nc.fly(nc.Scene(scene, seed=2, set={"controller.lqr.k": k.tolist()}))
+    error_m = (flight.position_m - flight.design_m)[:, 0]
+    assert found.rmse_x_m[0, 2] > 0 and found.rmse_x_m[1].mean() != found.rmse_x_m[0].mean()
+    assert found.rmse_x_m[0, 2] == pytest.approx(np.sqrt(np.mean(error_m**2)), rel=0.3)
+    with pytest.raises(nc.InputError, match="controller.lqr.k") as caught:
+        nc.fly_many(scene, gains=np.zeros((1, 3, 12)))
+    assert "4 rows" in caught.value.wanted
+
+    nc.save(scene, tmp_path / "scene.toml")
+    ranked = nc.rank({"scene": scene, "pid": nc.Scene("pid", set=SMALL)}, seeds=4, seed=3, progress=False)
+    sets = [f"--set={key}={value}" for key, value in SMALL.items()]
+    words = ["--words", "HI", "--seeds", "4", "--seed", "3", "--json", "-o", "rank"]
+    printed = json.loads(program("rank", "scene.toml", "pid", *sets, *words, cwd=tmp_path))
+    assert ranked["measures"] == printed["measures"] and ranked["pairs"] == printed["pairs"]
+    assert len(ranked["flights"]) == 8 and "pid" in ranked.text and "<pre>" in ranked._repr_html_()
+
+
+def test_a_search_tells_its_callback():
+    scene = nc.Scene("pid", word="I", set=SMALL)
+    calls = []
+    knobs = ["plan.stroke_speed_m_s=0.2..0.5"]
+    tuned, report = nc.tune(scene, seeds=2, knobs=knobs, budget=12, callback=lambda n, best: calls.append((n, best)))
+    assert calls[-1][0] == report["flights"] and calls[-1][1] == report["best"]
+    assert tuned.to_toml() != scene.to_toml() or report["best"] == report["before"]
+    ended = []
+    nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: ended.append(n) or False)
+    assert len(ended) < 5
+    with pytest.raises(ZeroDivisionError):
+        nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: 1 / 0)
+    with pytest.raises(nc.InputError, match="mass"):
+        nc.tune(scene, knobs=["mass=1..2"])
+
+
+def test_commands_are_functions(shot, tmp_path):
+    scene = nc.Scene("cf21", word="HI", set={"controller.kind": "lqr"})
+    nc.save(scene, tmp_path / "scene.toml")
+    assert repr(nc.gains(scene)).strip() == program("gains", "--scene", "scene.toml", cwd=tmp_path).strip()
+    assert nc.check(scene)["fly"] is True
+    program("export", "--scene", "scene.toml", "--to", "poly4d", "-o", "out", cwd=tmp_path)
+    files = nc.export(scene, "poly4d").files
+    assert files and all((tmp_path / "out" / name).read_bytes() == data for name, data in files.items())
+    flight = shot.flights[0]
+    same = nc.compare(flight, flight)
+    assert "error.svg" in same.files and pickle.loads(pickle.dumps(same)) == same
+    held = nc.hold("flat", runs=2)
+    assert held.files
+    with pytest.raises(nc.InputError):
+        nc.export(scene, "no-such-format")
+    with pytest.raises(nc.InputError, match="options"):
+        nc.command("check", no_such_option=1)
+
+
 @pytest.mark.parametrize("path", ["README.md", "examples/python/README.md"])
 def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
     text = (pathlib.Path(__file__).parents[3] / path).read_text()

@@ -22,14 +22,19 @@ if "XDG_RUNTIME_DIR" not in os.environ:
 from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
+from .commands import (  # noqa: E402
+    Report, check, command, compare, export, gains, hold, identify, locate, save,
+)  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
+from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
 if TYPE_CHECKING:
     import pandas
 
 __all__ = [
-    "Flight", "InfeasibleError", "InputError", "Plan", "Scene", "Shot", "fly", "import_log", "photograph",
-    "plan", "preview", "read", "save", "score", "to_pandas", "__version__",
+    "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
+    "command", "compare", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
+    "photograph", "plan", "preview", "rank", "read", "save", "score", "to_pandas", "tune", "__version__",
 ]  # fmt: skip
 
 
@@ -57,26 +62,3 @@ def to_pandas(table: Flight | Plan) -> pandas.DataFrame:
     import pandas
 
     return pandas.read_csv(io.StringIO(table.to_csv()))
-
-
-def save(product: Flight | Plan | Shot | Scene, path: str | os.PathLike[str]) -> None:
-    """Writes a flight or plan as CSV, a shot as PNG with its scene, a scene as TOML.
-
-    The file appears when it is whole.
-    """
-    if isinstance(product, Shot):
-        data = product.to_png()
-    elif isinstance(product, Scene):
-        data = product.to_toml().encode()
-    else:
-        data = product.to_csv().encode()
-    path = os.fspath(path)
-    part = f"{path}.part"
-    try:
-        with open(part, "wb") as file:
-            file.write(data)
-        os.replace(part, path)
-    except BaseException:
-        if os.path.exists(part):
-            os.remove(part)
-        raise

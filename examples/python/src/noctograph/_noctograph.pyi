@@ -1,5 +1,5 @@
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ Path = str | os.PathLike[str]
 __version__: str
 
 class Scene:
-    def __init__(self, name: str = "cf21", *, word: str | None = None, seed: int | None = None, set: dict[str, Any] | None = None) -> None: ...
+    def __init__(self, scene: str | Scene = "cf21", *, word: str | None = None, seed: int | None = None, set: dict[str, Any] | None = None) -> None: ...
     @property
     def word(self) -> str: ...
     @property
@@ -91,3 +91,26 @@ def import_log(path: Path, scene: Scene | None = None) -> Flight: ...
 def photograph(scene: Scene, flights: list[Flight] | None = None) -> Shot: ...
 def score(image: NDArray[np.uint8], scene: Scene) -> dict[str, Any]: ...
 def read(path: Path) -> str: ...
+def command(words: list[str]) -> tuple[str, dict[str, Any] | None]: ...
+def outcomes(
+    scenes: list[Scene], seeds: list[int], conditions: str, progress: Callable[[int, int], Any] | None
+) -> dict[str, Any]: ...
+def ranking(
+    scenes: list[tuple[str, Scene]],
+    words: list[tuple[str, int]],
+    conditions: str,
+    seed: int,
+    folder: Path | None,
+    progress: Callable[[int, int], Any] | None,
+) -> tuple[str, dict[str, Any]]: ...
+def tuning(
+    scene: Scene,
+    words: list[tuple[str, int]],
+    knobs: Sequence[str] | None,
+    budget: int,
+    search: str,
+    conditions: str,
+    seed: int,
+    folder: Path | None,
+    callback: Callable[[int, dict[str, Any]], bool | None] | None,
+) -> tuple[str, dict[str, Any], Scene]: ...

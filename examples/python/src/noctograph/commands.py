@@ -1,0 +1,265 @@
+"""Commands of the program as functions: their tables, figures and files."""
+
+from __future__ import annotations
+
+import html
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ._noctograph import Flight, Plan, Scene, Shot, command as _command
+
+PathLike = str | os.PathLike[str]
+
+
+class Report(dict[str, Any]):
+    """What a command found: the keys that it prints with ``--json``; a notebook shows its table.
+
+    Attributes
+    ----------
+    text : str
+        The table that the command prints.
+    files : dict of str to bytes
+        The files it wrote, by name; empty where they were written to a folder of yours.
+    """
+
+    def __init__(self, text: str, keys: dict[str, Any], files: dict[str, bytes] | None = None) -> None:
+        super().__init__(keys)
+        self.text = text
+        self.files = files or {}
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.text)}</pre>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Report, (self.text, dict(self), self.files)
+
+
+@contextmanager
+def _part(path: PathLike) -> Iterator[str]:
+    """A file to write that is called `path` when it is whole."""
+    path = os.fspath(path)
+    part = f"{path}.part"
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        if os.path.exists(part):
+            os.remove(part)
+
+
+def save(product: Flight | Plan | Shot | Scene, path: PathLike) -> None:
+    """Writes a flight or plan as CSV, a shot as PNG with its scene, a scene as TOML.
+
+    The file appears when it is whole.
+    """
+    if isinstance(product, Shot):
+        data = product.to_png()
+    elif isinstance(product, Scene):
+        data = product.to_toml().encode()
+    else:
+        data = product.to_csv().encode()
+    with _part(path) as part:
+        Path(part).write_bytes(data)
+
+
+def command(verb: str, *inputs: Any, **options: Any) -> Report:
+    """Runs a command of the program; ``noctograph VERB --help`` lists its options.
+
+    Parameters
+    ----------
+    verb : str
+        The command, as ``"coverage"``.
+    *inputs : str, path, Scene, Flight, Plan or Shot
+        Its inputs; objects are handed over as files.
+    **options
+        Its options, ``max_gap=0.5`` for ``--max-gap=0.5``: ``True`` for a flag without a value, a list for
+        one that is repeated, a dict for ``set``, objects as for `inputs`.
+
+    Returns
+    -------
+    Report
+    """
+    with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
+        count = 0
+
+        def word(value: Any) -> str:
+            nonlocal count
+            if not isinstance(value, (Flight, Plan, Scene, Shot)):
+                return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+            count += 1
+            suffix = "toml" if isinstance(value, Scene) else "png" if isinstance(value, Shot) else "csv"
+            path = os.path.join(folder, f"{type(value).__name__.lower()}-{count}.{suffix}")
+            save(value, path)
+            return path
+
+        words = [verb, *(word(value) for value in inputs)]
+        for name, value in options.items():
+            flag = f"--{name.replace('_', '-')}"
+            if name == "set":
+                words += [f"--set={key}={_toml(item)}" for key, item in value.items()]
+            elif value is True:
+                words.append(flag)
+            elif value is not None and value is not False:
+                words += [f"{flag}={word(item)}" for item in (value if isinstance(value, (list, tuple)) else [value])]
+        text, keys = _command(words)
+        return Report(text, keys or {})
+
+
+def _toml(value: Any) -> str:
+    """A value as the command line takes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value.tolist() if hasattr(value, "tolist") else value)
+
+
+def _with_files(verb: str, *inputs: Any, output: PathLike | None, **options: Any) -> Report:
+    """A command that writes into a folder; where no folder is given, the report has its files."""
+    if output is not None:
+        return command(verb, *inputs, output=output, **options)
+    with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
+        report = command(verb, *inputs, output=folder, **options)
+        report.files = {path.name: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
+        return report
+
+
+def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
+    """Everything that could go wrong with a flight: limits of the drone, battery, room, obstacles.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    *plans : Plan
+        Plans that fly together; the scene's word by default.
+    **options
+        Those of ``noctograph check``, as ``profile="show"``.
+
+    Returns
+    -------
+    Report
+        ``report["fly"]``, and ``report["findings"]`` with their advice.
+    """
+    return command("check", *plans, scene=scene, **options)
+
+
+def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = None, **options: Any) -> Report:
+    """Files that a drone or another program flies from.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    to : str
+        Format, as ``"poly4d"`` or ``"crazyswarm2"``; a wrong name lists them.
+    *plans : Plan
+        Plans that fly together; the scene's word by default.
+    output : path, optional
+        File or folder to write to; without it, ``report.files`` has the bytes.
+    **options
+        Those of ``noctograph export``, as ``tolerance=2`` (mm).
+
+    Returns
+    -------
+    Report
+    """
+    return _with_files("export", *plans, scene=scene, to=to, output=output, **options)
+
+
+def identify(log: PathLike | Flight, **options: Any) -> Report:
+    """Mass, inertia, delays and noise of a drone, from the log of a flight.
+
+    Parameters
+    ----------
+    log : path or Flight
+        The log.
+    **options
+        Those of ``noctograph identify``, as ``scene``.
+
+    Returns
+    -------
+    Report
+    """
+    return command("identify", log, **options)
+
+
+def compare(a: PathLike | Flight, b: PathLike | Flight, *, output: PathLike | None = None, **options: Any) -> Report:
+    """Errors between two flights, along each axis, after their clocks and places are aligned.
+
+    Parameters
+    ----------
+    a, b : path or Flight
+        Logs or flights, as the measured one and the simulated one.
+    output : path, optional
+        Folder for the plots; without it, ``report.files`` has them as SVG.
+    **options
+        Those of ``noctograph compare``, as ``part="lit"``.
+
+    Returns
+    -------
+    Report
+    """
+    return _with_files("compare", a, b, output=output, **options)
+
+
+def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) -> Report:
+    """Positions of drones from ranges between them and three or more anchors.
+
+    Parameters
+    ----------
+    *ranges : path
+        CSV files of ranges, one for each drone; `noctograph locate --help` has the columns.
+    output : path, optional
+        Folder for the positions and plots; without it, ``report.files`` has them.
+    **options
+        Those of ``noctograph locate``, as ``anchors="anchors.yaml"``, ``region=True``.
+
+    Returns
+    -------
+    Report
+    """
+    return _with_files("locate", *ranges, output=output, **options)
+
+
+def gains(scene: Scene | str, **options: Any) -> Report:
+    """Gains and stability margins of a scene's controller.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    **options
+        Those of ``noctograph gains``: ``motor_lag`` (s), ``bryson``.
+
+    Returns
+    -------
+    Report
+    """
+    return command("gains", scene=scene, **options)
+
+
+def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = None, **options: Any) -> Report:
+    """Altitude hold from three imperfect sensors: errors of the estimate, and whether its σ can be believed.
+
+    Parameters
+    ----------
+    scenario : str
+        Name of a scenario, several separated by commas, or ``"all"``.
+    runs : int
+        Flights of each.
+    output : path, optional
+        Folder for the plots and tables; without it, ``report.files`` has them.
+    **options
+        Those of ``noctograph hold``, as ``model``, ``seed``.
+
+    Returns
+    -------
+    Report
+    """
+    return _with_files("hold", scenario=scenario, runs=runs, output=output, **options)

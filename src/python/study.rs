@@ -1,0 +1,177 @@
+//! Studies: many flights and what is read of them.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::scene::PyScene;
+use super::{array_of, run, run_showing, to_python};
+use crate::cli::{ranking_report, tuning_table};
+use crate::error::Result;
+use crate::scene::{NamedScene, Scene};
+use crate::shoot::Stop;
+use crate::study::{
+    Candidate, Conditions, Flown, Knob, Limits, Outcome, Prepared, Store, Study, Trial,
+    TuneOptions, evaluate, rank, tune,
+};
+
+/// Calls `progress(done, total)` of Python as flights end.
+fn shown<'a>(
+    progress: Option<&'a Py<PyAny>>,
+    done: &'a AtomicUsize,
+    total: usize,
+) -> impl FnMut(Python<'_>) -> PyResult<()> + 'a {
+    move |py| match progress {
+        Some(progress) => {
+            progress.call1(py, (done.load(Ordering::Relaxed), total)).map(|_nothing| ())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Flies every scene with every seed: see `fly_many` of `noctograph/studies.py`.
+#[pyfunction]
+pub(super) fn outcomes<'py>(
+    py: Python<'py>,
+    scenes: Vec<PyRef<'_, PyScene>>,
+    seeds: Vec<u64>,
+    conditions: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let scenes: Vec<_> = scenes.iter().map(|scene| scene.0.clone()).collect();
+    let (stop, done) = (Stop::default(), AtomicUsize::new(0));
+    let (n_scenes, n_seeds) = (scenes.len(), seeds.len());
+    let stage = || -> Result<Vec<Outcome>> {
+        let conditions = Conditions::find(conditions)?;
+        let of_scene = |scene: Scene| {
+            stop.check()?;
+            let word = scene.word.clone();
+            let prepared = Prepared::new(&NamedScene::new("scene", scene), &word, &conditions)?;
+            let outcome = |seed: &u64| {
+                stop.check()?;
+                let outcome = prepared.outcome(*seed)?;
+                done.fetch_add(1, Ordering::Relaxed);
+                Ok(outcome)
+            };
+            seeds.par_iter().map(outcome).collect::<Result<Vec<_>>>()
+        };
+        Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
+    };
+    let tick = shown(progress.as_ref(), &done, n_scenes * n_seeds);
+    let found = run_showing(py, &stop, tick, stage)?;
+    let columns = PyDict::new(py);
+    let shape = [n_scenes, n_seeds];
+    let numbers = |of: &dyn Fn(&Outcome) -> f64| {
+        let values: Vec<f64> = found.iter().map(of).collect();
+        array_of(py, bytemuck::cast_slice(&values), "f8", &shape)
+    };
+    let flags = |of: fn(&Outcome) -> bool| {
+        let values: Vec<u8> = found.iter().map(|outcome| u8::from(of(outcome))).collect();
+        array_of(py, &values, "?", &shape)
+    };
+    columns.set_item("probability", numbers(&|outcome| outcome.probability)?)?;
+    columns.set_item("similarity", numbers(&|outcome| outcome.similarity)?)?;
+    columns.set_item("legible", flags(|outcome| outcome.legible)?)?;
+    columns.set_item("lost", flags(|outcome| outcome.lost.is_some())?)?;
+    for (index, name) in Flown::<f64>::NAMES.into_iter().enumerate() {
+        let figure = |outcome: &Outcome| outcome.flown.map_or(f64::NAN, |it| it.values()[index]);
+        columns.set_item(name, numbers(&figure)?)?;
+    }
+    let read = |row: &[Outcome]| row.iter().map(|outcome| outcome.read.clone()).collect();
+    let rows: Vec<Vec<String>> = found.chunks(n_seeds.max(1)).map(read).collect();
+    columns.set_item("read", rows)?;
+    Ok(columns)
+}
+
+/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json` with the
+/// flights.
+#[pyfunction]
+pub(super) fn ranking<'py>(
+    py: Python<'py>,
+    scenes: Vec<(String, PyRef<'_, PyScene>)>,
+    words: Vec<(String, u32)>,
+    conditions: &str,
+    seed: u64,
+    folder: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Bound<'py, PyAny>)> {
+    let contenders: Vec<NamedScene> =
+        scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
+    let (stop, done) = (Stop::default(), AtomicUsize::new(0));
+    let total = words.iter().map(|(_, n)| *n as usize).sum::<usize>() * contenders.len();
+    let stage = || {
+        let study = Study { contenders, words, conditions: Conditions::find(conditions)?, seed };
+        study.check()?;
+        let trials: Vec<Trial> = study.trials().collect();
+        let store = folder.map(|folder| Store::open(&folder)).transpose()?;
+        let counted = |n| done.store(n, Ordering::Relaxed);
+        let records = evaluate(&study, &trials, store.as_ref(), &stop, &counted)?;
+        let report = ranking_report(&study, &rank(&study, &records), records.len());
+        let mut json = report.json;
+        json["flights"] = json!(records);
+        Ok((report.text, json))
+    };
+    let (text, json) = run_showing(py, &stop, shown(progress.as_ref(), &done, total), stage)?;
+    Ok((text, to_python(py, &json)?))
+}
+
+/// Tunes a scene: see `tune` of `noctograph/studies.py`. The table, the keys of `noctograph tune --json`
+/// with all candidates, and the tuned scene.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "Python names them")]
+pub(super) fn tuning<'py>(
+    py: Python<'py>,
+    scene: &PyScene,
+    words: Vec<(String, u32)>,
+    knobs: Option<Vec<String>>,
+    budget: usize,
+    search: &str,
+    conditions: &str,
+    seed: u64,
+    folder: Option<PathBuf>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<(String, Bound<'py, PyAny>, PyScene)> {
+    let (base, stop) = (scene.0.clone(), Stop::default());
+    let mut failed = None;
+    let mut watch = |n_flights: usize, best: &Candidate| {
+        let Some(callback) = &callback else { return true };
+        let call = |py: Python<'_>| {
+            let best = to_python(py, &json!(best))?;
+            let answer = callback.bind(py).call1((n_flights, best))?;
+            Ok(answer.is_none() || answer.is_truthy()?)
+        };
+        Python::attach(call).unwrap_or_else(|error| {
+            failed = Some(error);
+            stop.now();
+            false
+        })
+    };
+    let stage = || {
+        let knobs = match knobs {
+            None => Knob::usual(&base),
+            Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
+        };
+        let (search, limits) = (search.parse()?, Limits::default());
+        let conditions = Conditions::find(conditions)?;
+        let options = TuneOptions { knobs, search, words, budget, limits, conditions, seed };
+        let store = folder.map(|folder| Store::open(&folder)).transpose()?;
+        let tuned = tune(&base, &options, store.as_ref(), &stop, &mut watch)?;
+        Ok((tuning_table(&options, &tuned), tuned))
+    };
+    let found = run(py, &stop, stage);
+    // What the callback raised is the cause of the stop.
+    let (text, tuned) = failed.map_or(found, Err)?;
+    let json = json!({
+        "flights": tuned.n_flights,
+        "helped": tuned.helped(),
+        "best": tuned.best,
+        "before": tuned.before,
+        "candidates": tuned.candidates,
+        "front": tuned.front,
+    });
+    Ok((text, to_python(py, &json)?, PyScene(tuned.scene)))
+}
