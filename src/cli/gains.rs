@@ -228,6 +228,8 @@ fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -
         "controller": controller.kind.name(),
         "controller_states": design.n_controller_states,
         "gains": Value::Object(gains.collect()),
+        "A": rows(&design.a),
+        "B": rows(&design.b),
         "K": design.k.as_ref().map(rows),
         "L": rows(&design.l),
         "states": design.states,

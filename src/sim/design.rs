@@ -45,6 +45,10 @@ pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 /// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Design {
+    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve [`STATES`].
+    pub a: DMatrix<f64>,
+    /// Its B (12×4), by [`INPUTS`].
+    pub b: DMatrix<f64>,
     /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
     /// columns more where it is designed for rotors that lag. `None` for a controller that is no
     /// regulator.
@@ -114,6 +118,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     };
     // The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
+    (design.a, design.b) = (dynamic(&a), dynamic(&b));
     design.controllability_rank =
         observability_rank(&dynamic(&a.transpose()), &dynamic(&per_size.transpose()));
     design.observe(options)?;
@@ -179,6 +184,8 @@ impl Design {
         let of_inputs = |m: Vec<Margins>| [m[0], m[1], m[2], m[3]];
         let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
         Self {
+            a: DMatrix::zeros(12, 12),
+            b: DMatrix::zeros(12, 4),
             k: None,
             states: Vec::new(),
             n_controller_states: a.nrows() - 12,

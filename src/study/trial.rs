@@ -35,15 +35,17 @@ pub struct Prepared {
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
+    /// Why there is no plan: the drone is lost where the plan is rehearsed, or would fly for hours.
+    unplanned: Option<String>,
 }
 
 impl Prepared {
-    /// Makes a scene ready for a word.
+    /// Makes a scene ready for a word. Where it cannot be planned, as with a gain that loses the drone,
+    /// every outcome says so: one bad candidate ends no study.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a word that the font cannot write or a setting out of range,
-    /// [`Error::Infeasible`] for a flight longer than an hour.
+    /// [`Error::Input`] for a word that the font cannot write or a setting out of range.
     pub fn new(named: &NamedScene, word: &str, conditions: &Conditions) -> Result<Self> {
         conditions.check()?;
         let mut named = NamedScene { name: String::new(), ..named.clone() };
@@ -51,7 +53,12 @@ impl Prepared {
         named.scene.set_word(word);
         named.scene.check()?;
         let (scene, learned) = (named.scene.clone(), !named.plans.is_empty());
-        let mut shoot = Shoot::named(named)?;
+        let (mut shoot, unplanned) = match Shoot::named(named) {
+            Err(Error::Infeasible { what, .. }) => {
+                (Shoot::with_plans(scene.clone(), Vec::new())?, Some(what))
+            }
+            shoot => (shoot?, None),
+        };
         shoot.judging = Judging::Scored;
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {
@@ -59,7 +66,7 @@ impl Prepared {
         }
         shrink(&mut shoot, CAP_HEIGHT_PX)?;
         let digest = digest(&scene, conditions, if learned { &shoot.plans } else { &[] });
-        Ok(Self { scene, shoot, conditions: conditions.clone(), digest })
+        Ok(Self { scene, shoot, conditions: conditions.clone(), digest, unplanned })
     }
 
     /// The word.
@@ -123,8 +130,11 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::fly`].
+    /// As [`Shoot::fly`], and [`Error::Infeasible`] where there is no plan.
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
+        if let Some(what) = self.unplanned.clone() {
+            return Err(Error::Infeasible { what, hint: "choose milder gains".into() });
+        }
         self.shoot(seed).fly(&|_, _| {})
     }
 
@@ -133,7 +143,7 @@ impl Prepared {
     /// # Errors
     ///
     /// Those of the stages.
-    pub(super) fn judge(&self, flights: Vec<Flight>, seed: u64) -> Result<(Outcome, Vec<Flight>)> {
+    pub fn judge(&self, flights: Vec<Flight>, seed: u64) -> Result<(Outcome, Vec<Flight>)> {
         let recordings = flights.into_iter().map(Recording::Flight).collect();
         let shot = Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {})?;
         let verdict = shot.verdict.expect("a word is read");
@@ -277,6 +287,15 @@ mod tests {
         let outcome = ready.outcome(0).unwrap();
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");
+
+        // Lost where the plan is rehearsed: there is no plan.
+        let ready = prepared("I", |scene| {
+            scene.plan = PlanOptions::even();
+            scene.controller.lqr.q = [1e9; 12];
+            scene.vehicle.motor_rise_s = 0.1;
+        });
+        assert!(ready.plans().is_empty());
+        assert!(ready.outcome(0).unwrap().lost.unwrap().contains("the drone"));
     }
 
     #[test]

@@ -402,6 +402,9 @@ fn gains_prints_both_matrices_for_people_and_for_programs() {
         (rows.len(), rows[0].as_array().unwrap().len())
     };
     assert_eq!((shape("K"), shape("L")), ((4, 12), (8, 3)));
+    assert_eq!((shape("A"), shape("B")), ((12, 12), (12, 4)));
+    let forward_from_pitch = json["A"][6][4].as_f64().unwrap();
+    assert!((forward_from_pitch - 9.81).abs() < 1e-9);
     assert!((json["K"][1][0].as_f64().unwrap() - 0.004_876_789_371_788_077).abs() < 1e-13);
     assert_eq!((&json["observability_rank"], &json["unobservable"][0]), (&8.into(), &"psi".into()));
     assert!(json["regulator_poles"][0][0].as_f64().unwrap() < 0.0);
