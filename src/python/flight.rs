@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
@@ -10,13 +10,14 @@ use pyo3::prelude::*;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{array, numbers, raised, run};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::geometry::Attitude;
 use crate::logs::{ImportOptions, import};
-use crate::plan::{HEADLIGHTS, relight};
+use crate::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
+use crate::scene::Scene;
 use crate::shoot::{Shoot, Stop};
-use crate::sim::ControlLaw;
+use crate::sim::Session;
 
 /// The flight of one drone, sampled over time.
 ///
@@ -227,27 +228,33 @@ impl PyFlight {
     }
 }
 
-/// A controller as a function of Python, and what it raised.
-fn law_of(function: Py<PyAny>, failed: Arc<Mutex<Option<PyErr>>>) -> ControlLaw {
-    Box::new(move |state, reference| {
-        let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
-        if failed.is_some() {
-            return [0.0; 4];
-        }
-        let call = |py: Python<'_>| {
-            let arguments = (array(py, state, 1)?, array(py, reference, 1)?);
+/// The scene as planned for a controller of Python: the scene's own plan leads its own controller, and times the
+/// lights by it.
+pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
+    scene.plan.reference = ReferenceKind::Design;
+    scene.plan.light_clock = LightClock::Setpoint;
+    scene
+}
+
+/// A flight by a controller of Python; `Ok(Err)` is what it raised.
+fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<PyResult<Flight>> {
+    while let Some((state, reference)) = session.waits() {
+        stop.check()?;
+        let motors = Python::attach(|py| {
+            let arguments = (array(py, &state, 1)?, array(py, &reference, 1)?);
             let motors = numbers(&function.bind(py).call1(arguments)?, "controller", 1)?;
             motors.try_into().map_err(|motors: Vec<f64>| {
                 let (found, wanted) = (format!("{} numbers", motors.len()), "four motor commands");
                 let hint = "return m1 to m4, 0 to 65535";
                 raised(py, &Error::input("controller", found, wanted, hint))
             })
-        };
-        Python::attach(call).unwrap_or_else(|error| {
-            *failed = Some(error);
-            [0.0; 4]
-        })
-    })
+        });
+        match motors {
+            Ok(motors) => session.command(motors)?,
+            Err(error) => return Ok(Err(error)),
+        }
+    }
+    Ok(Ok(session.finish()))
 }
 
 /// Flies the plans of a scene, or other ones, one for each drone.
@@ -257,7 +264,8 @@ fn law_of(function: Py<PyAny>, failed: Arc<Mutex<Option<PyErr>>>) -> ControlLaw 
 /// scene : Scene
 ///     Its drone, controller, estimator, air and seed.
 /// plans : list of Plan, optional
-///     The scene's own by default.
+///     The scene's own by default; with a controller, those of ``plan.reference = "design"`` and
+///     ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller.
 /// controller : callable, optional
 ///     ``controller(state, reference)`` returns the motor commands m1 to m4, 0 to 65535, in place of the
 ///     scene's controller; for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
@@ -279,28 +287,27 @@ pub(super) fn fly(
 ) -> PyResult<Vec<PyFlight>> {
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let scene = scene.0.clone();
-    let failed = Arc::default();
-    let law = controller.map(|function| law_of(function, Arc::clone(&failed)));
+    let stop = Stop::default();
+    let until = stop.clone();
     let stage = || {
         let shoot = match plans {
+            None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
             None => Shoot::new(scene)?,
             Some(plans) => Shoot::with_plans(scene, plans)?,
         };
-        match (law, shoot.plans.len()) {
-            (None, _) => shoot.fly(&|_, _| {}),
-            (Some(law), 1) => Ok(vec![shoot.fly_with(law, &mut |_| {})?]),
+        match (&controller, shoot.plans.len()) {
+            (None, _) => shoot.fly(&|_, _| {}).map(Ok),
+            (Some(function), 1) => {
+                let flown = flown_by(function, shoot.session()?, &until)?;
+                Ok(flown.map(|flight| vec![flight]))
+            }
             (Some(_), n) => {
                 let hint = "fly each plan by itself";
                 Err(Error::input("controller", format!("{n} plans"), "one plan", hint))
             }
         }
     };
-    let flights = run(py, &Stop::default(), stage);
-    // The controller's own error is the cause of what came of it.
-    if let Some(error) = failed.lock().unwrap_or_else(PoisonError::into_inner).take() {
-        return Err(error);
-    }
-    Ok(flights?.into_iter().map(PyFlight::new).collect())
+    Ok(run(py, &stop, stage)??.into_iter().map(PyFlight::new).collect())
 }
 
 /// Reads the log of a real flight: JSON of the AE483 course, CSV of cfclient, µSD card, plain CSV.

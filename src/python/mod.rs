@@ -7,6 +7,7 @@
 mod flight;
 mod plan;
 mod scene;
+mod sessions;
 mod shot;
 mod study;
 
@@ -29,6 +30,7 @@ fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<plan::PyPlan>()?;
     module.add_class::<flight::PyFlight>()?;
     module.add_class::<shot::PyShot>()?;
+    module.add_class::<sessions::PySessions>()?;
     module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
     module.add_function(wrap_pyfunction!(flight::fly, module)?)?;
     module.add_function(wrap_pyfunction!(flight::import_log, module)?)?;

@@ -33,7 +33,7 @@ use crate::logs::{self, ImportOptions};
 use crate::plan::Plan;
 use crate::scene::{NamedScene, Scene};
 use crate::score::{Reader, is_judged};
-use crate::sim::{ControlLaw, Drone, EstimatorKind, SimOptions, fly, fly_fleet, fly_with};
+use crate::sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
 
 mod exported;
 mod file;
@@ -306,18 +306,18 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Flies the first plan by a controller of one's own.
+    /// The flight of the first plan by a controller of one's own.
     ///
     /// # Errors
     ///
-    /// As [`crate::sim::fly`].
+    /// As [`Session::new`].
     ///
     /// # Panics
     ///
     /// If there is no plan.
-    pub fn fly_with(&self, law: ControlLaw, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
+    pub fn session(&self) -> Result<Session> {
         let believed = self.scene.sim();
-        fly_with(&self.plans[0].plan, &self.drone(0, &believed), law, progress)
+        Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed))
     }
 
     /// Flies, exposes, develops and reads.

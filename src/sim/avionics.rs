@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::controller::{Command, ControlLaw, Controller, Custom, Reference, controller};
+use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
 use super::options::{ControllerKind, EstimatorKind};
@@ -69,24 +69,15 @@ impl Avionics {
         })
     }
 
-    /// Replaces the controller.
-    pub(super) fn set_law(&mut self, law: ControlLaw) {
-        self.controller = Box::new(Custom::new(law, self.motor_max));
-    }
-
-    /// One tick: reads the sensors, updates the estimate and commands the motors. `fleet_m` are the
-    /// true positions of the fleet, between which ranges are measured.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for a flight that the controller has lost.
-    pub(super) fn tick(
+    /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions of the
+    /// fleet, between which ranges are measured. Whether the motors are to be commanded.
+    pub(super) fn sense(
         &mut self,
         plan: &Plan,
         time_s: f64,
         plant: &Plant,
         fleet_m: &[Vector3<f64>],
-    ) -> Result<()> {
+    ) -> bool {
         let short = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
@@ -110,18 +101,52 @@ impl Avionics {
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
             self.command = Command::default();
-        } else if self.ticks.is_multiple_of(self.ticks_per_command) {
-            self.refresh_estimate();
-            let reference = Reference::at(setpoint, plan.sent_m(self.setpoint), time_s);
-            if let Some(filter) = self.estimator.altitude() {
-                self.controller.set_thrust_map(filter.thrust_map());
-            }
-            self.command = self.controller.command(&self.estimate, &reference);
+            return false;
         }
+        let due = self.ticks.is_multiple_of(self.ticks_per_command);
+        if due {
+            self.refresh_estimate();
+        }
+        due
+    }
+
+    /// Commands the motors by the drone's controller.
+    pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
+        let setpoint = &plan.setpoints[self.setpoint];
+        let reference = Reference::at(setpoint, plan.sent_m(self.setpoint), time_s);
+        if let Some(filter) = self.estimator.altitude() {
+            self.controller.set_thrust_map(filter.thrust_map());
+        }
+        self.command = self.controller.command(&self.estimate, &reference);
+    }
+
+    /// Commands the motors m1…m4, which are held within their range; one that is no number stops.
+    pub(super) fn command(&mut self, wanted: [f64; 4]) {
+        let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
+        self.command = Command { motors: motors.into(), saturated: motors != wanted };
+    }
+
+    /// Ends a tick.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for a flight that the controller has lost.
+    pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
-        let writes = setpoint.letter.is_some();
+        let writes = plan.setpoints[self.setpoint].letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
-        self.check(time_s, &body)
+        self.check(time_s, &plant.body())
+    }
+
+    /// The estimated state.
+    pub(super) fn estimate(&self) -> &State {
+        &self.estimate
+    }
+
+    /// The design at this instant, without what is added for the drone's own controller.
+    pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
+        let setpoint = &plan.setpoints[self.setpoint];
+        Reference::at(setpoint, setpoint.position_m, time_s)
     }
 
     /// A message to the fleet.

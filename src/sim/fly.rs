@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
-use super::controller::ControlLaw;
 use super::drone::Drone;
 use super::recorder::Recorder;
 use crate::error::{Error, Result};
@@ -54,61 +53,15 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// Flies a plan with one drone by a controller of one's own, in place of the options' controller.
-///
-/// # Errors
-///
-/// As [`fly`].
-///
-/// # Panics
-///
-/// As [`fly`].
-pub fn fly_with(
-    plan: &Plan,
-    drone: &Drone<'_>,
-    law: ControlLaw,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Flight> {
-    Ok(fly_by(&[(plan, *drone)], Some(law), &mut |_, _, _| {}, progress)?.remove(0))
-}
-
 /// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were commanded.
 pub(super) fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Flight>> {
-    fly_by(fleet, None, watch, progress)
-}
-
-/// As [`fly_watched`]; a law controls the first drone.
-fn fly_by(
-    fleet: &[(&Plan, Drone<'_>)],
-    law: Option<ControlLaw>,
-    watch: &mut dyn FnMut(u32, &Plant, &Avionics),
-    progress: &mut dyn FnMut(f64),
-) -> Result<Vec<Flight>> {
     let Some((_, first)) = fleet.first() else { return Ok(Vec::new()) };
-    let mut members = Vec::new();
-    for (plan, drone) in fleet {
-        let Drone { believed, actual, seed, index, .. } = *drone;
-        assert_eq!(believed.rates, actual.rates, "one clock");
-        assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
-        believed.check()?;
-        actual.check()?;
-        actual.sensors.uwb.heard_by(index)?;
-        check_plan(plan, &actual.floor)?;
-        members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
-    }
-    let indices: Vec<u64> = members.iter().map(|member| member.index).collect();
+    let (mut rigs, indices) = rigs(fleet)?;
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
-    let mut rigs = Vec::with_capacity(fleet.len());
-    for (place, (plan, drone)) in fleet.iter().enumerate() {
-        rigs.push(Rig::new(plan, drone, &Fleet { members: members.clone(), place })?);
-    }
-    if let Some(law) = law {
-        rigs[0].avionics.set_law(law);
-    }
     let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
     let mut fleet_m = Vec::with_capacity(rigs.len());
     let alone = rigs.len() == 1;
@@ -122,12 +75,14 @@ fn fly_by(
             }
         }
         for (place, rig) in rigs.iter_mut().enumerate() {
-            rig.tick(tick, time_s, &fleet_m, watch).map_err(|error| match error {
-                Error::Infeasible { what, hint } if !alone => {
-                    Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
-                }
-                error => error,
-            })?;
+            rig.tick(fleet[place].0, tick, time_s, &fleet_m, watch).map_err(
+                |error| match error {
+                    Error::Infeasible { what, hint } if !alone => {
+                        Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
+                    }
+                    error => error,
+                },
+            )?;
         }
         if !alone && air.is_due(time_s) {
             rigs.iter_mut()
@@ -139,28 +94,51 @@ fn fly_by(
         }
     }
     progress(1.0);
-    Ok(rigs.into_iter().map(|rig| rig.recorder.finish(rig.avionics.warnings(&rig.plant))).collect())
+    Ok(rigs.into_iter().map(Rig::finish).collect())
+}
+
+/// The drones of a fleet on the floor, and their indices.
+pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<(Vec<Rig>, Vec<u64>)> {
+    let first = &fleet[0].1;
+    let mut members = Vec::new();
+    for (plan, drone) in fleet {
+        let Drone { believed, actual, seed, index, .. } = *drone;
+        assert_eq!(believed.rates, actual.rates, "one clock");
+        assert!(actual.rates == first.actual.rates && seed == first.seed, "one clock, one seed");
+        believed.check()?;
+        actual.check()?;
+        actual.sensors.uwb.heard_by(index)?;
+        check_plan(plan, &actual.floor)?;
+        members.push(Member::new(&actual.sensors, seed, index, start_m(plan, &actual.floor)));
+    }
+    let indices = members.iter().map(|member| member.index).collect();
+    let mut rigs = Vec::with_capacity(fleet.len());
+    for (place, (plan, drone)) in fleet.iter().enumerate() {
+        rigs.push(Rig::new(plan, drone, &Fleet { members: members.clone(), place })?);
+    }
+    Ok((rigs, indices))
 }
 
 /// A drone in flight.
-struct Rig<'a> {
-    plan: &'a Plan,
-    plant: Plant,
-    avionics: Avionics,
-    recorder: Recorder<'a>,
-    n_ticks: u32,
+#[derive(Debug)]
+pub(super) struct Rig {
+    pub(super) plant: Plant,
+    pub(super) avionics: Avionics,
+    recorder: Recorder,
+    pub(super) n_ticks: u32,
+    /// Seconds between two ticks.
+    pub(super) tick_s: f64,
     ticks_per_sample: u32,
     steps_per_tick: u32,
 }
 
-impl<'a> Rig<'a> {
-    fn new(plan: &'a Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+impl Rig {
+    fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let rates = &drone.actual.rates;
         let n_ticks = n_ticks(plan, rates.control_hz)?;
         let ticks_per_sample = rates.control_hz / rates.log_hz;
         let dt_s = 1.0 / f64::from(rates.control_hz * rates.steps_per_tick);
         Ok(Self {
-            plan,
             plant: Plant::new(
                 drone.actual.plant(),
                 dt_s,
@@ -171,6 +149,7 @@ impl<'a> Rig<'a> {
             avionics: Avionics::new(drone, fleet)?,
             recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
             n_ticks,
+            tick_s: 1.0 / f64::from(rates.control_hz),
             ticks_per_sample,
             steps_per_tick: rates.steps_per_tick,
         })
@@ -178,21 +157,40 @@ impl<'a> Rig<'a> {
 
     fn tick(
         &mut self,
+        plan: &Plan,
         tick: u32,
         time_s: f64,
         fleet_m: &[Vector3<f64>],
         watch: &mut dyn FnMut(u32, &Plant, &Avionics),
     ) -> Result<()> {
-        self.avionics.tick(self.plan, time_s, &self.plant, fleet_m)?;
+        if self.avionics.sense(plan, time_s, &self.plant, fleet_m) {
+            self.avionics.control(plan, time_s);
+        }
+        self.conclude(plan, tick, time_s, watch)
+    }
+
+    /// The rest of a tick: its sample and its motion.
+    pub(super) fn conclude(
+        &mut self,
+        plan: &Plan,
+        tick: u32,
+        time_s: f64,
+        watch: &mut dyn FnMut(u32, &Plant, &Avionics),
+    ) -> Result<()> {
+        self.avionics.conclude(plan, time_s, &self.plant)?;
         watch(tick, &self.plant, &self.avionics);
         if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
-            self.recorder.record(&self.avionics.snapshot(time_s, &self.plant));
+            self.recorder.record(plan, &self.avionics.snapshot(time_s, &self.plant));
         }
         let motors = self.avionics.motors();
         for _ in 0..self.steps_per_tick {
             self.plant.advance(&motors);
         }
         Ok(())
+    }
+
+    pub(super) fn finish(self) -> Flight {
+        self.recorder.finish(self.avionics.warnings(&self.plant))
     }
 }
 
@@ -313,25 +311,6 @@ mod tests {
         assert_eq!(end.velocity_body_m_s, Vector3::zeros());
         assert_eq!((flight.samples.len(), end.time_s), (2001, 8.0), "250 Hz, both ends");
         assert_eq!(flight.lights["headlights"], vec![0.5; 2001]);
-    }
-
-    #[test]
-    fn a_law_of_ones_own_commands_the_motors_within_their_range() {
-        let hover = plan(&[(0.0, 0.1, 0.5), (0.1, 0.1, 0.5)]);
-        let (sender, seen) = std::sync::mpsc::channel();
-        let mut first = true;
-        let law: ControlLaw = Box::new(move |state, design| {
-            sender.send((*state, *design)).unwrap();
-            let odd = std::mem::replace(&mut first, false);
-            if odd { [f64::NAN, 1e9, -1.0, 5.0] } else { [4e4; 4] }
-        });
-        let options = SimOptions::default();
-        let flight = fly_with(&hover, &Drone::new(&options, 1), law, &mut |_| {}).unwrap();
-        assert_eq!(flight.samples[0].motors, [0.0, 65_535.0, 0.0, 5.0]);
-        let (state, design) = seen.recv().unwrap();
-        assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        assert!((state[0] - 0.1).abs() < 0.1 && (state[2] - 0.5).abs() < 0.1, "{state:?}");
-        assert_eq!(seen.iter().count(), 50, "500 a second, both ends");
     }
 
     #[test]

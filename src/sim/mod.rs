@@ -29,13 +29,14 @@ mod estimator;
 mod fly;
 mod options;
 mod recorder;
+mod session;
 
-pub use controller::ControlLaw;
 pub use drone::Drone;
 pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
-pub use fly::{fly, fly_fleet, fly_with};
+pub use fly::{fly, fly_fleet};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
     EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
     ObserverOptions, PidOptions, RateOptions, Share, SimOptions,
 };
+pub use session::Session;

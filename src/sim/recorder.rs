@@ -14,8 +14,7 @@ use nalgebra::Matrix3;
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
 /// decimals gives back exactly the flight that was written.
 #[derive(Debug)]
-pub(super) struct Recorder<'a> {
-    plan: &'a Plan,
+pub(super) struct Recorder {
     flight: Flight,
     saturated_s: Vec<f64>,
     battery_v: Vec<f64>,
@@ -41,13 +40,12 @@ pub(super) struct Snapshot {
     pub(super) covariance_m2: Option<Matrix3<f64>>,
 }
 
-impl<'a> Recorder<'a> {
+impl Recorder {
     /// A recorder for about `n` samples.
-    pub(super) fn new(plan: &'a Plan, n: usize) -> Self {
+    pub(super) fn new(plan: &Plan, n: usize) -> Self {
         let lights: BTreeMap<_, _> =
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
         Self {
-            plan,
             flight: Flight { samples: Vec::with_capacity(n), lights, ..Flight::default() },
             saturated_s: Vec::with_capacity(n),
             battery_v: Vec::new(),
@@ -57,10 +55,10 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    pub(super) fn record(&mut self, snapshot: &Snapshot) {
-        let setpoint = &self.plan.setpoints[snapshot.setpoint];
+    pub(super) fn record(&mut self, plan: &Plan, snapshot: &Snapshot) {
+        let setpoint = &plan.setpoints[snapshot.setpoint];
         self.flight.samples.push(sample(snapshot, setpoint));
-        for (column, sent) in self.flight.lights.values_mut().zip(self.plan.lights.values()) {
+        for (column, sent) in self.flight.lights.values_mut().zip(plan.lights.values()) {
             column.push(on_grid(sent[snapshot.setpoint]));
         }
         self.saturated_s.push(on_grid(snapshot.saturated_s));

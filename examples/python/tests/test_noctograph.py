@@ -93,7 +93,7 @@ def test_a_controller_in_python_flies():
     took_s = time.perf_counter() - begun
     print(f"{calls} calls, {calls / took_s:.0f} a second")
     assert calls > 15_000 and took_s < 10
-    (ours,) = nc.fly(scene)
+    (ours,) = nc.fly(nc.Scene(scene, set={"plan.reference": "design", "plan.light_clock": "setpoint"}))
     error_m = np.abs(flight.position_m - ours.position_m).max()
     assert 0 < error_m < 0.15, f"{error_m} m from the regulator of the same gain, which also knows the rotors"
     assert nc.photograph(scene, [flight]).verdict["read"] == "NOOR"
@@ -104,6 +104,44 @@ def test_a_controller_in_python_flies():
         nc.fly(scene, controller=lambda state, reference: [1, 2, 3])
     with pytest.raises(nc.InputError, match="2 plans"):
         nc.fly(nc.Scene(word="NOOR", set={"plan.drones": 2}), controller=lqr)
+
+
+def test_environments_are_those_of_gymnasium():
+    pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    scene = nc.Scene("cf21", word="I")
+    env = nc.Env(scene)
+    check_env(env)
+    k = nc.Scene(scene, set={"controller.kind": "lqr"}).gain()[:, :12]
+    hover = scene.motors_from_wrench @ [0, 0, 0, 9.81 * scene.mass_kg]
+
+    def policy(observation):
+        return np.clip(-(observation[..., :12] @ (scene.motors_from_wrench @ k).T) / hover, -1, 1)
+
+    drones = nc.VectorEnv(scene, 3, control_hz=500)
+    first, _ = drones.reset(seed=4)
+    assert first.shape == (3, 18) and drones.observation_space.contains(first)
+    observation, worth, over, info = first, np.zeros(3), np.zeros(3, bool), {}
+    while not over.all():
+        observation, reward, over, truncated, info = drones.step(policy(observation))
+        worth += reward
+    assert set(info["read"]) == {"I"} and (info["probability"] > 0.3).all() and not truncated.any()
+    assert (worth > 0.5).all() and not observation.any(), "landed"
+    # The next step begins the next episode, in other noise.
+    second, reward, over, _, info = drones.step(policy(observation))
+    assert second.any() and not reward.any() and not over.any() and not info
+    assert (drones.reset(seed=4)[0] == first).all() and (second != first).any()
+    # Fallen: the episode ends without a photo.
+    for _ in range(2000):
+        _, _, over, _, info = drones.step(np.tile([1, 1, 0, 0], (3, 1)))
+        if over.any():
+            break
+    assert over.any() and not info
+    with pytest.raises(nc.InputError, match="2 plans"):
+        nc.VectorEnv(nc.Scene(word="NOOR", set={"plan.drones": 2}))
+    with pytest.raises(nc.InputError, match="wanted 3 rows"):
+        drones.step(np.zeros((2, 4)))
 
 
 def test_many_flights_are_those_of_the_command_line(tmp_path):
@@ -134,8 +172,9 @@ def test_a_search_tells_its_callback():
     scene = nc.Scene("pid", word="I", set=SMALL)
     calls = []
     knobs = ["plan.stroke_speed_m_s=0.2..0.5"]
-    tuned, report = nc.tune(scene, seeds=2, knobs=knobs, budget=12, callback=lambda n, best: calls.append((n, best)))
-    assert calls[-1][0] == report["flights"] and calls[-1][1] == report["best"]
+    tuned, report = nc.tune(scene, seeds=2, knobs=knobs, budget=80, callback=lambda n, best: calls.append((n, best)))
+    assert calls[0][0] < calls[-1][0] < report["flights"], "the finalists are flown after the search"
+    assert calls[-1][1].keys() == report["best"].keys()
     assert tuned.to_toml() != scene.to_toml() or report["best"] == report["before"]
     ended = []
     nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: ended.append(n) or False)
@@ -151,13 +190,14 @@ def test_commands_are_functions(shot, tmp_path):
     nc.save(scene, tmp_path / "scene.toml")
     assert repr(nc.gains(scene)).strip() == program("gains", "--scene", "scene.toml", cwd=tmp_path).strip()
     assert nc.check(scene)["fly"] is True
+    (tmp_path / "out").mkdir()
     program("export", "--scene", "scene.toml", "--to", "poly4d", "-o", "out", cwd=tmp_path)
     files = nc.export(scene, "poly4d").files
     assert files and all((tmp_path / "out" / name).read_bytes() == data for name, data in files.items())
     flight = shot.flights[0]
     same = nc.compare(flight, flight)
     assert "error.svg" in same.files and pickle.loads(pickle.dumps(same)) == same
-    held = nc.hold("flat", runs=2)
+    held = nc.hold("step", runs=2)
     assert held.files
     with pytest.raises(nc.InputError):
         nc.export(scene, "no-such-format")

@@ -4,7 +4,6 @@
 //! `rates.attitude_hz` times a second, and its command is held in between as in the firmware.
 
 mod altitude;
-mod custom;
 mod gain;
 mod geometric;
 mod linear;
@@ -18,8 +17,6 @@ use nalgebra::Vector4;
 
 use self::altitude::AltitudeHold;
 pub(super) use self::altitude::{ThrustMap, altitude_gains};
-pub use self::custom::ControlLaw;
-pub(super) use self::custom::Custom;
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
 pub(super) use self::linear::LinearController;

@@ -13,11 +13,11 @@ pub(in crate::sim) struct Reference {
     /// Position as sent, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
     /// Position of the design now, with the offset of the sent position from the setpoint.
-    pub(super) position_m: Vector3<f64>,
+    pub(in crate::sim) position_m: Vector3<f64>,
     /// Velocity of the design now.
-    pub(super) velocity_m_s: Vector3<f64>,
+    pub(in crate::sim) velocity_m_s: Vector3<f64>,
     /// Acceleration of the design.
-    pub(super) acceleration_m_s2: Vector3<f64>,
+    pub(in crate::sim) acceleration_m_s2: Vector3<f64>,
 }
 
 impl Reference {

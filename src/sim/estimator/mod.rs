@@ -29,7 +29,7 @@ use crate::sensors::{Fleet, Message, Positioning, Readings};
 use crate::vehicle::State;
 
 /// An estimator of the drone's motion.
-pub(super) trait Estimator: std::fmt::Debug {
+pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 

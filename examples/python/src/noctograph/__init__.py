@@ -31,11 +31,22 @@ from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 if TYPE_CHECKING:
     import pandas
 
+    from .learning import Env, VectorEnv
+
 __all__ = [
-    "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
+    "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
     "command", "compare", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
-    "photograph", "plan", "preview", "rank", "read", "save", "score", "to_pandas", "tune", "__version__",
+    "photograph", "plan", "preview", "rank", "read", "save", "score", "VectorEnv", "to_pandas", "tune", "__version__",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The environments, which need gymnasium."""
+    if name in ("Env", "VectorEnv"):
+        from . import learning
+
+        return getattr(learning, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def preview(

@@ -114,8 +114,9 @@ def fly_many(
     seeds : int or sequence of S int
         Seeds of the noise and of the conditions; a number S is the seeds from 0 to S − 1.
     gains : array_like (N, 4, 12), optional
-        Gains K of LQR controllers, u = −K x, to fly in the one scene: thrust in N and torques in N m from
-        errors of position (m), velocity (m/s), attitude (rad) and body rate (rad/s).
+        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene; (N, 4, 15) with
+        integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
+        yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame.
     conditions : {"still", "room", "drone"} or path
         What differs from seed to seed: nothing but noise; drafts, battery and light of a room; the drone as
         well; or a TOML file of conditions.

@@ -1,0 +1,126 @@
+"""Environments for reinforcement learning; they need gymnasium."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ._noctograph import Scene, Sessions
+
+Floats = NDArray[np.float32]
+
+#: Distance from the design at which a second of flight is worth nothing, m.
+WORTHLESS_M = 0.1
+#: Largest motor command.
+MOTOR_MAX = 65_535.0
+
+
+class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """Drones that write a word, flown by motor commands; N at a time, in one process, on all cores.
+
+    An episode is the plan of the scene (its lights and references as for the controller of `fly`) from take-off to landing, in other noise and conditions each time. With
+    the `AutoresetMode.NEXT_STEP` of gymnasium the step after an episode's last begins the next one.
+
+    Action, shape (N, 4), -1 to 1: commands of the motors m1 to m4, where 0 is hover and -1 is off.
+
+    Observation, shape (N, 18), by the estimator, in SI units: position minus the design's (3, world), yaw, pitch
+    and roll (3), velocity (3) and angular velocity (3) in the body frame; velocity (3) and acceleration (3) of the
+    design, in the world. All 0 once a drone has landed.
+
+    Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0.
+    A drone that turns over or flies away terminates its episode, as landing does. The info of a landing has
+    ``probability`` and ``read``: what the photo's reader makes of it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is flown, by one drone.
+    num_envs : int
+        Number N of drones.
+    control_hz : float
+        Commands a second; a divisor of ``rates.attitude_hz`` (500).
+    conditions : {"still", "room", "drone"} or path
+        What differs from episode to episode, as for `fly_many`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
+
+    def __init__(self, scene: Scene, num_envs: int = 1, *, control_hz: float = 250, conditions: str = "still") -> None:
+        self.num_envs = num_envs
+        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (18,), np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._sessions = Sessions(scene, num_envs, conditions)
+        self._hover = scene.motors_from_wrench @ [0, 0, 0, 9.81 * scene.mass_kg]
+        self._turns = max(1, round(500 / control_hz))
+        self._over = np.zeros(num_envs, bool)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begins all episodes; `seed` also seeds those that follow."""
+        first = seed[0] if isinstance(seed, list) else seed
+        if first is not None or not hasattr(self, "_seeds"):
+            self._seeds = np.random.default_rng(first)
+        seeds = [None] * self.num_envs if not isinstance(seed, list) else seed
+        self._sessions.reset([self._draw() if given is None else given for given in seeds])
+        self._over[:] = False
+        return self._observe(self._sessions.look()), {}
+
+    def step(self, actions: Any) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Holds motor commands for a step; begins the episodes that ended in the last one."""
+        begun = self._over.copy()
+        if begun.any():
+            self._sessions.reset([self._draw() if over else None for over in begun])
+        before = self._sessions.look()["time_s"]
+        commands = np.clip(self._hover * (1 + np.asarray(actions, float)), 0, MOTOR_MAX)
+        self._sessions.step(commands, np.where(begun, 0, self._turns).tolist())
+        seen = self._sessions.look()
+        distance = np.linalg.norm(seen["position_m"] - seen["design_m"], axis=1)
+        reward = (seen["time_s"] - before) * np.clip(1 - distance / WORTHLESS_M, 0, 1)
+        self._over = seen["landed"] | seen["lost"]
+        infos: dict[str, Any] = {}
+        for index in np.flatnonzero(seen["landed"]):
+            outcome = self._sessions.outcome(int(index))
+            info = {"probability": outcome["probability"], "read": outcome["read"]}
+            infos = self._add_info(infos, info, int(index))
+        return self._observe(seen), reward, self._over.copy(), np.zeros(self.num_envs, bool), infos
+
+    def _draw(self) -> int:
+        return int(self._seeds.integers(1 << 31))
+
+    def _observe(self, seen: dict[str, Any]) -> Floats:
+        state, reference = seen["state"], seen["reference"]
+        error = state[:, :3] - reference[:, :3]
+        return np.concatenate([error, state[:, 3:], reference[:, 3:]], axis=1).astype(np.float32)
+
+
+class Env(gymnasium.Env[Any, Any]):
+    """One drone of `VectorEnv`, with the same spaces, reward and parameters."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+
+    def __init__(self, scene: Scene, *, control_hz: float = 250, conditions: str = "still") -> None:
+        self._drones = VectorEnv(scene, 1, control_hz=control_hz, conditions=conditions)
+        self.observation_space = self._drones.single_observation_space
+        self.action_space = self._drones.single_action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begins an episode."""
+        super().reset(seed=seed)
+        observations, infos = self._drones.reset(seed=seed, options=options)
+        return observations[0], infos
+
+    def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Holds motor commands for a step."""
+        observations, rewards, terminated, truncated, infos = self._drones.step(np.asarray(action)[None])
+        info = {key: value[0] for key, value in infos.items()}
+        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info

@@ -1,0 +1,147 @@
+//! Flights in step, for reinforcement learning.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+use super::flight::for_any_controller;
+use super::scene::PyScene;
+use super::{array, array_of, numbers, raised, run, to_python};
+use crate::error::{Error, Result};
+use crate::scene::NamedScene;
+use crate::shoot::Stop;
+use crate::sim::Session;
+use crate::study::{Conditions, Prepared};
+
+/// One of the flights, and what became of it.
+#[derive(Debug)]
+struct Flying {
+    seed: u64,
+    session: Option<Session>,
+    lost: Option<String>,
+}
+
+/// N flights of a scene that wait for motor commands: see `VectorEnv` of `noctograph/learning.py`.
+#[pyclass(frozen, name = "Sessions", module = "noctograph._noctograph")]
+#[derive(Debug)]
+pub(super) struct PySessions {
+    prepared: Prepared,
+    flying: Mutex<Vec<Flying>>,
+}
+
+impl PySessions {
+    fn all(&self) -> MutexGuard<'_, Vec<Flying>> {
+        self.flying.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl PySessions {
+    #[new]
+    fn new(py: Python<'_>, scene: &PyScene, n: usize, conditions: &str) -> PyResult<Self> {
+        let scene = for_any_controller(scene.0.clone());
+        let stage = || {
+            let word = scene.word.clone();
+            let named = NamedScene::new("scene", scene);
+            let prepared = Prepared::new(&named, &word, &Conditions::find(conditions)?)?;
+            match prepared.plans().len() {
+                1 => Ok(prepared),
+                n => Err(Error::input("scene", format!("{n} plans"), "one", "fly one drone")),
+            }
+        };
+        let prepared = run(py, &Stop::default(), stage)?;
+        let grounded = || Flying { seed: 0, session: None, lost: None };
+        let flying = std::iter::repeat_with(grounded).take(n).collect();
+        Ok(Self { prepared, flying: Mutex::new(flying) })
+    }
+
+    /// Begins flights again: those whose seed is not None.
+    fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
+        let begin = |(flying, seed): (&mut Flying, Option<u64>)| {
+            let Some(seed) = seed else { return Ok(()) };
+            let session = Some(self.prepared.shoot(seed).session()?);
+            *flying = Flying { seed, session, lost: None };
+            Ok(())
+        };
+        let begun: Result<()> =
+            py.detach(|| self.all().par_iter_mut().zip(seeds).map(begin).collect());
+        begun.map_err(|error| raised(py, &error))
+    }
+
+    /// Holds motor commands (N, 4) for `n_commands` (N) turns of the controller; those who have landed or are
+    /// lost do not move.
+    fn step(
+        &self,
+        py: Python<'_>,
+        motors: &Bound<'_, PyAny>,
+        n_commands: Vec<u32>,
+    ) -> PyResult<()> {
+        let motors = numbers(motors, "motors", 4)?;
+        let n = self.all().len();
+        if motors.len() != 4 * n {
+            let (found, wanted) = (motors.len() / 4, format!("{n} rows"));
+            return Err(raised(py, &Error::input("motors", found, wanted, "one row a flight")));
+        }
+        let turn = |((flying, motors), n): ((&mut Flying, &[f64]), u32)| {
+            let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none()) else {
+                return;
+            };
+            let motors = [motors[0], motors[1], motors[2], motors[3]];
+            let turns = (0..n).try_for_each(|_| session.command(motors));
+            flying.lost = turns.err().map(|error| error.to_string());
+        };
+        py.detach(|| {
+            let mut flying = self.all();
+            let commanded = flying.par_iter_mut().zip(motors.par_chunks_exact(4));
+            commanded.zip(n_commands).for_each(turn);
+        });
+        Ok(())
+    }
+
+    /// Estimates (N, 12), references (N, 9), positions of truth and design (N, 3), times (N,) in s, and
+    /// whether each has landed and is lost (N,); estimate and reference are 0 of those who have landed.
+    fn look<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let flying = self.all();
+        let (mut state, mut reference, mut time) = (vec![], vec![], vec![]);
+        let (mut position, mut design) = (vec![], vec![]);
+        let (mut landed, mut lost) = (vec![], vec![]);
+        for flying in flying.iter() {
+            let session = flying.session.as_ref();
+            let waits = session.and_then(Session::waits);
+            let (of_state, of_design) = waits.unwrap_or(([0.0; 12], [0.0; 9]));
+            state.extend(of_state);
+            reference.extend(of_design);
+            position.extend(session.map_or([0.0; 3], Session::position_m));
+            design.extend(session.map_or([0.0; 3], Session::design_m));
+            time.push(session.map_or(0.0, Session::time_s));
+            landed.push(u8::from(waits.is_none()));
+            lost.push(u8::from(flying.lost.is_some()));
+        }
+        let found = PyDict::new(py);
+        found.set_item("state", array(py, &state, 12)?)?;
+        found.set_item("reference", array(py, &reference, 9)?)?;
+        found.set_item("position_m", array(py, &position, 3)?)?;
+        found.set_item("design_m", array(py, &design, 3)?)?;
+        found.set_item("time_s", array(py, &time, 1)?)?;
+        found.set_item("landed", array_of(py, &landed, "?", &[landed.len()])?)?;
+        found.set_item("lost", array_of(py, &lost, "?", &[lost.len()])?)?;
+        Ok(found)
+    }
+
+    /// Ends a flight: the outcome of its photo.
+    fn outcome<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
+        let mut flying = self.all();
+        let Some((seed, session)) = flying
+            .get_mut(index)
+            .and_then(|it| it.session.take().map(|session| (it.seed, session)))
+        else {
+            return Ok(py.None().into_bound(py));
+        };
+        drop(flying);
+        let stage = || self.prepared.judge(vec![session.finish()], seed);
+        let (outcome, _) = run(py, &Stop::default(), stage)?;
+        to_python(py, &outcome)
+    }
+}

@@ -1,0 +1,183 @@
+//! A flight whose controller is outside the program.
+
+use super::controller::Reference;
+use super::drone::Drone;
+use super::fly::{Rig, rigs};
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::plan::Plan;
+
+/// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while its
+/// setpoint is above the floor.
+#[derive(Debug)]
+pub struct Session {
+    plan: Plan,
+    rig: Rig,
+    tick: u32,
+    lands: bool,
+}
+
+impl Session {
+    /// A drone that waits for its first command.
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`](crate::sim::fly).
+    ///
+    /// # Panics
+    ///
+    /// As [`fly`](crate::sim::fly).
+    pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
+        let rig = rigs(&[(&plan, *drone)])?.0.remove(0);
+        let mut session = Self { plan, rig, tick: 0, lands: false };
+        session.run()?;
+        Ok(session)
+    }
+
+    /// What a command is to be chosen by, until the drone has landed: the estimated position (m, world),
+    /// yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame; and the
+    /// design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
+    #[must_use]
+    pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
+        let time_s = self.time_s();
+        (!self.lands).then(|| {
+            let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
+                self.rig.avionics.design(&self.plan, time_s);
+            let mut design = [0.0; 9];
+            for (place, of) in [position_m, velocity_m_s, acceleration_m_s2].iter().enumerate() {
+                design[3 * place..][..3].copy_from_slice(of.as_slice());
+            }
+            ((*self.rig.avionics.estimate()).into(), design)
+        })
+    }
+
+    /// Time since the first setpoint, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        f64::from(self.tick) * self.rig.tick_s
+    }
+
+    /// True position, m.
+    #[must_use]
+    pub fn position_m(&self) -> [f64; 3] {
+        self.rig.plant.body().position_m.into()
+    }
+
+    /// Position of the design, m.
+    #[must_use]
+    pub fn design_m(&self) -> [f64; 3] {
+        self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
+    }
+
+    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] for a drone that turns over or flies away.
+    pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
+        if self.lands {
+            return Ok(());
+        }
+        self.rig.avionics.command(motors);
+        self.conclude()?;
+        self.run()
+    }
+
+    /// The flight so far.
+    #[must_use]
+    pub fn finish(self) -> Flight {
+        self.rig.finish()
+    }
+
+    /// Goes on until a command is due, or to the last setpoint.
+    fn run(&mut self) -> Result<()> {
+        while self.tick <= self.rig.n_ticks {
+            let time_s = self.time_s();
+            let Self { plan, rig, .. } = self;
+            if rig.avionics.sense(plan, time_s, &rig.plant, &[]) {
+                return Ok(());
+            }
+            self.conclude()?;
+        }
+        self.lands = true;
+        Ok(())
+    }
+
+    fn conclude(&mut self) -> Result<()> {
+        let time_s = self.time_s();
+        let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});
+        self.tick += 1;
+        concluded.map_err(|error| match error {
+            Error::Infeasible { what, .. } => {
+                let hint = "check your controller's signs, units and gains".into();
+                Error::Infeasible { what, hint }
+            }
+            error => error,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::plan::Setpoint;
+    use crate::sim::SimOptions;
+
+    fn hover(end_s: f64) -> Plan {
+        let setpoint = |time_s: f64| Setpoint {
+            time_s,
+            position_m: Vector3::new(0.1, 0.0, 0.5),
+            velocity_m_s: Vector3::zeros(),
+            acceleration_m_s2: Vector3::zeros(),
+            letter: None,
+        };
+        Plan { setpoints: vec![setpoint(0.0), setpoint(end_s)], ..Plan::default() }
+    }
+
+    #[test]
+    fn the_commands_of_a_flight_lead_to_the_same_flight() {
+        let mut options = SimOptions::default();
+        options.rates.log_hz = options.rates.control_hz;
+        let (plan, drone) = (hover(2.0), Drone::new(&options, 1));
+        let flight = crate::sim::fly(&plan, &drone, &mut |_| {}).unwrap();
+        let mut session = Session::new(plan, &drone).unwrap();
+        for sample in &flight.samples {
+            let (state, design) = session.waits().unwrap();
+            assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            assert!((state[2] - sample.estimate_m.z).abs() < 1e-6);
+            session.command(sample.motors).unwrap();
+        }
+        assert_eq!(session.waits(), None, "landed");
+        let again = session.finish();
+        let apart_m = |(a, b): (&crate::flight::FlightSample, &crate::flight::FlightSample)| {
+            (a.position_m - b.position_m).norm()
+        };
+        let apart_m = flight.samples.iter().zip(&again.samples).map(apart_m).fold(0.0, f64::max);
+        assert!(apart_m < 1e-5, "{apart_m} m, of commands rounded to 1e-6");
+        assert_eq!(again.samples.len(), flight.samples.len());
+    }
+
+    #[test]
+    fn commands_are_held_within_the_range_of_the_motors() {
+        let options = SimOptions::default();
+        let mut session = Session::new(hover(0.1), &Drone::new(&options, 1)).unwrap();
+        session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
+        let mut n = 1;
+        while session.waits().is_some() {
+            session.command([4e4; 4]).unwrap();
+            n += 1;
+        }
+        assert_eq!(n, 51, "500 a second, both ends");
+        assert_eq!(session.finish().samples[0].motors, [0.0, 65_535.0, 0.0, 5.0]);
+    }
+
+    #[test]
+    fn a_lost_drone_ends_with_advice_for_its_controller() {
+        let options = SimOptions::default();
+        let mut session = Session::new(hover(9.0), &Drone::new(&options, 1)).unwrap();
+        let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
+        assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
+    }
+}
