@@ -98,29 +98,41 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
     if flight.lights.is_empty() && !flight.samples.iter().any(writes) {
         relight(&mut flight, &ready.scene().strokes()?)?;
     }
-    // The design of a log is what was sent, so the flight that sets its clock gets the same.
-    let mut planned = rehearse(ready.scene(), sent)?;
     let row_at = |time_s: f64| {
         sent.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6).saturating_sub(1)
     };
-    for sample in &mut planned.samples {
+    // A log's design is what was sent; that of a flight of this program is what was to be flown.
+    let planned = rehearse(ready.scene(), sent)?;
+    let mut as_sent = planned.clone();
+    for sample in &mut as_sent.samples {
         sample.design_m = sent.sent_m(row_at(sample.time_s));
     }
-    let offset_s = compare(&planned, &flight, &ComparisonOptions::default())?.offset_s;
+    let clock = |planned: &Flight| -> Result<(f64, f64)> {
+        let offset_s = compare(planned, &flight, &ComparisonOptions::default())?.offset_s;
+        let apart_m = flight.samples.iter().filter_map(|sample| {
+            let at = planned.samples.partition_point(|p| p.time_s <= sample.time_s + offset_s);
+            let of_plan = &planned.samples[at.saturating_sub(1)];
+            let writes = sent.setpoints[row_at(sample.time_s + offset_s)].letter.is_some();
+            writes.then(|| (sample.design_m - of_plan.design_m).norm())
+        });
+        Ok((mean(&apart_m.collect::<Vec<_>>()), offset_s))
+    };
+    let (apart_m, offset_s) = match (clock(&as_sent), clock(&planned)) {
+        (Ok(log), Ok(own)) => {
+            if own.0 < log.0 {
+                own
+            } else {
+                log
+            }
+        }
+        (log, own) => own.or(log)?,
+    };
     for sample in &mut flight.samples {
         sample.time_s += offset_s;
-    }
-    let mut apart_m = Vec::new();
-    for sample in &mut flight.samples {
-        let row = row_at(sample.time_s);
-        let setpoint = &sent.setpoints[row];
-        if setpoint.letter.is_some() {
-            apart_m.push((sample.design_m - sent.sent_m(row)).norm());
-        }
+        let setpoint = &sent.setpoints[row_at(sample.time_s)];
         sample.design_m = setpoint.design_m(sample.time_s.max(setpoint.time_s));
         sample.letter = setpoint.letter;
     }
-    let apart_m = mean(&apart_m);
     if apart_m > MAX_APART_M {
         let found = format!("setpoints {apart_m:.2} m from those of the plan");
         let hint = "name the plan that was sent, and the word that it wrote";
@@ -191,6 +203,26 @@ fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::Conditions;
+
+    #[test]
+    fn a_flight_of_this_program_keeps_the_plans_clock_and_so_does_its_log() {
+        let cf21 = Scene::find("cf21", &[]).unwrap();
+        let ready = Prepared::new(&cf21, "L", &Conditions::still()).unwrap();
+        let sent = ready.plans().remove(0);
+        let flight = ready.fly(3).unwrap().remove(0);
+        let mut log = flight.clone();
+        for sample in &mut log.samples {
+            let row = sent.setpoints.partition_point(|s| s.time_s <= sample.time_s + 1e-6);
+            sample.design_m = sent.sent_m(row.saturating_sub(1));
+            sample.time_s += 7.0;
+        }
+        for (given, clock_s) in [(flight.clone(), 0.0), (log, 7.0)] {
+            let aligned = align(given.clone(), &sent, &ready, "log").unwrap();
+            let moved_s = given.samples[0].time_s - aligned.samples[0].time_s;
+            assert!((moved_s - clock_s).abs() < 0.02, "{moved_s} s instead of {clock_s} s");
+        }
+    }
 
     #[test]
     fn an_error_that_does_not_repeat_is_not_learned() {
