@@ -23,7 +23,7 @@ from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
 from .commands import (  # noqa: E402
-    Report, check, command, compare, export, gains, hold, identify, locate, save,
+    Report, check, command, compare, coverage, export, gains, hold, identify, locate, save,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
-    "command", "compare", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
+    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
     "photograph", "plan", "preview", "rank", "read", "save", "score", "VectorEnv", "to_pandas", "tune", "__version__",
 ]  # fmt: skip
 

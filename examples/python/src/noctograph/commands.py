@@ -109,7 +109,7 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             elif value is not None and value is not False:
                 words += [f"{flag}={word(item)}" for item in (value if isinstance(value, (list, tuple)) else [value])]
         text, keys = _command(words)
-        return Report(text, keys or {})
+        return Report(text.replace(folder + os.sep, ""), keys or {})
 
 
 def _toml(value: Any) -> str:
@@ -119,13 +119,16 @@ def _toml(value: Any) -> str:
     return str(value.tolist() if hasattr(value, "tolist") else value)
 
 
-def _with_files(verb: str, *inputs: Any, output: PathLike | None, **options: Any) -> Report:
-    """A command that writes into a folder; where no folder is given, the report has its files."""
+def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
+    """A command that writes files, or one called `name`; where no place is given, the report has them."""
     if output is not None:
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
-        report = command(verb, *inputs, output=folder, **options)
+        report = command(verb, *inputs, output=os.path.join(folder, name), **options)
         report.files = {path.name: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
+        report.text = report.text.replace(folder + os.sep, "")
+        if "files" in report:
+            report["files"] = list(report.files)
         return report
 
 
@@ -225,6 +228,26 @@ def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) ->
     Report
     """
     return _with_files("locate", *ranges, output=output, **options)
+
+
+def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: Any) -> Report:
+    """How well the base stations or anchors of a scene can place its drones, as a table and a map.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        The scene.
+    output : path, optional
+        SVG file for the map; without it, ``report.files["coverage.svg"]`` has the bytes.
+    **options
+        Those of ``noctograph coverage``, as ``step=0.1`` (m).
+
+    Returns
+    -------
+    Report
+        ``report["bound_m"]``, the least error that ranges allow, 1 σ over three axes, m; per letter beside it.
+    """
+    return _with_files("coverage", scene=scene, output=output, name="coverage.svg", **options)
 
 
 def gains(scene: Scene | str, **options: Any) -> Report:

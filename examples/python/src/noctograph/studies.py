@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ Progress = Callable[[int, int], Any] | bool
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What came of N scenes, each flown with S seeds; arrays are (N, S), NaN where a drone was lost.
+    """What came of N scenes, each flown with S seeds; arrays are (N, S).
+
+    A lost drone leaves no photo: its probability and similarity are 0, the figures of its flight NaN.
 
     Attributes
     ----------
@@ -75,7 +78,10 @@ class Outcomes:
 def _bar(progress: Progress, what: str) -> Any:
     """The caller's progress, a bar of tqdm where that is installed, or none."""
     try:
-        from tqdm.auto import tqdm
+        with warnings.catch_warnings():
+            # Without ipywidgets a notebook has the bar as text.
+            warnings.simplefilter("ignore")
+            from tqdm.auto import tqdm
     except ImportError:
         tqdm = None
     if callable(progress) or not progress or tqdm is None:
