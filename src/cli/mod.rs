@@ -60,6 +60,8 @@ mod tune;
 
 pub(crate) use self::outcome::Report;
 #[cfg(feature = "python")]
+pub(crate) use self::show::verdict_table;
+#[cfg(feature = "python")]
 pub(crate) use self::studies::ranking_report;
 #[cfg(feature = "python")]
 pub(crate) use self::tune::report as tuning_table;

@@ -16,7 +16,7 @@ use crate::shoot::Shot;
 const LEAST_SHARE: f64 = 0.01;
 
 /// The verdict: lines for the word, a row for each letter, advice.
-pub(super) fn verdict_table(verdict: &Verdict) -> String {
+pub(crate) fn verdict_table(verdict: &Verdict) -> String {
     let mut text = wrapped("", &verdict_sentence(verdict));
     if let Some(reason) = verdict.reason {
         text += &line("because", &in_words(reason, verdict));

@@ -9,12 +9,13 @@ use pyo3::prelude::*;
 
 use super::plan::PyPlan;
 use super::scene::PyScene;
-use super::{array, numbers, raised, run};
+use super::{Reduced, array, numbers, raised, run, save};
 use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::geometry::Attitude;
 use crate::logs::{ImportOptions, import};
 use crate::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
+use crate::report::{Trace, front_view};
 use crate::scene::Scene;
 use crate::shoot::{Shoot, Stop};
 use crate::sim::Session;
@@ -132,10 +133,18 @@ impl PyFlight {
         }))
     }
 
-    /// Reads the flight that ``save`` or ``noctograph fly`` wrote.
+    /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Flight::read_csv(&path).map(Self::new).map_err(|error| raised(py, &error))
+    }
+
+    /// Reads a flight from the text that ``to_csv`` makes.
+    #[staticmethod]
+    fn from_csv(py: Python<'_>, csv: &str) -> PyResult<Self> {
+        Flight::parse_csv(csv.as_bytes(), "flight")
+            .map(Self::new)
+            .map_err(|error| raised(py, &error))
     }
 
     /// numpy.ndarray: Time of each sample in s, shape (N,).
@@ -215,6 +224,28 @@ impl PyFlight {
         let mut csv = Vec::new();
         self.flight.write_csv(&mut csv).expect("memory can be written");
         String::from_utf8_lossy(&csv).into_owned()
+    }
+
+    /// Writes ``to_csv`` to a file, which appears when it is whole.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        save(py, &path, self.to_csv().as_bytes())
+    }
+
+    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = py.import("io")?.call_method1("StringIO", (self.to_csv(),))?;
+        py.import("pandas")?.call_method1("read_csv", (text,))
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
+        let read = slf.get_type().getattr("from_csv")?;
+        Ok((read.unbind(), (slf.get().to_csv(),)))
+    }
+
+    /// Drawing for notebooks: the path from the front, over the design.
+    fn _repr_svg_(&self) -> Option<String> {
+        let samples = self.flight.samples.clone();
+        (!samples.is_empty()).then(|| front_view(&[Trace { name: "flown".into(), samples }]))
     }
 
     fn __len__(&self) -> usize {

@@ -11,6 +11,8 @@ mod sessions;
 mod shot;
 mod study;
 
+use std::io::Write;
+use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -18,10 +20,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 
 use crate::error::{Error, Result};
+use crate::files::Output;
 use crate::shoot::Stop;
 
 /// Time between two looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// What `__reduce__` returns: a function and its arguments, for pickle.
+type Reduced<T> = (Py<PyAny>, T);
 
 #[pymodule]
 fn _noctograph(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -71,6 +77,12 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
 fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
     let report = run(py, &Stop::default(), move || crate::cli::report_of(&words))?;
     Ok((report.text, to_python(py, &report.json)?))
+}
+
+/// Writes a file, which appears when it is whole.
+fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
+    let written = Output::create(path).and_then(|file| file.keep(|out| out.write_all(bytes)));
+    written.map(|_path| ()).map_err(|error| raised(py, &error))
 }
 
 /// Plain data as objects of Python.

@@ -1,11 +1,14 @@
 //! Plans: what is sent to a drone.
 
+use std::path::PathBuf;
+
 use pyo3::prelude::*;
 
 use super::scene::PyScene;
-use super::{array, raised, run};
+use super::{Reduced, array, raised, run, save};
 use crate::error::Error;
 use crate::plan::Plan;
+use crate::report::plan_view;
 use crate::shoot::{Shoot, Stop};
 
 /// The plan of one drone: setpoints and light commands in the order of time.
@@ -15,10 +18,16 @@ pub(super) struct PyPlan(pub(super) Plan);
 
 #[pymethods]
 impl PyPlan {
-    /// Reads the plan that ``save`` or ``noctograph plan`` wrote.
+    /// Reads the plan that ``save`` or ``noctograph plan`` wrote to a file.
     #[staticmethod]
-    fn read(py: Python<'_>, path: std::path::PathBuf) -> PyResult<Self> {
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Plan::read_csv(&path).map(Self).map_err(|error| raised(py, &error))
+    }
+
+    /// Reads a plan from the text that ``to_csv`` makes.
+    #[staticmethod]
+    fn from_csv(py: Python<'_>, csv: &str) -> PyResult<Self> {
+        Plan::parse_csv(csv.as_bytes(), "plan").map(Self).map_err(|error| raised(py, &error))
     }
 
     /// float: Duration in seconds.
@@ -59,6 +68,28 @@ impl PyPlan {
         let mut csv = Vec::new();
         self.0.write_csv(&mut csv).expect("memory can be written");
         String::from_utf8_lossy(&csv).into_owned()
+    }
+
+    /// Writes ``to_csv`` to a file, which appears when it is whole.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        save(py, &path, self.to_csv().as_bytes())
+    }
+
+    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = py.import("io")?.call_method1("StringIO", (self.to_csv(),))?;
+        py.import("pandas")?.call_method1("read_csv", (text,))
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
+        let read = slf.get_type().getattr("from_csv")?;
+        Ok((read.unbind(), (slf.get().to_csv(),)))
+    }
+
+    /// Drawing for notebooks: lit strokes colored by speed, dark ways dashed.
+    fn _repr_svg_(&self) -> Option<String> {
+        let plans = [self.0.clone()];
+        (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, ""))
     }
 
     fn __repr__(&self) -> String {

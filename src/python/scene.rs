@@ -1,10 +1,12 @@
 //! Scenes: what fixes a photo.
 
+use std::path::PathBuf;
+
 use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
-use super::{array, raised, run};
+use super::{Reduced, array, raised, run, save};
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::sim::design::{MOTOR_LAG_S, design};
@@ -15,8 +17,8 @@ use crate::vehicle::Mixer;
 /// Parameters
 /// ----------
 /// scene : str or Scene
-///     A scene to change, or its name: a preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``, ...), a shipped scene or
-///     a file ``*.toml`` or ``*.png`` of a photo.
+///     A scene to change, or its name: a preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``,
+///     ...), a shipped scene or a file ``*.toml`` or ``*.png`` of a photo.
 /// word : str, optional
 ///     Word to write; the scene's by default.
 /// seed : int, optional
@@ -95,9 +97,25 @@ impl PyScene {
         design.k.map(array).transpose()
     }
 
-    /// The whole scene as TOML, every key with its meaning; ``Scene(FILE)`` reads it again.
+    /// The whole scene as TOML, every key with its meaning.
     fn to_toml(&self) -> String {
         self.0.to_toml()
+    }
+
+    /// Reads a scene from the text that ``to_toml`` makes.
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, toml: &str) -> PyResult<Self> {
+        Scene::parse(toml, "scene").map(Self).map_err(|error| raised(py, &error))
+    }
+
+    /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it again.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        save(py, &path, self.to_toml().as_bytes())
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
+        let read = slf.get_type().getattr("from_toml")?;
+        Ok((read.unbind(), (slf.get().to_toml(),)))
     }
 
     fn __repr__(&self) -> String {

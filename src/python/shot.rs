@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use super::flight::PyFlight;
 use super::scene::PyScene;
-use super::{array_of, raised, run, to_python};
+use super::{Reduced, array_of, raised, run, save, to_python};
+use crate::cli::verdict_table;
 use crate::error::Error;
 use crate::photo::Photo;
 use crate::score::{Reader, View};
@@ -64,8 +66,27 @@ impl PyShot {
         PyBytes::new(py, self.shot.file.as_deref().unwrap_or_default())
     }
 
+    /// Writes ``to_png`` to a file, which appears when it is whole.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        save(py, &path, self.shot.file.as_deref().unwrap_or_default())
+    }
+
+    /// The photo is taken again, of the same flights.
+    fn __reduce__(&self, py: Python<'_>) -> PyResult<Reduced<(PyScene, Vec<PyFlight>)>> {
+        let photograph = py.import("noctograph")?.getattr("photograph")?;
+        Ok((photograph.unbind(), (self.scene(), self.flights())))
+    }
+
     fn _repr_png_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         self.to_png(py)
+    }
+
+    /// The photo, and the verdict as ``noctograph score`` prints it.
+    fn _repr_html_(&self) -> String {
+        let png = BASE64_STANDARD.encode(self.shot.file.as_deref().unwrap_or_default());
+        let table = self.shot.verdict.as_ref().map_or_else(String::new, verdict_table);
+        let table = table.replace('&', "&amp;").replace('<', "&lt;");
+        format!("<img width=\"100%\" src=\"data:image/png;base64,{png}\"><pre>{table}</pre>")
     }
 
     fn __repr__(&self) -> String {

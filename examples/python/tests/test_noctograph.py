@@ -1,11 +1,15 @@
 """The package against the command line: `pytest` with NOCTOGRAPH naming the program."""
 
+import ast
+import importlib.util
 import json
 import os
 import pathlib
 import pickle
 import re
+import signal
 import subprocess
+import sys
 import threading
 import time
 
@@ -13,6 +17,7 @@ import noctograph as nc
 import numpy as np
 import pytest
 
+HERE = pathlib.Path(__file__).parent
 SMALL = {"camera.width_px": 640, "camera.height_px": 360}
 
 
@@ -159,7 +164,7 @@ def test_many_flights_are_those_of_the_command_line(tmp_path):
         nc.fly_many(scene, gains=np.zeros((1, 3, 12)))
     assert "4 rows" in caught.value.wanted
 
-    nc.save(scene, tmp_path / "scene.toml")
+    scene.save(tmp_path / "scene.toml")
     ranked = nc.rank({"scene": scene, "pid": nc.Scene("pid", set=SMALL)}, seeds=4, seed=3, progress=False)
     sets = [f"--set={key}={value}" for key, value in SMALL.items()]
     words = ["--words", "HI", "--seeds", "4", "--seed", "3", "--json", "-o", "rank"]
@@ -187,7 +192,7 @@ def test_a_search_tells_its_callback():
 
 def test_commands_are_functions(shot, tmp_path):
     scene = nc.Scene("cf21", word="HI", set={"controller.kind": "lqr"})
-    nc.save(scene, tmp_path / "scene.toml")
+    scene.save(tmp_path / "scene.toml")
     assert repr(nc.gains(scene)).strip() == program("gains", "--scene", "scene.toml", cwd=tmp_path).strip()
     assert nc.check(scene)["fly"] is True
     (tmp_path / "out").mkdir()
@@ -244,15 +249,15 @@ def test_errors_say_what_is_wrong():
 def test_settings_reach_the_scene(tmp_path):
     scene = nc.Scene("ae483-2022", word="HI", seed=5, set={"camera": {"iso": 200}, "plan.lights": ["headlights"], "vehicle.mass_kg": np.float64(0.035)})
     assert (scene.word, scene.seed) == ("HI", 5) and "mass_kg = 0.035" in scene.to_toml()
-    nc.save(scene, tmp_path / "scene.toml")
+    scene.save(tmp_path / "scene.toml")
     assert nc.Scene(str(tmp_path / "scene.toml")).to_toml() == scene.to_toml()
     assert os.listdir(tmp_path) == ["scene.toml"]
 
 
 def test_tables_are_those_of_the_files(shot, tmp_path):
     pandas = pytest.importorskip("pandas")
-    nc.save(shot.flights[0], tmp_path / "flight.csv")
-    table = nc.to_pandas(shot.flights[0])
+    shot.flights[0].save(tmp_path / "flight.csv")
+    table = shot.flights[0].to_pandas()
     assert table.equals(pandas.read_csv(tmp_path / "flight.csv"))
     assert nc.Flight.read(tmp_path / "flight.csv").sha256 == shot.flights[0].sha256
 
@@ -269,8 +274,6 @@ def test_the_interpreter_is_free_meanwhile():
 
 def test_ctrl_c_ends_a_stage():
     code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
-    import signal, sys  # noqa: E401
-
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     child.stdout.readline()
     time.sleep(0.2)
@@ -294,8 +297,56 @@ def test_memory_does_not_grow():
     assert resident_kb() < 1.1 * before
 
 
+def test_products_are_pickled(shot):
+    scene = nc.Scene(word="HI", seed=2, set={"vehicle.mass_kg": 0.034})
+    plan, flight = nc.plan(scene)[0], shot.flights[0]
+    assert pickle.loads(pickle.dumps(scene)).to_toml() == scene.to_toml()
+    assert pickle.loads(pickle.dumps(plan)).to_csv() == plan.to_csv()
+    assert pickle.loads(pickle.dumps(flight)).sha256 == flight.sha256
+    again = pickle.loads(pickle.dumps(shot))
+    assert again.film_sha256 == shot.film_sha256 and again.verdict == shot.verdict
+    with pytest.raises(nc.InputError, match="flight"):
+        nc.Flight.from_csv("no flight")
+
+
+def test_notebooks_show_products(shot):
+    assert "<img" in shot._repr_html_() and "reads as RIGA" in shot._repr_html_()
+    for product in [shot.flights[0], nc.plan(shot.scene)[0]]:
+        assert product._repr_svg_().startswith("<svg")
+
+
+@pytest.mark.parametrize("path", sorted((HERE.parent / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_run(path, tmp_path):
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    for needed in ["ipykernel", "matplotlib", "scipy"]:
+        pytest.importorskip(needed)
+    notebook = nbformat.read(path, as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "kept without outputs"
+    nbclient.NotebookClient(notebook, timeout=60, resources={"metadata": {"path": tmp_path}}).execute()
+    pictures = [key for cell in notebook.cells for output in cell.get("outputs", []) for key in output.get("data", {})]
+    assert sum(key.startswith("image/") for key in pictures) >= 2
+    assert not os.listdir(tmp_path), "nothing is left behind"
+
+
+def test_types_are_those_of_the_program():
+    stub = ast.parse((pathlib.Path(nc.__file__).parent / "_noctograph.pyi").read_text())
+    for class_ in (node for node in stub.body if isinstance(node, ast.ClassDef)):
+        declared = {node.name for node in class_.body if isinstance(node, ast.FunctionDef)} - {"__init__"}
+        there = set(vars(getattr(nc._noctograph, class_.name))) - {"__doc__", "__module__", "__new__", "__repr__"}
+        assert declared == there, class_.name
+    functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
+    assert functions == {name for name, it in vars(nc._noctograph).items() if type(it).__name__ == "builtin_function_or_method"}
+    pyright = pathlib.Path(sys.executable).parent / "pyright"
+    if not pyright.exists():
+        pytest.skip("pyright is not installed")
+    found = subprocess.run([pyright, "--pythonpath", sys.executable], cwd=HERE.parent, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stdout
+
+
 def test_every_public_name_is_documented():
     for name in nc.__all__:
+        if name in ("Env", "VectorEnv") and not importlib.util.find_spec("gymnasium"):
+            continue
         thing = getattr(nc, name)
         if name == "__version__":
             continue

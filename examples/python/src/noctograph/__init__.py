@@ -10,7 +10,6 @@ made of your own simulator's arrays is photographed like any other.
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -23,20 +22,18 @@ from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
 from .commands import (  # noqa: E402
-    Report, check, command, compare, coverage, export, gains, hold, identify, locate, save,
+    Report, check, command, compare, coverage, export, gains, hold, identify, locate,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
 if TYPE_CHECKING:
-    import pandas
-
     from .learning import Env, VectorEnv
 
 __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
     "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log", "locate",
-    "photograph", "plan", "preview", "rank", "read", "save", "score", "VectorEnv", "to_pandas", "tune", "__version__",
+    "photograph", "plan", "preview", "rank", "read", "score", "VectorEnv", "tune", "__version__",
 ]  # fmt: skip
 
 
@@ -66,10 +63,3 @@ def preview(
         Further keys of the scene, as for `Scene`.
     """
     return photograph(Scene(scene, word=word, seed=seed, set=dict(set or {})))
-
-
-def to_pandas(table: Flight | Plan) -> pandas.DataFrame:
-    """A flight or plan as a table with the columns of its CSV file; needs pandas."""
-    import pandas
-
-    return pandas.read_csv(io.StringIO(table.to_csv()))

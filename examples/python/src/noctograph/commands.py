@@ -5,10 +5,8 @@ from __future__ import annotations
 import html
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ._noctograph import Flight, Plan, Scene, Shot, command as _command
 
@@ -41,34 +39,6 @@ class Report(dict[str, Any]):
         return Report, (self.text, dict(self), self.files)
 
 
-@contextmanager
-def _part(path: PathLike) -> Iterator[str]:
-    """A file to write that is called `path` when it is whole."""
-    path = os.fspath(path)
-    part = f"{path}.part"
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        if os.path.exists(part):
-            os.remove(part)
-
-
-def save(product: Flight | Plan | Shot | Scene, path: PathLike) -> None:
-    """Writes a flight or plan as CSV, a shot as PNG with its scene, a scene as TOML.
-
-    The file appears when it is whole.
-    """
-    if isinstance(product, Shot):
-        data = product.to_png()
-    elif isinstance(product, Scene):
-        data = product.to_toml().encode()
-    else:
-        data = product.to_csv().encode()
-    with _part(path) as part:
-        Path(part).write_bytes(data)
-
-
 def command(verb: str, *inputs: Any, **options: Any) -> Report:
     """Runs a command of the program; ``noctograph VERB --help`` lists its options.
 
@@ -92,11 +62,11 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
         def word(value: Any) -> str:
             nonlocal count
             if not isinstance(value, (Flight, Plan, Scene, Shot)):
-                return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+                return str(value)
             count += 1
             suffix = "toml" if isinstance(value, Scene) else "png" if isinstance(value, Shot) else "csv"
             path = os.path.join(folder, f"{type(value).__name__.lower()}-{count}.{suffix}")
-            save(value, path)
+            value.save(path)
             return path
 
         words = [verb, *(word(value) for value in inputs)]
@@ -107,7 +77,8 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             elif value is True:
                 words.append(flag)
             elif value is not None and value is not False:
-                words += [f"{flag}={word(item)}" for item in (value if isinstance(value, (list, tuple)) else [value])]
+                items = cast("list[Any]", value) if isinstance(value, (list, tuple)) else [value]
+                words += [f"{flag}={word(item)}" for item in items]
         text, keys = _command(words)
         return Report(text.replace(folder + os.sep, ""), keys or {})
 

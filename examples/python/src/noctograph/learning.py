@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -18,6 +18,8 @@ Floats = NDArray[np.float32]
 WORTHLESS_M = 0.1
 #: Largest motor command.
 MOTOR_MAX = 65_535.0
+OBSERVATIONS = gymnasium.spaces.Box(-np.inf, np.inf, (18,), np.float32)
+ACTIONS = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -48,14 +50,13 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         What differs from episode to episode, as for `fly_many`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
 
     def __init__(self, scene: Scene, num_envs: int = 1, *, control_hz: float = 250, conditions: str = "still") -> None:
         self.num_envs = num_envs
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (18,), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.single_observation_space, self.single_action_space = OBSERVATIONS, ACTIONS
+        self.observation_space = batch_space(OBSERVATIONS, num_envs)
+        self.action_space = batch_space(ACTIONS, num_envs)
         self._sessions = Sessions(scene, num_envs, conditions)
         self._hover = scene.motors_from_wrench @ [0, 0, 0, 9.81 * scene.mass_kg]
         self._turns = max(1, round(500 / control_hz))
@@ -104,12 +105,11 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 class Env(gymnasium.Env[Any, Any]):
     """One drone of `VectorEnv`, with the same spaces, reward and parameters."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(self, scene: Scene, *, control_hz: float = 250, conditions: str = "still") -> None:
         self._drones = VectorEnv(scene, 1, control_hz=control_hz, conditions=conditions)
-        self.observation_space = self._drones.single_observation_space
-        self.action_space = self._drones.single_action_space
+        self.observation_space, self.action_space = OBSERVATIONS, ACTIONS
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
