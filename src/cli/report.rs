@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::outcome::Report;
 use super::output::Output;
+use super::show::sentence;
 use crate::error::{Error, Result};
 use crate::files::{Limit, files_in};
 use crate::photo::Photo;
@@ -102,14 +103,9 @@ fn lead(files: &[PathBuf]) -> Result<String> {
         return Ok(String::new());
     };
     let verdict: Value = serde_json::from_str(&LIMIT.read_text(path)?).unwrap_or_default();
-    let text = |key: &str| verdict[key].as_str().unwrap_or_default().replace('\n', " ");
-    let legible = if verdict["legible"] == true { "legible" } else { "NOT legible" };
+    let words = ["word", "read"].map(|key| verdict[key].as_str().unwrap_or_default());
     let readability = verdict["readability"].as_f64().unwrap_or_default();
-    Ok(format!(
-        "{} reads as {}: {legible} (readability {readability:.2})",
-        text("word"),
-        text("read")
-    ))
+    Ok(sentence(words, verdict["legible"] == true, readability))
 }
 
 /// Adds a photo, a drawing, a table or a scene.

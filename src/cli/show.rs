@@ -47,9 +47,13 @@ pub(crate) fn verdict_table(verdict: &Verdict) -> String {
 
 /// The verdict in a sentence.
 pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
-    let Verdict { word, read, legible, readability, .. } = verdict;
-    let [word, read] = [word, read].map(|text| in_one_line(text));
-    let legible = if *legible { "legible" } else { "NOT legible" };
+    sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
+}
+
+/// A word, what is read of it, and whether it counts.
+pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
+    let [word, read] = words.map(in_one_line);
+    let legible = if legible { "legible" } else { "NOT legible" };
     format!("{word} reads as {read}: {legible} (readability {readability:.2})")
 }
 

@@ -90,22 +90,6 @@ impl LampReading {
     }
 }
 
-/// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly over
-/// a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
-#[must_use]
-#[cfg(test)]
-fn trail_exposure_lx_s(
-    intensity_cd: f64,
-    camera: &Camera,
-    distance_m: f64,
-    speed_m_s: f64,
-    width_m: f64,
-) -> f64 {
-    let Camera { focal_length_m, f_number, transmission, .. } = camera;
-    intensity_cd * transmission * std::f64::consts::PI * focal_length_m
-        / (4.0 * f_number * f_number * distance_m * speed_m_s * width_m)
-}
-
 /// Meters each emitter of a trace, by name; those that leave no light in the picture are omitted.
 ///
 /// # Errors
@@ -262,6 +246,20 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
 mod tests {
     use super::super::tests::{camera, lamp};
     use super::*;
+
+    /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly over
+    /// a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
+    fn trail_exposure_lx_s(
+        intensity_cd: f64,
+        camera: &Camera,
+        distance_m: f64,
+        speed_m_s: f64,
+        width_m: f64,
+    ) -> f64 {
+        let Camera { focal_length_m, f_number, transmission, .. } = camera;
+        intensity_cd * transmission * std::f64::consts::PI * focal_length_m
+            / (4.0 * f_number * f_number * distance_m * speed_m_s * width_m)
+    }
 
     #[test]
     fn the_exposure_table_of_the_field_comes_out() {

@@ -154,7 +154,7 @@ impl Avionics {
         self.estimator.message()
     }
 
-    /// Hears a message of the fleet.
+    /// Receives a message of the fleet.
     pub(super) fn receive(&mut self, message: &Message) {
         self.estimator.receive(message);
         self.fresh = false;

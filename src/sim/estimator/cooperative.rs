@@ -51,7 +51,7 @@ pub(super) struct Cooperative {
     /// The attitude, velocity and position by inertial sensors alone, which the others receive.
     alone: Inertial,
     /// Velocity and position by inertial sensors with the estimated attitude.
-    reckoned: Reckoning,
+    dead_reckoning: Reckoning,
     peers: Vec<Peer>,
     place: usize,
     share: Share,
@@ -101,7 +101,7 @@ impl Cooperative {
                 Normal::of_drones(fleet.members.len(), sigmas, &[]),
             ),
             alone: Inertial::at(Vector3::zeros()),
-            reckoned: Reckoning::default(),
+            dead_reckoning: Reckoning::default(),
             peers: others.map(peer).collect(),
             place: fleet.place,
             share: start.share,
@@ -128,7 +128,7 @@ impl Cooperative {
 
     /// Keeps what was measured at this tick for the next message and for those of the others.
     fn note(&mut self, readings: &Readings<'_>) {
-        let time_s = self.reckoned.time_s;
+        let time_s = self.dead_reckoning.time_s;
         for range in readings.ranges {
             let target = Target::Anchor(range.anchor);
             self.ranges.push(SharedRange { time_s, target, distance_m: range.distance_m });
@@ -136,7 +136,7 @@ impl Cooperative {
         for range in readings.peer_ranges {
             let (target, distance_m) = (Target::Drone(range.drone), range.distance_m);
             self.ranges.push(SharedRange { time_s, target, distance_m });
-            self.waiting.push((range.drone, distance_m, self.reckoned));
+            self.waiting.push((range.drone, distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         if let Some(distance_m) = readings.time_of_flight_m {
@@ -218,7 +218,7 @@ impl Cooperative {
             }
             let own = &self.own.motion;
             let no_tilt = Vector3::zeros();
-            let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.reckoned, &then);
+            let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.dead_reckoning, &then);
             let world_from_body = own.world_from_body;
             let link = (self.place, Target::Drone(place));
             let variance = self.own.model.range[TWO_WAY];
@@ -288,10 +288,11 @@ impl Estimator for Cooperative {
         });
         self.settle_peers();
         self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
-        let reckoned = &mut self.reckoned;
-        reckoned.time_s = f64::from(self.ticks) * tick_s;
-        reckoned.position_m += (reckoned.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
-        reckoned.velocity_m_s += acceleration * tick_s;
+        let dead_reckoning = &mut self.dead_reckoning;
+        dead_reckoning.time_s = f64::from(self.ticks) * tick_s;
+        dead_reckoning.position_m +=
+            (dead_reckoning.velocity_m_s + acceleration * (0.5 * tick_s)) * tick_s;
+        dead_reckoning.velocity_m_s += acceleration * tick_s;
         self.ticks += 1;
         if !self.peers.is_empty() {
             self.note(readings);
@@ -304,7 +305,7 @@ impl Estimator for Cooperative {
         if !self.peers.is_empty() {
             let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
             self.alone.velocity_m_s -= stopped_m_s;
-            self.reckoned.velocity_m_s -= stopped_m_s;
+            self.dead_reckoning.velocity_m_s -= stopped_m_s;
         }
     }
 
@@ -323,7 +324,7 @@ impl Estimator for Cooperative {
         Some(Message {
             from: self.place,
             motion: Reckoning {
-                time_s: self.reckoned.time_s,
+                time_s: self.dead_reckoning.time_s,
                 velocity_m_s: self.alone.velocity_m_s,
                 position_m: self.alone.position_m,
             },

@@ -54,8 +54,8 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
         None
     }
 
-    /// Hears a message of another drone of the fleet.
-    fn receive(&mut self, _told: &Message) {}
+    /// Receives a message of another drone of the fleet.
+    fn receive(&mut self, _message: &Message) {}
 }
 
 /// All twelve states of a motion, at another velocity in the world.
