@@ -94,7 +94,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "drift",
         unit: "m of Lighthouse distortion",
-        levels: [0.02, 0.04, 0.06, 0.08, 0.1, 0.13],
+        levels: [0.02, 0.04, 0.06, 0.08, 0.1, 0.15],
         turn: |setting, sigma_m| {
             setting.conditions.lighthouse_distortion_m = sigma_m;
             Ok(())

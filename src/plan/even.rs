@@ -1,6 +1,7 @@
 //! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
 //!
-//! The drone rises below the first stroke, draws, and comes down below the last, in the dark. Every
+//! The drone rises below the first stroke, hovers before it until its height has settled, draws, and comes
+//! down below the last, in the dark. Every
 //! stroke begins and ends on a tick of 50 ms, the lamps' timer, so that light commands can meet its
 //! ends. All setpoints lie on one grid in time, so that a controller that holds positions is a
 //! linear filter of them.
@@ -21,6 +22,8 @@ const LEVEL_STEPS: f64 = 50.0;
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home at which a drone of several begins and ends its way to the strokes.
 const OVER_HOME_M: f64 = 0.3;
+/// Time of the first stroke's motion by which the hover before it lies behind its beginning.
+const RUN_IN_S: f64 = 0.3;
 
 /// One part of the flight.
 #[derive(Debug)]
@@ -84,10 +87,15 @@ impl Course<'_> {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
             Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5),
         }
-        match self.home_x_m {
-            Some(home_x_m) => self.go(None, &rest(home_x_m, OVER_HOME_M)),
-            None => Ok(()),
+        if let Some(home_x_m) = self.home_x_m {
+            self.go(None, &rest(home_x_m, OVER_HOME_M))?;
         }
+        if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
+            let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
+            self.go(None, &rest(before_m.x, before_m.y))?;
+            self.push(None, Path::Still(before_m), self.style.hover_s);
+        }
+        Ok(())
     }
 
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
@@ -213,12 +221,14 @@ mod tests {
 
     #[test]
     fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
-        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s.
+        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. The hover before the first
+        // stroke takes 1.3 s more.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
             ..PlanOptions::even_with(EvenStyle {
                 dark_speed_m_s: 0.5,
                 corner_error_m: 0.03,
+                hover_s: 0.0,
                 ..EvenStyle::default()
             })
         };

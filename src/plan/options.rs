@@ -62,6 +62,8 @@ settings! {
     pub struct EvenStyle {
         /// Order and direction of strokes.
         order: Order = Order::Shortest;
+        /// Hover before the first stroke, in which the height settles after the take-off.
+        hover_s: f64 = 1.0, in 0.0..=600.0, unless "plan.extent" = "letters";
         /// Greatest speed in the dark.
         dark_speed_m_s: f64 = 1.0, in 0.01..=100.0;
         /// Greatest acceleration of the design.
@@ -107,9 +109,9 @@ settings! {
     pub enum ReferenceKind {
         /// The design, which a controller that holds positions lags behind.
         "design" => Design,
-        /// The design through the inverse of the closed loop: a controller that holds positions
-        /// flies the design. For controllers that follow the design's motion the error of a
-        /// rehearsed flight is corrected.
+        /// The design through the inverse of the closed loop, so that a controller that holds
+        /// positions flies the design, and against the error of a rehearsed flight; for controllers
+        /// that follow the design's motion, against that error alone.
         "inverse" => Inverse,
     }
 

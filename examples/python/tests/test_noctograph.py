@@ -274,7 +274,11 @@ def test_the_interpreter_is_free_meanwhile():
 
 def test_ctrl_c_ends_a_stage():
     code = "import noctograph as nc, sys; print(1, flush=True); nc.photograph(nc.Scene(word='LANTERNS' * 4, set={'camera.width_px': 8000, 'camera.height_px': 4500}))"
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    # Where the tests run in the background, SIGINT is ignored, and its child would inherit that.
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     child.stdout.readline()
     time.sleep(0.2)
     child.send_signal(signal.SIGINT)
