@@ -349,6 +349,10 @@ pub(super) fn fly(
 ///     The log, or a folder of files that belong together.
 /// scene : Scene, optional
 ///     Its word's letters and lights are inferred from the log's setpoints.
+///
+/// Returns
+/// -------
+/// Flight
 #[pyfunction]
 #[pyo3(signature = (path, scene = None))]
 pub(super) fn import_log(

@@ -100,6 +100,11 @@ impl PyPlan {
 
 /// Plans the word or drawing of a scene.
 ///
+/// Parameters
+/// ----------
+/// scene : Scene
+///     Its word or drawing, letters, drone and controller.
+///
 /// Returns
 /// -------
 /// list of Plan

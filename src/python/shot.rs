@@ -107,6 +107,10 @@ impl PyShot {
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
 /// flights : list of Flight, optional
 ///     One for each drone, from any simulator; by default the scene's plans are flown.
+///
+/// Returns
+/// -------
+/// Shot
 #[pyfunction]
 #[pyo3(signature = (scene, flights = None))]
 pub(super) fn photograph(
@@ -132,8 +136,7 @@ pub(super) fn photograph(
     Ok(PyShot { image: image.unbind(), shot })
 }
 
-/// Scores a photo of a word as its camera sees it: the verdict as a dict with the keys of
-/// ``verdict.json``.
+/// Scores a photo of a word as its camera sees it.
 ///
 /// Parameters
 /// ----------
@@ -141,6 +144,11 @@ pub(super) fn photograph(
 ///     Photo, shape (height, width, 3), uint8, sRGB.
 /// scene : Scene
 ///     Word, letters and camera.
+///
+/// Returns
+/// -------
+/// dict
+///     The verdict with the keys of ``verdict.json``.
 #[pyfunction]
 pub(super) fn score<'py>(
     py: Python<'py>,
@@ -174,7 +182,17 @@ pub(super) fn score<'py>(
     to_python(py, &run(py, &Stop::default(), stage)?)
 }
 
-/// Reads a photograph, PNG or JPEG, without knowing its word: the text, lines separated by ``\n``.
+/// Reads a photograph without knowing its word.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+///     PNG or JPEG.
+///
+/// Returns
+/// -------
+/// str
+///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     run(py, &Stop::default(), || Ok(crate::score::read(&Photo::read(&path)?).text))

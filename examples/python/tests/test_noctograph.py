@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import inspect
 import json
 import os
 import pathlib
@@ -355,6 +356,11 @@ def test_every_public_name_is_documented():
         if name == "__version__":
             continue
         assert thing.__doc__, name
+        if callable(thing) and not issubclass(type(thing), type):
+            for parameter in inspect.signature(thing).parameters:
+                assert parameter in thing.__doc__, f"{name}: {parameter}"
         for part in vars(thing) if isinstance(thing, type) and thing.__module__ == "noctograph" else []:
             if not part.startswith("_"):
-                assert getattr(thing, part).__doc__, f"{name}.{part}"
+                doc = getattr(thing, part).__doc__
+                assert doc, f"{name}.{part}"
+                assert "shape (" in " ".join(doc.split()) or not doc.startswith("numpy.ndarray"), f"{name}.{part}"
