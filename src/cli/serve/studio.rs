@@ -32,6 +32,10 @@ use crate::shoot::{Judging, Shoot, Stop};
 /// Size of the photo while one types, and of the large one.
 const LIVE: &str = "--size=960x540";
 const LARGE: &str = "--size=1920x1080";
+/// Arguments of the verb that takes a large photo.
+const PREVIEW: [&str; 2] = [LARGE, "--backend=cpu"];
+/// Folder into which a verb writes, in one of its own.
+const OUT: &str = "out";
 const JPEG_QUALITY: u8 = 85;
 /// Longest time that a verb may take. A word that does not read is flown some thirty times for advice.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -102,11 +106,8 @@ impl Studio {
 
     /// The large photo with advice: what `preview --json` says, and the number under which it is kept.
     pub(super) fn large(&self, wish: &Wish, stop: &Stop) -> Result<Value> {
-        let folder = folder()?;
-        let out = folder.path().join("out");
-        let more = [LARGE.into(), "--backend=cpu".into(), "-o".into(), out.clone().into()];
-        let mut said = self.verb("preview", wish, &folder, &more, stop)?;
-        let png = WRITTEN.read(&out.join("photo.png"))?.into();
+        let (mut said, folder) = self.verb("preview", wish, &PREVIEW, stop)?;
+        let png = WRITTEN.read(&folder.path().join(OUT).join("photo.png"))?.into();
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let id = kept.back().map_or(1, |kept| kept.id + 1);
         if kept.len() == MAX_KEPT {
@@ -133,21 +134,15 @@ impl Studio {
 
     /// The report (HTML).
     pub(super) fn report(&self, kept: &Kept) -> Result<Vec<u8>> {
-        let folder = folder()?;
-        let out = folder.path().join("out");
-        let more = [LARGE, "--backend=cpu", "--report", "-o"].map(OsString::from);
-        let more = [&more[..], &[out.clone().into()]].concat();
-        self.verb("preview", &kept.wish, &folder, &more, &Stop::default())?;
-        WRITTEN.read(&out.join("report.html"))
+        let more = [&PREVIEW[..], &["--report"]].concat();
+        let (_, folder) = self.verb("preview", &kept.wish, &more, &Stop::default())?;
+        WRITTEN.read(&folder.path().join(OUT).join("report.html"))
     }
 
     /// The script that flies it, with what it needs (ZIP).
     pub(super) fn script(&self, kept: &Kept) -> Result<Vec<u8>> {
-        let folder = folder()?;
-        let out = folder.path().join("out");
-        std::fs::create_dir(&out).map_err(|source| Error::write(&out, source))?;
-        let more = ["--to".into(), "cflib".into(), "-o".into(), out.clone().into()];
-        let said = self.verb("export", &kept.wish, &folder, &more, &Stop::default())?;
+        let more = ["--to", "cflib"];
+        let (said, folder) = self.verb("export", &kept.wish, &more, &Stop::default())?;
         if let Some(stops) = said["stops"].as_str() {
             let hint = "mend it first: the report says how";
             return Err(Error::Infeasible {
@@ -159,19 +154,24 @@ impl Studio {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             Ok((name, WRITTEN.read(&path)?))
         };
-        let files = files_in(&out)?.into_iter().map(read).collect::<Result<Vec<_>>>()?;
+        let files = files_in(&folder.path().join(OUT))?
+            .into_iter()
+            .map(read)
+            .collect::<Result<Vec<_>>>()?;
         Ok(zip(&files))
     }
 
-    /// Runs a verb in a process of its own and returns what it says as JSON.
+    /// Runs a verb in a process of its own: what it says as JSON, and a folder in whose [`OUT`] it wrote.
     fn verb(
         &self,
         verb: &str,
         wish: &Wish,
-        folder: &TempDir,
-        more: &[OsString],
+        more: &[&str],
         stop: &Stop,
-    ) -> Result<Value> {
+    ) -> Result<(Value, TempDir)> {
+        let folder = folder()?;
+        let out = folder.path().join(OUT);
+        std::fs::create_dir(&out).map_err(|source| Error::write(&out, source))?;
         let [said, complained] = ["stdout", "stderr"].map(|name| folder.path().join(name));
         let file =
             |path: &Path| std::fs::File::create(path).map_err(|source| Error::write(path, source));
@@ -182,7 +182,7 @@ impl Studio {
         let program = std::env::current_exe().map_err(|error| lost(error.to_string()))?;
         let mut command = Command::new(program);
         command.arg(verb).args(&self.base).args(wish.arguments(folder.path())?).args(more);
-        command.arg("--json").stdin(Stdio::null());
+        command.arg("-o").arg(out).arg("--json").stdin(Stdio::null());
         command.stdout(file(&said)?).stderr(file(&complained)?);
         let mut child = command.spawn().map_err(|error| lost(error.to_string()))?;
         let begun = Instant::now();
@@ -204,7 +204,8 @@ impl Studio {
             let error = text.lines().find_map(|line| line.strip_prefix("error: "));
             return Err(lost(error.unwrap_or("the program failed on this").to_owned()));
         }
-        serde_json::from_str(&WRITTEN.read_text(&said)?).map_err(|error| lost(error.to_string()))
+        let said = serde_json::from_str(&WRITTEN.read_text(&said)?);
+        Ok((said.map_err(|error| lost(error.to_string()))?, folder))
     }
 }
 
