@@ -22,6 +22,9 @@ const LEVEL_STEPS: f64 = 50.0;
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home at which a drone of several begins and ends its way to the strokes.
 const OVER_HOME_M: f64 = 0.3;
+/// Share of the acceleration with which the drone takes off: a climb that the motors cannot follow winds up the
+/// integrals of a PID controller, which then holds the first letter too high for seconds.
+const TAKE_OFF_SHARE: f64 = 0.5;
 /// Time of the first stroke's motion by which the hover before it lies behind its beginning.
 const RUN_IN_S: f64 = 0.3;
 
@@ -87,12 +90,15 @@ impl Course<'_> {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
             Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5),
         }
+        let style = self.style.clone();
+        let acceleration_m_s2 = TAKE_OFF_SHARE * style.acceleration_m_s2;
+        let gentle = EvenStyle { acceleration_m_s2, ..style };
         if let Some(home_x_m) = self.home_x_m {
-            self.go(None, &rest(home_x_m, OVER_HOME_M))?;
+            self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
-            self.go(None, &rest(before_m.x, before_m.y))?;
+            self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
             self.push(None, Path::Still(before_m), self.style.hover_s);
         }
         Ok(())
@@ -128,9 +134,14 @@ impl Course<'_> {
 
     /// A transit to a state.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
+        self.go_by(self.style, letter, to)
+    }
+
+    /// A transit to a state in a style.
+    fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
-        let transit = Transit::new(&self.at, to, self.style, RING_TICK_S)
-            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), self.style, RING_TICK_S));
+        let transit = Transit::new(&self.at, to, style, RING_TICK_S)
+            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), style, RING_TICK_S));
         let transit = transit.ok_or_else(|| Error::Infeasible {
             what: format!("no transit was found after {:.2} s", self.end_s),
             hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
