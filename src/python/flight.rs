@@ -320,7 +320,7 @@ pub(super) fn fly(
     let scene = scene.0.clone();
     let stop = Stop::default();
     let until = stop.clone();
-    let stage = || {
+    let stage = move || {
         let shoot = match plans {
             None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
             None => Shoot::new(scene)?,
@@ -361,7 +361,7 @@ pub(super) fn import_log(
     scene: Option<&PyScene>,
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
-    let stage = || {
+    let stage = move || {
         let mut flight = import(&path, &ImportOptions::default())?;
         if let Some(scene) = scene {
             relight(&mut flight, &scene.strokes()?)?;

@@ -91,43 +91,41 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage without the interpreter; on Ctrl-C it is stopped and its result dropped.
-fn run<T: Send>(
+/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and left to itself: its result is dropped.
+fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
-    stage: impl FnOnce() -> Result<T> + Send,
+    stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     run_showing(py, stop, |_| Ok(()), stage)
 }
 
 /// As [`run`], with a call of `show` now and then and at the end; what it raises stops the stage.
-fn run_showing<T: Send>(
+fn run_showing<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
     mut show: impl FnMut(Python<'_>) -> PyResult<()> + Send,
-    stage: impl FnOnce() -> Result<T> + Send,
+    stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let done = py.detach(|| {
         let (sender, receiver) = channel();
-        std::thread::scope(|scope| {
-            scope.spawn(move || {
-                // Nobody listens after Ctrl-C.
-                let _ = sender.send(stage());
-            });
-            loop {
-                match receiver.recv_timeout(LOOK) {
-                    Ok(done) => return Ok(done),
-                    Err(RecvTimeoutError::Timeout) => {
-                        Python::attach(|py| py.check_signals().and_then(|()| show(py)))
-                            .inspect_err(|_| stop.now())?;
-                    }
-                    Err(RecvTimeoutError::Disconnected) => {
-                        let text = "the program failed: please report what it printed";
-                        return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
-                    }
+        std::thread::spawn(move || {
+            // Nobody listens after Ctrl-C.
+            let _ = sender.send(stage());
+        });
+        loop {
+            match receiver.recv_timeout(LOOK) {
+                Ok(done) => return Ok(done),
+                Err(RecvTimeoutError::Timeout) => {
+                    Python::attach(|py| py.check_signals().and_then(|()| show(py)))
+                        .inspect_err(|_| stop.now())?;
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    let text = "the program failed: please report what it printed";
+                    return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
                 }
             }
-        })
+        }
     });
     let done = done?.map_err(|error| raised(py, &error))?;
     show(py)?;

@@ -111,7 +111,8 @@ impl PyPlan {
 ///     One for each drone (``plan.drones``).
 #[pyfunction]
 pub(super) fn plan(py: Python<'_>, scene: &PyScene) -> PyResult<Vec<PyPlan>> {
-    let stage = || Ok::<_, Error>(Shoot::new(scene.0.clone())?.plans);
+    let scene = scene.0.clone();
+    let stage = move || Ok::<_, Error>(Shoot::new(scene)?.plans);
     let plans = run(py, &Stop::default(), stage)?;
     Ok(plans.into_iter().map(|planned| PyPlan(planned.plan)).collect())
 }

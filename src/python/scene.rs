@@ -92,7 +92,8 @@ impl PyScene {
     /// states of a controller (further columns for integrals and lagging rotors). None for a scene whose
     /// controller is no regulator.
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let design = run(py, &Stop::default(), || design(&self.0.sim(), MOTOR_LAG_S))?;
+        let sim = self.0.sim();
+        let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;
         let array = |k: DMatrix<f64>| array(py, k.transpose().as_slice(), k.ncols());
         design.k.map(array).transpose()
     }

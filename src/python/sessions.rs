@@ -1,6 +1,6 @@
 //! Flights in step, for reinforcement learning.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -27,7 +27,7 @@ struct Flying {
 #[pyclass(frozen, name = "Sessions", module = "noctograph._noctograph")]
 #[derive(Debug)]
 pub(super) struct PySessions {
-    prepared: Prepared,
+    prepared: Arc<Prepared>,
     flying: Mutex<Vec<Flying>>,
 }
 
@@ -42,10 +42,11 @@ impl PySessions {
     #[new]
     fn new(py: Python<'_>, scene: &PyScene, n: usize, conditions: &str) -> PyResult<Self> {
         let scene = for_any_controller(scene.0.clone());
-        let stage = || {
+        let conditions = conditions.to_owned();
+        let stage = move || {
             let word = scene.word.clone();
             let named = NamedScene::new("scene", scene);
-            let prepared = Prepared::new(&named, &word, &Conditions::find(conditions)?)?;
+            let prepared = Prepared::new(&named, &word, &Conditions::find(&conditions)?)?;
             match prepared.plans().len() {
                 1 => Ok(prepared),
                 n => Err(Error::input("scene", format!("{n} plans"), "one", "fly one drone")),
@@ -54,7 +55,7 @@ impl PySessions {
         let prepared = run(py, &Stop::default(), stage)?;
         let grounded = || Flying { seed: 0, session: None, lost: None };
         let flying = std::iter::repeat_with(grounded).take(n).collect();
-        Ok(Self { prepared, flying: Mutex::new(flying) })
+        Ok(Self { prepared: Arc::new(prepared), flying: Mutex::new(flying) })
     }
 
     /// Begins flights again: those whose seed is not None.
@@ -140,7 +141,8 @@ impl PySessions {
             return Ok(py.None().into_bound(py));
         };
         drop(flying);
-        let stage = || self.prepared.judge(vec![session.finish()], seed);
+        let prepared = Arc::clone(&self.prepared);
+        let stage = move || prepared.judge(vec![session.finish()], seed);
         let (outcome, _) = run(py, &Stop::default(), stage)?;
         to_python(py, &outcome)
     }

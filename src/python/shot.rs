@@ -195,5 +195,5 @@ pub(super) fn score<'py>(
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    run(py, &Stop::default(), || Ok(crate::score::read(&Photo::read(&path)?).text))
+    run(py, &Stop::default(), move || Ok(crate::score::read(&Photo::read(&path)?).text))
 }

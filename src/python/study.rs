@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -43,18 +44,19 @@ pub(super) fn outcomes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let scenes: Vec<_> = scenes.iter().map(|scene| scene.0.clone()).collect();
-    let (stop, done) = (Stop::default(), AtomicUsize::new(0));
+    let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
     let (n_scenes, n_seeds) = (scenes.len(), seeds.len());
-    let stage = || -> Result<Vec<Outcome>> {
-        let conditions = Conditions::find(conditions)?;
+    let (until, counter, conditions) = (stop.clone(), Arc::clone(&done), conditions.to_owned());
+    let stage = move || -> Result<Vec<Outcome>> {
+        let conditions = Conditions::find(&conditions)?;
         let of_scene = |scene: Scene| {
-            stop.check()?;
+            until.check()?;
             let word = scene.word.clone();
             let prepared = Prepared::new(&NamedScene::new("scene", scene), &word, &conditions)?;
             let outcome = |seed: &u64| {
-                stop.check()?;
+                until.check()?;
                 let outcome = prepared.outcome(*seed)?;
-                done.fetch_add(1, Ordering::Relaxed);
+                counter.fetch_add(1, Ordering::Relaxed);
                 Ok(outcome)
             };
             seeds.par_iter().map(outcome).collect::<Result<Vec<_>>>()
@@ -101,15 +103,16 @@ pub(super) fn ranking<'py>(
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let contenders: Vec<NamedScene> =
         scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
-    let (stop, done) = (Stop::default(), AtomicUsize::new(0));
+    let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
+    let (until, counter, conditions) = (stop.clone(), Arc::clone(&done), conditions.to_owned());
     let total = words.iter().map(|(_, n)| *n as usize).sum::<usize>() * contenders.len();
-    let stage = || {
-        let study = Study { contenders, words, conditions: Conditions::find(conditions)?, seed };
+    let stage = move || {
+        let study = Study { contenders, words, conditions: Conditions::find(&conditions)?, seed };
         study.check()?;
         let trials: Vec<Trial> = study.trials().collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let counted = |n| done.store(n, Ordering::Relaxed);
-        let records = evaluate(&study, &trials, store.as_ref(), &stop, &counted)?;
+        let counted = |n| counter.store(n, Ordering::Relaxed);
+        let records = evaluate(&study, &trials, store.as_ref(), &until, &counted)?;
         let report = ranking_report(&study, &rank(&study, &records), records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
@@ -136,8 +139,10 @@ pub(super) fn tuning<'py>(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>, PyScene)> {
     let (base, stop) = (scene.0.clone(), Stop::default());
-    let mut failed = None;
-    let mut watch = |n_flights: usize, best: &Candidate| {
+    let (until, conditions, search) = (stop.clone(), conditions.to_owned(), search.to_owned());
+    let raised = Arc::new(Mutex::new(None));
+    let (failed, ended) = (Arc::clone(&raised), stop.clone());
+    let mut watch = move |n_flights: usize, best: &Candidate| {
         let Some(callback) = &callback else { return true };
         let call = |py: Python<'_>| {
             let best = to_python(py, &json!(best))?;
@@ -145,26 +150,27 @@ pub(super) fn tuning<'py>(
             Ok(answer.is_none() || answer.is_truthy()?)
         };
         Python::attach(call).unwrap_or_else(|error| {
-            failed = Some(error);
-            stop.now();
+            *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            ended.now();
             false
         })
     };
-    let stage = || {
+    let stage = move || {
         let knobs = match knobs {
             None => Knob::usual(&base),
             Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
         };
         let (search, limits) = (search.parse()?, Limits::default());
-        let conditions = Conditions::find(conditions)?;
+        let conditions = Conditions::find(&conditions)?;
         let options = TuneOptions { knobs, search, words, budget, limits, conditions, seed };
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let tuned = tune(&base, &options, store.as_ref(), &stop, &mut watch)?;
+        let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
         Ok((tuning_table(&options, &tuned), tuned))
     };
     let found = run(py, &stop, stage);
-    // What the callback raised is the cause of the stop.
-    let (text, tuned) = failed.map_or(found, Err)?;
+    // What the callback raised is the cause of the end.
+    let raised = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let (text, tuned) = raised.map_or(found, Err)?;
     let json = json!({
         "flights": tuned.n_flights,
         "helped": tuned.helped(),
