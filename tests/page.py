@@ -41,7 +41,7 @@ with sync_playwright() as playwright:
     page.keyboard.press("ArrowLeft")
     assert shown() == 10, "the slider moves it"
     page.click(".controls button")
-    page.wait_for_function("document.querySelector('.controls button').textContent === 'play'", timeout=5000)
+    page.wait_for_function("() => document.querySelector('.controls button').textContent === 'play'", timeout=5000)
     assert shown() == 11, "it plays to its end"
 
     before = pixels(page)

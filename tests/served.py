@@ -54,7 +54,7 @@ def fits(page, width):
 def types_and_prints(browser, url):
     page, trouble = opened(browser, url, viewport={"width": 1280, "height": 900})
     # By keyboard alone: the word has the focus, and Tab reaches every control.
-    page.wait_for_function("document.activeElement.id === 'word'")
+    page.wait_for_function("() => document.activeElement.id === 'word'")
     shift = "new PerformanceObserver(list => window.shift = (window.shift ?? 0) + list.getEntries().reduce((sum, entry) => sum + (entry.hadRecentInput ? 0 : entry.value), 0)).observe({type: 'layout-shift', buffered: true})"
     page.evaluate(shift)
     page.keyboard.type("RIGA", delay=120)
@@ -144,7 +144,7 @@ def draws_and_drops(browser, url):
     finished(page)
     text = "() => { const data = new DataTransfer(); data.items.add(new File(['x'], 'me.jpg')); return data; }"
     page.dispatch_event("body", "drop", {"dataTransfer": page.evaluate_handle(text)})
-    page.wait_for_function("document.querySelector('#verdict').textContent.includes('wanted a picture')")
+    page.wait_for_function("() => document.querySelector('#verdict').textContent.includes('wanted a picture')")
     assert not trouble, trouble
 
 
