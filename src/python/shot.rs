@@ -61,6 +61,19 @@ impl PyShot {
         self.shot.exposure.film.sha256()
     }
 
+    /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light and the
+    /// sensor's noise and limits; shape (height, width, 3), float32.
+    #[getter]
+    fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let film = &self.shot.exposure.film;
+        let n = film.counts.len() / 3;
+        let lx_s = (0..n).flat_map(|at| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, at)));
+        #[expect(clippy::cast_possible_truncation, reason = "24 bits are finer than a photo needs")]
+        let lx_s: Vec<f32> = lx_s.map(|lx_s| lx_s as f32).collect();
+        let shape = [film.height_px as usize, film.width_px as usize, 3];
+        array_of(py, bytemuck::cast_slice(&lx_s), "f4", &shape)
+    }
+
     /// bytes: The photo as PNG with its scene, the same bytes as those of ``noctograph preview``.
     fn to_png<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, self.shot.file.as_deref().unwrap_or_default())

@@ -1,6 +1,7 @@
 """The package against the command line: `pytest` with NOCTOGRAPH naming the program."""
 
 import ast
+import concurrent.futures
 import importlib.util
 import inspect
 import json
@@ -261,6 +262,15 @@ def test_tables_are_those_of_the_files(shot, tmp_path):
     table = shot.flights[0].to_pandas()
     assert table.equals(pandas.read_csv(tmp_path / "flight.csv"))
     assert nc.Flight.read(tmp_path / "flight.csv").sha256 == shot.flights[0].sha256
+
+
+def test_threads_of_python_make_the_same_bytes(shot):
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        shots = list(pool.map(lambda word: nc.preview(word, seed=3), ["RIGA", "OSLO", "RIGA"]))
+    assert shots[0].film_sha256 == shots[2].film_sha256 == shot.film_sha256 != shots[1].film_sha256
+    film = shot.film_lx_s
+    assert film.shape == (1080, 1920, 3) and film.dtype == np.float32
+    assert film[shot.image.min(axis=2) > 250].mean() > 20 * film.mean() > 0
 
 
 def test_the_interpreter_is_free_meanwhile():
