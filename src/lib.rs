@@ -59,7 +59,7 @@
 //! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
 //! | 10 | [`report`] | products → plots, sheets |
 //! | 11 | [`cli`] | arguments, tables, exit codes |
-//! | 11 | `python` | the Python package: stages as functions, products with numpy arrays (feature `python`) |
+//! | 12 | `python` | the Python package (feature `python`), above `cli`, whose commands are its functions |
 //!
 //! Row 0 holds the tools of all rooms: none imports anything of ours but `error`, so that no stage
 //! owns them and none writes them again.

@@ -66,6 +66,7 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     crate::error::within("repeats", args.repeats.into(), 1.0, 1e4)?;
     let contender = find_scene(&args.scene, &args.set.set)?;
     let ready = Prepared::new(&contender, &args.word, &Conditions::any_drone())?;
+    ready.planned()?;
     let options = LearnOptions {
         rounds: args.rounds,
         flights: args.repeats,

@@ -247,8 +247,8 @@ mod tests {
     use super::super::tests::{camera, lamp};
     use super::*;
 
-    /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly over
-    /// a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
+    /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly
+    /// over a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
     fn trail_exposure_lx_s(
         intensity_cd: f64,
         camera: &Camera,

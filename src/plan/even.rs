@@ -1,10 +1,9 @@
 //! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
 //!
-//! The drone rises below the first stroke, hovers before it until its height has settled, draws, and comes
-//! down below the last, in the dark. Every
-//! stroke begins and ends on a tick of 50 ms, the lamps' timer, so that light commands can meet its
-//! ends. All setpoints lie on one grid in time, so that a controller that holds positions is a
-//! linear filter of them.
+//! The drone takes off below the first stroke, hovers at its beginning while the height settles, draws,
+//! and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms, the lamps'
+//! timer, so that light commands can meet its ends. All setpoints lie on one grid in time, so that a
+//! controller that holds positions is a linear filter of them.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -22,10 +21,10 @@ const LEVEL_STEPS: f64 = 50.0;
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home at which a drone of several begins and ends its way to the strokes.
 const OVER_HOME_M: f64 = 0.3;
-/// Share of the acceleration with which the drone takes off: a climb that the motors cannot follow winds up the
-/// integrals of a PID controller, which then holds the first letter too high for seconds.
+/// Take-off acceleration over that of other transits. A climb that saturates the motors winds up the
+/// integrators of a PID controller, and the first letter is written too high.
 const TAKE_OFF_SHARE: f64 = 0.5;
-/// Time of the first stroke's motion by which the hover before it lies behind its beginning.
+/// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
 
 /// One part of the flight.
@@ -90,9 +89,8 @@ impl Course<'_> {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
             Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5),
         }
-        let style = self.style.clone();
-        let acceleration_m_s2 = TAKE_OFF_SHARE * style.acceleration_m_s2;
-        let gentle = EvenStyle { acceleration_m_s2, ..style };
+        let acceleration_m_s2 = TAKE_OFF_SHARE * self.style.acceleration_m_s2;
+        let gentle = EvenStyle { acceleration_m_s2, ..self.style.clone() };
         if let Some(home_x_m) = self.home_x_m {
             self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
@@ -232,8 +230,8 @@ mod tests {
 
     #[test]
     fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
-        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. The hover before the first
-        // stroke takes 1.3 s more.
+        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. With the hover before
+        // the first stroke it takes longer.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
             ..PlanOptions::even_with(EvenStyle {

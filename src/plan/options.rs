@@ -109,9 +109,9 @@ settings! {
     pub enum ReferenceKind {
         /// The design, which a controller that holds positions lags behind.
         "design" => Design,
-        /// The design through the inverse of the closed loop, so that a controller that holds
-        /// positions flies the design, and against the error of a rehearsed flight; for controllers
-        /// that follow the design's motion, against that error alone.
+        /// The design through the inverse of the closed loop, less the tracking error of a
+        /// simulated rehearsal. For controllers with feedforward of their own, the design less
+        /// that error.
         "inverse" => Inverse,
     }
 

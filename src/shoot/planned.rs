@@ -30,8 +30,9 @@ pub struct Planned {
 }
 
 /// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says:
-/// [`fleet`], then the reference through the inverse of the scene's loop, corrected by one rehearsal,
-/// which also knows what is not linear (take-off, integrals, limits), then the lights on their own clock.
+/// [`fleet`], then the reference through the inverse of the scene's loop, corrected by the tracking
+/// error of one rehearsal (take-off, integrators and saturation are not linear), then the lights on
+/// their own clock.
 ///
 /// # Errors
 ///

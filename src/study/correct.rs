@@ -57,8 +57,7 @@ pub fn correct(
 ) -> Result<Plan> {
     assert!(!flights.is_empty(), "something to learn from");
     let seen = repeating(flights);
-    let limited: Vec<_> =
-        seen.iter().map(|error| error.map(|e| e.clamp(-MAX_ERROR_M, MAX_ERROR_M))).collect();
+    let limited: Vec<_> = seen.iter().map(limited).collect();
     let [seen, limited] = [&seen, &limited].map(|errors| smoothed(errors, options.smooth_s));
     let at = |errors: &[Vector3<f64>], time_s: f64| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
@@ -121,13 +120,7 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
         Ok((mean(&apart_m.collect::<Vec<_>>()), offset_s))
     };
     let (apart_m, offset_s) = match (clock(&as_sent), clock(&planned)) {
-        (Ok(log), Ok(own)) => {
-            if own.0 < log.0 {
-                own
-            } else {
-                log
-            }
-        }
+        (Ok(log), Ok(own)) if log.0 <= own.0 => log,
         (log, own) => own.or(log)?,
     };
     for sample in &mut flight.samples {
@@ -179,6 +172,11 @@ fn shrunk(errors: &[Vector3<f64>]) -> Vector3<f64> {
         let trust = if middle == 0.0 { 0.0 } else { 1.0 - (error / middle) * (error / middle) };
         middle * trust.max(0.0)
     })
+}
+
+/// What is corrected of an error at once.
+fn limited(error_m: &Vector3<f64>) -> Vector3<f64> {
+    error_m.map(|error_m| error_m.clamp(-MAX_ERROR_M, MAX_ERROR_M))
 }
 
 /// Gaussian smoothing without phase; ends are held.
@@ -235,5 +233,7 @@ mod tests {
         assert!((shrunk(&agree).x - 0.02).abs() < 1e-4);
         let differ = [Vector3::x() * 0.05, Vector3::x() * -0.045, Vector3::x() * 0.001];
         assert_eq!(shrunk(&differ), Vector3::zeros());
+        let wild = [Vector3::x(); 3];
+        assert_eq!(limited(&shrunk(&wild)).x, MAX_ERROR_M, "limited");
     }
 }

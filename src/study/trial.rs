@@ -24,8 +24,9 @@ use crate::shoot::{Judging, Planned, Recording, Shoot};
 /// the board's faint trails more sharply. Scenes are compared on equal films.
 const CAP_HEIGHT_PX: f64 = 48.0;
 /// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store does
-/// not mix both. Since 2, a likelier rival caps the probability of being read.
-const OUTCOME_VERSION: f64 = 2.0;
+/// not mix both. Since 2, a likelier rival caps the probability of being read; since 3, a rehearsal
+/// corrects every plan.
+const OUTCOME_VERSION: f64 = 3.0;
 
 /// A scene made ready to fly a word again and again.
 #[derive(Clone, Debug)]
@@ -35,8 +36,8 @@ pub struct Prepared {
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
-    /// Why there is no plan: the drone is lost where the plan is rehearsed, or would fly for hours.
-    unplanned: Option<String>,
+    /// Why there is no plan, and advice: the drone is lost in the rehearsal, or would fly for hours.
+    unplanned: Option<[String; 2]>,
 }
 
 impl Prepared {
@@ -54,8 +55,8 @@ impl Prepared {
         named.scene.check()?;
         let (scene, learned) = (named.scene.clone(), !named.plans.is_empty());
         let (mut shoot, unplanned) = match Shoot::named(named) {
-            Err(Error::Infeasible { what, .. }) => {
-                (Shoot::with_plans(scene.clone(), Vec::new())?, Some(what))
+            Err(Error::Infeasible { what, hint }) => {
+                (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
         };
@@ -79,6 +80,18 @@ impl Prepared {
     #[must_use]
     pub fn plans(&self) -> Vec<Plan> {
         self.shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
+    }
+
+    /// Checks that there is a plan.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Infeasible`] with the reason.
+    pub fn planned(&self) -> Result<()> {
+        match self.unplanned.clone() {
+            None => Ok(()),
+            Some([what, hint]) => Err(Error::Infeasible { what, hint }),
+        }
     }
 
     /// The scene.
@@ -130,11 +143,9 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::fly`], and [`Error::Infeasible`] where there is no plan.
+    /// As [`Prepared::planned`] and [`Shoot::fly`].
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
-        if let Some(what) = self.unplanned.clone() {
-            return Err(Error::Infeasible { what, hint: "choose milder gains".into() });
-        }
+        self.planned()?;
         self.shoot(seed).fly(&|_, _| {})
     }
 

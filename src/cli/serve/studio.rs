@@ -34,7 +34,7 @@ const LIVE: &str = "--size=960x540";
 const LARGE: &str = "--size=1920x1080";
 /// Arguments of the verb that takes a large photo.
 const PREVIEW: [&str; 2] = [LARGE, "--backend=cpu"];
-/// Folder into which a verb writes, in one of its own.
+/// Output folder of a verb, inside its temporary folder.
 const OUT: &str = "out";
 const JPEG_QUALITY: u8 = 85;
 /// Longest time that a verb may take. A word that does not read is flown some thirty times for advice.
@@ -161,7 +161,8 @@ impl Studio {
         Ok(zip(&files))
     }
 
-    /// Runs a verb in a process of its own: what it says as JSON, and a folder in whose [`OUT`] it wrote.
+    /// Runs a verb in a child process. Returns its JSON, and the temporary folder that holds its
+    /// output in [`OUT`].
     fn verb(
         &self,
         verb: &str,
