@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use super::plan::PyPlan;
 use super::scene::PyScene;
-use super::{Reduced, array, numbers, raised, run, save};
+use super::{Reduced, array, data_frame, numbers, raised, reduced, run, save};
 use crate::error::{Error, Result};
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::geometry::Attitude;
@@ -233,13 +233,11 @@ impl PyFlight {
 
     /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let text = py.import("io")?.call_method1("StringIO", (self.to_csv(),))?;
-        py.import("pandas")?.call_method1("read_csv", (text,))
+        data_frame(py, self.to_csv())
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
-        let read = slf.get_type().getattr("from_csv")?;
-        Ok((read.unbind(), (slf.get().to_csv(),)))
+        reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
     /// Drawing for notebooks: the path from the front, over the design.
@@ -259,8 +257,7 @@ impl PyFlight {
     }
 }
 
-/// The scene as planned for a controller of Python: the scene's own plan leads its own controller, and times the
-/// lights by it.
+/// A scene without the feedforward and the light timing that are made for its own controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene.plan.reference = ReferenceKind::Design;
     scene.plan.light_clock = LightClock::Setpoint;

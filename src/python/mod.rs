@@ -79,6 +79,17 @@ fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, Py
     Ok((report.text, to_python(py, &report.json)?))
 }
 
+/// A CSV text as a table of pandas.
+fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
+    let text = py.import("io")?.call_method1("StringIO", (csv,))?;
+    py.import("pandas")?.call_method1("read_csv", (text,))
+}
+
+/// An object for pickle: the static method that reads it again, and its text.
+fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
+    Ok((object.get_type().getattr(read)?.unbind(), (text,)))
+}
+
 /// Writes a file, which appears when it is whole.
 fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     let written = Output::create(path).and_then(|file| file.keep(|out| out.write_all(bytes)));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 
 use super::scene::PyScene;
-use super::{Reduced, array, raised, run, save};
+use super::{Reduced, array, data_frame, raised, reduced, run, save};
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::report::plan_view;
@@ -77,13 +77,11 @@ impl PyPlan {
 
     /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let text = py.import("io")?.call_method1("StringIO", (self.to_csv(),))?;
-        py.import("pandas")?.call_method1("read_csv", (text,))
+        data_frame(py, self.to_csv())
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
-        let read = slf.get_type().getattr("from_csv")?;
-        Ok((read.unbind(), (slf.get().to_csv(),)))
+        reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
     /// Drawing for notebooks: lit strokes colored by speed, dark ways dashed.

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
-use super::{Reduced, array, raised, run, save};
+use super::{Reduced, array, raised, reduced, run, save};
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::sim::design::{MOTOR_LAG_S, design};
@@ -115,8 +115,7 @@ impl PyScene {
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {
-        let read = slf.get_type().getattr("from_toml")?;
-        Ok((read.unbind(), (slf.get().to_toml(),)))
+        reduced(slf.as_any(), "from_toml", slf.get().to_toml())
     }
 
     fn __repr__(&self) -> String {

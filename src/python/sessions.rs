@@ -47,6 +47,7 @@ impl PySessions {
             let word = scene.word.clone();
             let named = NamedScene::new("scene", scene);
             let prepared = Prepared::new(&named, &word, &Conditions::find(&conditions)?)?;
+            prepared.planned()?;
             match prepared.plans().len() {
                 1 => Ok(prepared),
                 n => Err(Error::input("scene", format!("{n} plans"), "one", "fly one drone")),
@@ -56,6 +57,12 @@ impl PySessions {
         let grounded = || Flying { seed: 0, session: None, lost: None };
         let flying = std::iter::repeat_with(grounded).take(n).collect();
         Ok(Self { prepared: Arc::new(prepared), flying: Mutex::new(flying) })
+    }
+
+    /// Motor commands a second.
+    #[getter]
+    fn command_hz(&self) -> u32 {
+        self.prepared.scene().sim().rates.attitude_hz()
     }
 
     /// Begins flights again: those whose seed is not None.

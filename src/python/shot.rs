@@ -12,6 +12,7 @@ use super::{Reduced, array_of, raised, run, save, to_python};
 use crate::cli::verdict_table;
 use crate::error::Error;
 use crate::photo::Photo;
+use crate::report::escaped;
 use crate::score::{Reader, View};
 use crate::shoot::{Format, Recording, Shoot, Shot, Stop};
 
@@ -98,8 +99,10 @@ impl PyShot {
     fn _repr_html_(&self) -> String {
         let png = BASE64_STANDARD.encode(self.shot.file.as_deref().unwrap_or_default());
         let table = self.shot.verdict.as_ref().map_or_else(String::new, verdict_table);
-        let table = table.replace('&', "&amp;").replace('<', "&lt;");
-        format!("<img width=\"100%\" src=\"data:image/png;base64,{png}\"><pre>{table}</pre>")
+        format!(
+            "<img width=\"100%\" src=\"data:image/png;base64,{png}\"><pre>{}</pre>",
+            escaped(&table)
+        )
     }
 
     fn __repr__(&self) -> String {

@@ -338,7 +338,7 @@ fn strokes_of(
 }
 
 /// Text as it stands in SVG and HTML.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 

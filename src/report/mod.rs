@@ -32,6 +32,8 @@ mod spread;
 mod studies;
 
 pub use bound::bound_map;
+#[cfg(feature = "python")]
+pub(crate) use canvas::escaped;
 pub use coverage::coverage_map;
 pub use flights::{Trace, error_over_time, front_view, top_view};
 pub use hold::hold_figure;

@@ -25,8 +25,9 @@ ACTIONS = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Drones that write a word, flown by motor commands; N at a time, in one process, on all cores.
 
-    An episode is the plan of the scene (its lights and references as for the controller of `fly`) from take-off to landing, in other noise and conditions each time. With
-    the `AutoresetMode.NEXT_STEP` of gymnasium the step after an episode's last begins the next one.
+    An episode is the scene's plan from take-off to landing, planned as for the controller of `fly`, with new noise
+    and conditions each time. With the `AutoresetMode.NEXT_STEP` of gymnasium the step after an episode's last begins
+    the next one.
 
     Action, shape (N, 4), -1 to 1: commands of the motors m1 to m4, where 0 is hover and -1 is off.
 
@@ -45,7 +46,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     num_envs : int
         Number N of drones.
     control_hz : float
-        Commands a second; a divisor of ``rates.attitude_hz`` (500).
+        Actions a second; each is held for the nearest whole number of periods of ``rates.attitude_hz`` (500).
     conditions : {"still", "room", "drone"} or path
         What differs from episode to episode, as for `fly_many`.
     """
@@ -59,7 +60,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(ACTIONS, num_envs)
         self._sessions = Sessions(scene, num_envs, conditions)
         self._hover = scene.motors_from_wrench @ [0, 0, 0, 9.81 * scene.mass_kg]
-        self._turns = max(1, round(500 / control_hz))
+        self._turns = max(1, round(self._sessions.command_hz / control_hz))
         self._over = np.zeros(num_envs, bool)
 
     def reset(
@@ -72,19 +73,22 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         seeds = [None] * self.num_envs if not isinstance(seed, list) else seed
         self._sessions.reset([self._draw() if given is None else given for given in seeds])
         self._over[:] = False
-        return self._observe(self._sessions.look()), {}
+        seen = self._sessions.look()
+        self._time_s = seen["time_s"]
+        return self._observe(seen), {}
 
     def step(self, actions: Any) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Holds motor commands for a step; begins the episodes that ended in the last one."""
         begun = self._over.copy()
         if begun.any():
             self._sessions.reset([self._draw() if over else None for over in begun])
-        before = self._sessions.look()["time_s"]
         commands = np.clip(self._hover * (1 + np.asarray(actions, float)), 0, MOTOR_MAX)
         self._sessions.step(commands, np.where(begun, 0, self._turns).tolist())
         seen = self._sessions.look()
         distance = np.linalg.norm(seen["position_m"] - seen["design_m"], axis=1)
-        reward = (seen["time_s"] - before) * np.clip(1 - distance / WORTHLESS_M, 0, 1)
+        elapsed_s = np.where(begun, 0, seen["time_s"] - self._time_s)
+        reward = elapsed_s * np.clip(1 - distance / WORTHLESS_M, 0, 1)
+        self._time_s = seen["time_s"]
         self._over = seen["landed"] | seen["lost"]
         infos: dict[str, Any] = {}
         for index in np.flatnonzero(seen["landed"]):
