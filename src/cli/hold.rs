@@ -13,17 +13,20 @@ use super::output::OutputFolder;
 use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
-use crate::sim::altitude::{Hold, Model, STATE_NAMES, Scenario, Sensor, hold};
-use crate::study::{CONSISTENT, DURATION_S, HoldFigures, HoldVerdict, hold_figures};
+use crate::sim::AltitudeSensor;
+use crate::study::{
+    CONSISTENT, DURATION_S, Hold, HoldFigures, HoldModel, HoldScenario, HoldVerdict, STATE_NAMES,
+    hold, hold_figures,
+};
 
 #[derive(Debug, Args)]
 pub(super) struct HoldArgs {
     /// Scenarios: calm, step, silent, drain, drift, step-silent, or all
     #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = "all")]
     scenario: Vec<String>,
-    /// Model that flies [default: both]
-    #[arg(long, value_name = "NAME", value_parser = named::<Model>())]
-    model: Option<Model>,
+    /// HoldModel that flies [default: both]
+    #[arg(long, value_name = "NAME", value_parser = named::<HoldModel>())]
+    model: Option<HoldModel>,
     /// Flights of each scenario and model, with one seed after the other
     #[arg(long, value_name = "N", default_value_t = 80)]
     runs: u32,
@@ -46,7 +49,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let preset = format!("preset = \"{}\"", args.preset);
     let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
     let (options, seed) = (scene.sim(), args.seed.or(scene.seed));
-    let models = args.model.map_or(Model::ALL.to_vec(), |model| vec![model]);
+    let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let folder = OutputFolder::create(&args.output)?;
     let mut names = vec!["hold.html".to_owned(), "hold.json".to_owned()];
     let (mut found, mut figures) = (Vec::new(), Vec::new());
@@ -79,11 +82,11 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     Ok(Report::new(text + "\n", json).with_files(&files).with_outcome(outcome))
 }
 
-fn scenarios(typed: &[String]) -> Result<Vec<Scenario>> {
+fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     if typed.iter().any(|name| name == "all") {
-        return Ok(Scenario::ALL.to_vec());
+        return Ok(HoldScenario::ALL.to_vec());
     }
-    typed.iter().map(|name| name.parse::<Scenario>()).collect()
+    typed.iter().map(|name| name.parse::<HoldScenario>()).collect()
 }
 
 fn table(found: &[HoldFigures]) -> String {
@@ -158,7 +161,7 @@ fn write_csv(out: impl Write, flight: &Hold) -> std::io::Result<()> {
     let columns = ["true", "estimated", "sigma"]
         .iter()
         .flat_map(|kind| states.iter().map(move |state| format!("{state}_{kind}")));
-    let sensors = [Sensor::Gnss, Sensor::TimeOfFlight, Sensor::Barometer];
+    let sensors = [AltitudeSensor::Gnss, AltitudeSensor::TimeOfFlight, AltitudeSensor::Barometer];
     let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
     out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
     for s in &flight.samples {

@@ -3,7 +3,8 @@
 use plotters::style::RGBColor;
 
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
-use crate::sim::altitude::{HeightReading, Hold, HoldSample, Sensor};
+use crate::sim::{AltitudeSensor, HeightReading};
+use crate::study::{Hold, HoldSample};
 
 /// Height of a panel.
 const PANEL_PX: f64 = 150.0;
@@ -35,10 +36,13 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
         curves.push(curve(pen, &|s| s.estimate[index]));
         curves
     };
-    let mut innovations =
-        [(Sensor::Gnss, ESTIMATE), (Sensor::TimeOfFlight, SECOND), (Sensor::Barometer, THIRD)]
-            .map(|(sensor, pen)| innovation(flight, sensor, pen))
-            .to_vec();
+    let mut innovations = [
+        (AltitudeSensor::Gnss, ESTIMATE),
+        (AltitudeSensor::TimeOfFlight, SECOND),
+        (AltitudeSensor::Barometer, THIRD),
+    ]
+    .map(|(sensor, pen)| innovation(flight, sensor, pen))
+    .to_vec();
     innovations.extend([2.0, -2.0].map(|sigmas| curve(BAND, &|_| sigmas)));
     innovations.push(thrown_away(flight));
     let thrust = vec![
@@ -81,7 +85,7 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
 }
 
 /// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was not.
-fn innovation(flight: &Hold, sensor: Sensor, pen: Pen) -> Curve {
+fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let mut pieces = vec![Vec::new()];
     for sample in &flight.samples {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor);

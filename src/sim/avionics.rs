@@ -21,7 +21,7 @@ pub(super) const LOST: f64 = 1e4;
 
 /// The onboard system of one drone: everything that changes from tick to tick but its motion.
 #[derive(Debug)]
-pub(super) struct Avionics {
+pub(crate) struct Avionics {
     controller: Box<dyn Controller>,
     estimator: Box<dyn Estimator>,
     sensors: Sensors,
@@ -161,17 +161,17 @@ impl Avionics {
     }
 
     /// Commands of the motors m1…m4.
-    pub(super) fn motors(&self) -> [f64; 4] {
+    pub(crate) fn motors(&self) -> [f64; 4] {
         self.command.motors.into()
     }
 
     /// The altitude filter, where the estimator has one.
-    pub(super) fn altitude(&self) -> Option<&AltitudeFilter> {
+    pub(crate) fn altitude(&self) -> Option<&AltitudeFilter> {
         self.estimator.altitude()
     }
 
     /// The sensors.
-    pub(super) fn sensors(&self) -> &Sensors {
+    pub(crate) fn sensors(&self) -> &Sensors {
         &self.sensors
     }
 

@@ -54,7 +54,7 @@ pub fn fly_fleet(
 }
 
 /// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were commanded.
-pub(super) fn fly_watched(
+pub(crate) fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
     progress: &mut dyn FnMut(f64),

@@ -20,7 +20,6 @@
 //! Not modeled: lag of the radio, lost packets, downwash between drones; whole-number motor commands; filters and offsets of the inertial sensors,
 //! reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
 
-pub mod altitude;
 mod avionics;
 mod controller;
 pub mod design;
@@ -31,8 +30,14 @@ mod options;
 mod recorder;
 mod session;
 
+pub(crate) use avionics::Avionics;
+pub(crate) use controller::altitude_gains;
 pub use drone::Drone;
-pub use estimator::{Bound, bounds, one_more_anchor, writing_sigma_m};
+pub use estimator::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,
+    writing_sigma_m,
+};
+pub(crate) use fly::fly_watched;
 pub use fly::{fly, fly_fleet};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,

@@ -40,7 +40,8 @@ pub use conditions::{Conditions, Factor};
 pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
 pub use hold::{
-    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, Interval, hold_figures,
+    Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
+    HoldScenario, HoldVerdict, Interval, STATE_NAMES, hold, hold_figures,
 };
 pub use knobs::{Knob, Turn, settings, turned};
 pub use learn::{Learned, Round, learn};

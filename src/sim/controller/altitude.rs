@@ -25,7 +25,7 @@ const REACH_M: f64 = 0.5;
 
 /// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::sim) struct ThrustMap {
+pub(crate) struct ThrustMap {
     /// α⁰.
     pub(in crate::sim) offset_m_s2: f64,
     /// α¹.
@@ -34,7 +34,7 @@ pub(in crate::sim) struct ThrustMap {
 
 impl ThrustMap {
     /// Throttle, 0 to 1, for a vertical acceleration.
-    pub(in crate::sim) fn throttle(&self, acceleration_m_s2: f64) -> f64 {
+    pub(crate) fn throttle(&self, acceleration_m_s2: f64) -> f64 {
         let gain = self.gain_m_s2.max(LEAST_GAIN_M_S2);
         ((acceleration_m_s2 - self.offset_m_s2) / gain).clamp(0.0, 1.0)
     }
@@ -45,7 +45,7 @@ impl ThrustMap {
 /// # Errors
 ///
 /// None that weights within their ranges can meet.
-pub(in crate::sim) fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
+pub(crate) fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
     let weight = |scale: f64| 1.0 / (scale * scale);
     let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(options.error_m_s)];
     let r = dmatrix![weight(options.acceleration_m_s2)];

@@ -4,7 +4,7 @@
 //! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger nor
 //! barometer, whose biases it does not estimate.
 
-use super::altitude_filter::{AltitudeFilter, Sensor, State as Filtered};
+use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
 use super::{Estimator, state_at};
 use crate::sensors::Readings;
@@ -34,21 +34,21 @@ impl Estimator for Altitude {
             filter.rest(tick_s);
         }
         if let Some(fix_m) = readings.position_m.filter(|_| self.has_satellites) {
-            filter.update(Sensor::Gnss, fix_m.z);
+            filter.update(AltitudeSensor::Gnss, fix_m.z);
         }
         if let Some(distance_m) = readings.time_of_flight_m {
-            filter.update(Sensor::TimeOfFlight, distance_m * cos_tilt);
+            filter.update(AltitudeSensor::TimeOfFlight, distance_m * cos_tilt);
         }
         if let Some(height_m) = readings.barometer_m {
-            filter.update(Sensor::Barometer, height_m);
+            filter.update(AltitudeSensor::Barometer, height_m);
         }
     }
 
     fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
-        velocity_m_s.z = self.vertical.estimate(Filtered::Velocity);
+        velocity_m_s.z = self.vertical.estimate(AltitudeState::Velocity);
         let mut state = state_at(&self.horizontal.motion, &velocity_m_s);
-        state[ALTITUDE] = self.vertical.estimate(Filtered::Altitude);
+        state[ALTITUDE] = self.vertical.estimate(AltitudeState::Altitude);
         state
     }
 

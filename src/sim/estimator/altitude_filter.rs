@@ -15,7 +15,7 @@ const GUST: usize = 6;
 
 /// Index of each state that is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum AltitudeState {
     /// Altitude z, m.
     Altitude,
     /// Vertical velocity v, m/s.
@@ -32,7 +32,7 @@ pub enum State {
 
 /// What measures the altitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sensor {
+pub enum AltitudeSensor {
     /// Satellites: z.
     Gnss,
     /// Infrared time of flight to the floor: altitude and bias of the ranger.
@@ -48,7 +48,7 @@ const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 #[derive(Clone, Copy, Debug)]
 pub struct HeightReading {
     /// What measured it.
-    pub sensor: Sensor,
+    pub sensor: AltitudeSensor,
     /// What it measured.
     pub measured_m: f64,
     /// Its innovation.
@@ -85,9 +85,11 @@ impl AltitudeFilter {
             options.barometer_bias_sigma_m,
             options.gust_sigma_m_s2,
         ]);
-        for (state, mean) in
-            [(State::Altitude, altitude_m), (State::Offset, -GRAVITY_M_S2), (State::Gain, gain)]
-        {
+        for (state, mean) in [
+            (AltitudeState::Altitude, altitude_m),
+            (AltitudeState::Offset, -GRAVITY_M_S2),
+            (AltitudeState::Gain, gain),
+        ] {
             normal.mean[state as usize] = mean;
         }
         let test = StepTest::new(options.step_gate_sigmas, 0.0, options.step_sigma_m);
@@ -129,15 +131,15 @@ impl AltitudeFilter {
     pub fn rest(&mut self, span_s: f64) {
         let Normal { mean, covariance, .. } = &mut self.normal;
         let gust = self.options.gust_sigma_m_s2;
-        for (still, sigma) in [(State::Velocity as usize, START_SIGMA[1]), (GUST, gust)] {
+        for (still, sigma) in [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, gust)] {
             mean[still] = 0.0;
             covariance.row_mut(still).fill(0.0);
             covariance.column_mut(still).fill(0.0);
             covariance[(still, still)] = sigma * sigma;
         }
         for (bias, walk) in [
-            (State::Ranger, self.options.ranger_walk_m_sqrt_s),
-            (State::Barometer, self.options.barometer_walk_m_sqrt_s),
+            (AltitudeState::Ranger, self.options.ranger_walk_m_sqrt_s),
+            (AltitudeState::Barometer, self.options.barometer_walk_m_sqrt_s),
         ] {
             covariance[(bias as usize, bias as usize)] += walk * walk * span_s;
         }
@@ -148,18 +150,22 @@ impl AltitudeFilter {
     ///
     /// A range beyond the gate is not taken in; the second in a row moves the ranger's bias by the
     /// mean of their innovations and widens it.
-    pub fn update(&mut self, sensor: Sensor, measured_m: f64) {
+    pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let (bias, sigma_m) = match sensor {
-            Sensor::Gnss => (None, self.options.gnss_sigma_m),
-            Sensor::TimeOfFlight => (Some(State::Ranger), self.options.time_of_flight_sigma_m),
-            Sensor::Barometer => (Some(State::Barometer), self.options.barometer_sigma_m),
+            AltitudeSensor::Gnss => (None, self.options.gnss_sigma_m),
+            AltitudeSensor::TimeOfFlight => {
+                (Some(AltitudeState::Ranger), self.options.time_of_flight_sigma_m)
+            }
+            AltitudeSensor::Barometer => {
+                (Some(AltitudeState::Barometer), self.options.barometer_sigma_m)
+            }
         };
-        let of = |state: State| Part::One(state as usize, 1.0);
-        let slope = [of(State::Altitude), of(bias.unwrap_or(State::Altitude))];
+        let of = |state: AltitudeState| Part::One(state as usize, 1.0);
+        let slope = [of(AltitudeState::Altitude), of(bias.unwrap_or(AltitudeState::Altitude))];
         let slope = &slope[..if bias.is_some() { 2 } else { 1 }];
         let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
         let innovation = self.normal.innovation(&measurement);
-        let floor = if sensor == Sensor::TimeOfFlight {
+        let floor = if sensor == AltitudeSensor::TimeOfFlight {
             self.test.correct(&mut self.normal, &measurement, f64::INFINITY)
         } else {
             self.normal.correct(&measurement, |_| true);
@@ -172,19 +178,20 @@ impl AltitudeFilter {
 
     /// Estimate of a state.
     #[must_use]
-    pub fn estimate(&self, state: State) -> f64 {
+    pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }
 
     /// Standard deviation of a state.
     #[must_use]
-    pub fn sigma(&self, state: State) -> f64 {
+    pub fn sigma(&self, state: AltitudeState) -> f64 {
         self.normal.sigma(state as usize)
     }
 
     /// The estimated thrust map, in the present gust.
-    pub(in crate::sim) fn thrust_map(&self) -> ThrustMap {
-        let [offset_m_s2, gain_m_s2] = [State::Offset, State::Gain].map(|s| self.estimate(s));
+    pub(crate) fn thrust_map(&self) -> ThrustMap {
+        let [offset_m_s2, gain_m_s2] =
+            [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));
         ThrustMap { offset_m_s2: offset_m_s2 + self.normal.mean[GUST], gain_m_s2 }
     }
 

@@ -16,7 +16,7 @@ mod truth;
 use nalgebra::{Matrix3, Vector3};
 
 use self::altitude::Altitude;
-pub use self::altitude_filter::{AltitudeFilter, HeightReading, Sensor, State as AltitudeState};
+pub use self::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState, HeightReading};
 pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;

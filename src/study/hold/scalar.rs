@@ -3,26 +3,24 @@
 //! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the lag of the motors, at 100 Hz. Sensors, filter and
 //! controller run at 10 Hz, as the lab sheet asks.
 
-use super::scenario::DRONE;
-use super::{
-    GAIN_SPREAD, GUST, Hold, HoldSample, OFFSET_SPREAD_M_S2, SAMPLES_HZ, SET_M, Scenario, sensors,
+use super::flight::{
+    GAIN_SPREAD, GUST, Hold, HoldSample, OFFSET_SPREAD_M_S2, SAMPLES_HZ, SET_M, sensors,
 };
+use super::scenario::{DRONE, HoldScenario};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
 use crate::random::Noise;
-use crate::sim::controller::altitude_gains;
-use crate::sim::estimator::{AltitudeFilter, AltitudeState, Sensor};
-use crate::sim::options::SimOptions;
+use crate::sim::{AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains};
 
 /// Steps of the truth per second.
 const TRUTH_HZ: u32 = 100;
 /// Spread of the barometer's bias at the start, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 
-/// Flies a scenario, as [`super::hold`] says.
+/// Flies a scenario, as [`super::hold()`] says.
 pub(super) fn hold(
     options: &SimOptions,
-    scenario: Scenario,
+    scenario: HoldScenario,
     duration_s: f64,
     seed: u64,
 ) -> Result<Hold> {
@@ -31,7 +29,7 @@ pub(super) fn hold(
     let [k_z, k_v] = altitude_gains(&options.controller.altitude)?;
     let noise = |name: &str| Noise::new(seed, 0, name);
     let mut truth = Truth::new(options, scenario, noise);
-    let mut sensors: Vec<(Sensor, Noise)> = sensors(options)
+    let mut sensors: Vec<(AltitudeSensor, Noise)> = sensors(options)
         .into_iter()
         .map(|sensor| (sensor, noise(&format!("hold {sensor:?}"))))
         .collect();
@@ -47,7 +45,7 @@ pub(super) fn hold(
             }
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
-                if *sensor != Sensor::Gnss || scenario.hears_gnss(time_s) {
+                if *sensor != AltitudeSensor::Gnss || scenario.hears_gnss(time_s) {
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error, options));
                 }
             }
@@ -65,7 +63,7 @@ pub(super) fn hold(
 /// The drone as it is.
 #[derive(Debug)]
 struct Truth {
-    scenario: Scenario,
+    scenario: HoldScenario,
     altitude_m: f64,
     velocity_m_s: f64,
     throttle: f64,
@@ -80,7 +78,7 @@ struct Truth {
 }
 
 impl Truth {
-    fn new(options: &SimOptions, scenario: Scenario, noise: impl Fn(&str) -> Noise) -> Self {
+    fn new(options: &SimOptions, scenario: HoldScenario, noise: impl Fn(&str) -> Noise) -> Self {
         let mut drawn = noise(DRONE);
         let (vehicle, hover) = (&options.vehicle, options.vehicle.hover_throttle());
         Self {
@@ -110,13 +108,19 @@ impl Truth {
         [z, v, self.offset, self.gain(time_s), -floor_m, barometer_m]
     }
 
-    fn measured_m(&self, sensor: Sensor, time_s: f64, error: f64, options: &SimOptions) -> f64 {
+    fn measured_m(
+        &self,
+        sensor: AltitudeSensor,
+        time_s: f64,
+        error: f64,
+        options: &SimOptions,
+    ) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
         let sensors = &options.sensors;
         z + match sensor {
-            Sensor::Gnss => error * sensors.gnss.noise_m,
-            Sensor::TimeOfFlight => ranger_m + error * sensors.time_of_flight.noise_m,
-            Sensor::Barometer => barometer_m + error * sensors.barometer.noise_m,
+            AltitudeSensor::Gnss => error * sensors.gnss.noise_m,
+            AltitudeSensor::TimeOfFlight => ranger_m + error * sensors.time_of_flight.noise_m,
+            AltitudeSensor::Barometer => barometer_m + error * sensors.barometer.noise_m,
         }
     }
 

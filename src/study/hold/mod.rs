@@ -1,11 +1,17 @@
 //! Altitude hold over many seeds: the figures of each scenario, and their bounds.
 
+mod flight;
+mod full;
+mod scalar;
+mod scenario;
+
 use rayon::prelude::*;
 
+pub use self::flight::{Hold, HoldModel, HoldSample, STATE_NAMES, hold};
+pub use self::scenario::HoldScenario;
 use super::statistics::{bootstrap, mean};
 use crate::error::{Error, Result};
 use crate::sim::SimOptions;
-use crate::sim::altitude::{Hold, HoldSample, Model, STATE_NAMES, Scenario, hold};
 
 /// Time that a flight lasts, s.
 pub const DURATION_S: f64 = 60.0;
@@ -125,13 +131,13 @@ pub struct Bounds {
 impl Bounds {
     /// The promises of a scenario; none for a step of the floor while the satellites are silent, when
     /// only the barometer knows the altitude.
-    fn new(scenario: Scenario) -> Option<Self> {
+    fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
-            Scenario::Calm | Scenario::Drift => (0.027, 0.056),
-            Scenario::Step => (0.028, 0.056),
-            Scenario::Silent => (0.038, 0.070),
-            Scenario::Drain => (0.027, 0.068),
-            Scenario::StepSilent => return None,
+            HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),
+            HoldScenario::Step => (0.028, 0.056),
+            HoldScenario::Silent => (0.038, 0.070),
+            HoldScenario::Drain => (0.027, 0.068),
+            HoldScenario::StepSilent => return None,
         };
         let (inside, nis, hover_throttle) = ([0.94, 0.98], [0.8, 1.15], 0.006);
         Some(Self { estimate_m, hold_m, inside, hover_throttle, nis, steps: 0.1 })
@@ -144,9 +150,9 @@ impl Bounds {
 ///
 /// As [`hold`]; [`Error::Input`] for no or more than 10 000 runs.
 pub fn hold_figures(
-    model: Model,
+    model: HoldModel,
     options: &SimOptions,
-    scenario: Scenario,
+    scenario: HoldScenario,
     seed: u64,
     runs: u32,
 ) -> Result<HoldFigures> {
@@ -216,7 +222,7 @@ impl Run {
     }
 }
 
-fn summary(flown: &[Run], model: Model, scenario: Scenario, runs: u32) -> HoldFigures {
+fn summary(flown: &[Run], model: HoldModel, scenario: HoldScenario, runs: u32) -> HoldFigures {
     let column = |f: fn(&Run) -> f64| flown.iter().map(f).collect::<Vec<_>>();
     let root = |squares: &[f64]| mean(squares).sqrt();
     let interval = |squares: Vec<f64>| {
@@ -295,14 +301,14 @@ impl HoldFigures {
 mod tests {
     use super::*;
 
-    fn figures(model: Model, scenario: Scenario, runs: u32) -> HoldFigures {
+    fn figures(model: HoldModel, scenario: HoldScenario, runs: u32) -> HoldFigures {
         hold_figures(model, &SimOptions::bzzz(), scenario, 0, runs).unwrap()
     }
 
     #[test]
     fn every_scenario_is_estimated_and_held_as_promised_in_the_scalar_model() {
-        for scenario in Scenario::ALL {
-            let found = figures(Model::Scalar, *scenario, 80);
+        for scenario in HoldScenario::ALL {
+            let found = figures(HoldModel::Scalar, *scenario, 80);
             assert_eq!(found.missed, [""; 0], "{found:?}");
         }
     }
@@ -310,8 +316,8 @@ mod tests {
     #[test]
     fn the_full_simulator_keeps_the_promises_too() {
         // Fewer flights than the promises are made for: a seventh looser.
-        for scenario in Scenario::ALL {
-            let found = figures(Model::Full, *scenario, 4);
+        for scenario in HoldScenario::ALL {
+            let found = figures(HoldModel::Full, *scenario, 4);
             let Some(bounds) = found.bounds else { continue };
             assert!(found.estimate_m.value < 1.15 * bounds.estimate_m, "{found:?}");
             assert!(found.hold_m.value < 1.15 * bounds.hold_m, "{found:?}");
@@ -325,8 +331,8 @@ mod tests {
     #[test]
     fn the_filter_knows_what_it_does_not_know_of_motion_and_thrust() {
         let [least, most] = CONSISTENT;
-        for model in [Model::Scalar, Model::Full] {
-            for scenario in Scenario::ALL {
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            for scenario in HoldScenario::ALL {
                 // Of eight flights, one with a gain far from the believed one decides.
                 let found = figures(model, *scenario, 24);
                 for (index, Consistency { state, error, .. }) in found.states.iter().enumerate() {
@@ -348,7 +354,7 @@ mod tests {
             filter.gain_walk_m_s2_sqrt_s = 0.8;
             (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) =
                 (offset_sigma_m_s2, gain_sigma_m_s2);
-            hold_figures(Model::Scalar, &options, Scenario::Calm, 0, 80).unwrap()
+            hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 80).unwrap()
         };
         let unknown = found(1.4, 3.0);
         let verdicts = [2, 3].map(|index| unknown.states[index].verdict);
@@ -364,12 +370,12 @@ mod tests {
 
     #[test]
     fn a_promise_that_is_broken_is_told() {
-        let mut found = figures(Model::Scalar, Scenario::Calm, 2);
+        let mut found = figures(HoldModel::Scalar, HoldScenario::Calm, 2);
         (found.hold_m.value, found.steps[0]) = (0.2, 1.0);
         let missed = found.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
         assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
-        let none = hold_figures(Model::Scalar, &SimOptions::bzzz(), Scenario::Calm, 0, 0);
+        let none = hold_figures(HoldModel::Scalar, &SimOptions::bzzz(), HoldScenario::Calm, 0, 0);
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
     }
 }

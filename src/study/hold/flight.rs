@@ -4,42 +4,38 @@
 //! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
 //! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`] estimates altitude, vertical
 //! velocity, α⁰, α¹ and both biases; [`hold()`] holds an altitude on its estimates through
-//! [`Scenario`]s, in two [`Model`]s: a scalar one, and the full simulator.
+//! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
 //!
 //! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart (rank
 //! 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports that
 //! one, and α¹ with its standard deviation.
 
-mod full;
-mod scalar;
-mod scenario;
-
-pub use super::estimator::{AltitudeFilter, AltitudeState, HeightReading, Sensor};
-pub use scenario::Scenario;
-
-use super::options::{EstimatorKind, SimOptions};
+use super::{HoldScenario, full, scalar};
 use crate::error::{Error, Result};
 use crate::sensors::{HeightSensor, Positioning};
 use crate::settings::settings;
+use crate::sim::{
+    AltitudeFilter, AltitudeSensor, AltitudeState, EstimatorKind, HeightReading, SimOptions,
+};
 
 /// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
-const SAMPLES_HZ: u32 = 10;
+pub(super) const SAMPLES_HZ: u32 = 10;
 /// Longest flight.
 const MAX_DURATION_S: f64 = 3600.0;
 /// A change of the floor that is an event.
 const EVENT_M: f64 = 0.1;
 /// Spread of the true lift per throttle about the vehicle's, as a share of it.
-const GAIN_SPREAD: f64 = 0.05;
+pub(super) const GAIN_SPREAD: f64 = 0.05;
 /// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
-const OFFSET_SPREAD_M_S2: f64 = 0.1;
+pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
-const GUST: [f64; 2] = [0.15, 2.0];
+pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 /// Altitude that is held.
-const SET_M: f64 = 1.5;
+pub(super) const SET_M: f64 = 1.5;
 
 settings! {
     /// What flies.
-    pub enum Model {
+    pub enum HoldModel {
         /// Vertical motion alone: a gain, an offset, a lag of the motors and gusts.
         "scalar" => Scalar,
         /// The full simulator: body, rotors, battery, sensors, controller.
@@ -89,7 +85,7 @@ const STATES: [AltitudeState; 6] = [
 pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
 
 impl HoldSample {
-    fn new(
+    pub(super) fn new(
         time_s: f64,
         truth: [f64; 6],
         filter: &AltitudeFilter,
@@ -134,9 +130,9 @@ impl Hold {
 /// As [`SimOptions::check`]; [`Error::Input`] for options without an altitude filter, and for a
 /// duration out of range; [`Error::Infeasible`] for a drone that does not stay in the air.
 pub fn hold(
-    model: Model,
+    model: HoldModel,
     options: &SimOptions,
-    scenario: Scenario,
+    scenario: HoldScenario,
     duration_s: f64,
     seed: u64,
 ) -> Result<Hold> {
@@ -155,19 +151,19 @@ pub fn hold(
         return Err(Error::input("duration_s", duration_s, wanted, "choose another duration"));
     }
     match model {
-        Model::Scalar => scalar::hold(options, scenario, duration_s, seed),
-        Model::Full => full::hold(options, scenario, duration_s, seed),
+        HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
+        HoldModel::Full => full::hold(options, scenario, duration_s, seed),
     }
 }
 
 /// The sensors of the altitude that a drone has.
-fn sensors(options: &SimOptions) -> Vec<Sensor> {
+pub(super) fn sensors(options: &SimOptions) -> Vec<AltitudeSensor> {
     let sensors = &options.sensors;
     let has = |sensor| sensors.heights.contains(&sensor);
     [
-        (Sensor::Gnss, sensors.positioning == Positioning::Gnss),
-        (Sensor::TimeOfFlight, has(HeightSensor::TimeOfFlight)),
-        (Sensor::Barometer, has(HeightSensor::Barometer)),
+        (AltitudeSensor::Gnss, sensors.positioning == Positioning::Gnss),
+        (AltitudeSensor::TimeOfFlight, has(HeightSensor::TimeOfFlight)),
+        (AltitudeSensor::Barometer, has(HeightSensor::Barometer)),
     ]
     .into_iter()
     .filter_map(|(sensor, present)| present.then_some(sensor))
@@ -179,8 +175,8 @@ mod tests {
     use super::*;
 
     /// Root mean square of the distance from the set altitude, from 5 s on.
-    fn rms_m(model: Model, options: &SimOptions, seed: u64) -> f64 {
-        let flight = hold(model, options, Scenario::Step, 60.0, seed).unwrap();
+    fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
+        let flight = hold(model, options, HoldScenario::Step, 60.0, seed).unwrap();
         let settled = flight.samples.iter().filter(|s| s.time_s > 5.0);
         let squares: Vec<f64> = settled.map(|s| (s.truth[0] - 1.5) * (s.truth[0] - 1.5)).collect();
         (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
@@ -191,7 +187,7 @@ mod tests {
         let sighted = SimOptions::bzzz();
         let mut blind = sighted.clone();
         blind.observer.altitude.step_gate_sigmas = 1e3;
-        for model in [Model::Scalar, Model::Full] {
+        for model in [HoldModel::Scalar, HoldModel::Full] {
             let (with_m, without_m) = (rms_m(model, &sighted, 1), rms_m(model, &blind, 1));
             assert!(without_m > 2.0 * with_m, "{model:?}: {without_m} m against {with_m} m");
         }
@@ -199,8 +195,8 @@ mod tests {
 
     #[test]
     fn uncertainty_grows_while_the_satellites_are_silent_and_is_back_within_a_second() {
-        for model in [Model::Scalar, Model::Full] {
-            let flight = hold(model, &SimOptions::bzzz(), Scenario::Silent, 35.0, 3).unwrap();
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            let flight = hold(model, &SimOptions::bzzz(), HoldScenario::Silent, 35.0, 3).unwrap();
             let sigma_m = |time_s: f64| {
                 let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
                 at.map_or(0.0, |s| s.sigma[0])
@@ -221,7 +217,7 @@ mod tests {
         let refused = |change: fn(&mut SimOptions)| {
             let mut options = SimOptions::bzzz();
             change(&mut options);
-            hold(Model::Full, &options, Scenario::Calm, 2.0, 0).unwrap_err().to_string()
+            hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err().to_string()
         };
         type Change = fn(&mut SimOptions);
         let cases: [(&str, Change); 9] = [

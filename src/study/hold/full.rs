@@ -2,21 +2,18 @@
 
 use nalgebra::Vector3;
 
-use super::scenario::SPEED_M_S;
-use super::{Hold, HoldSample, SAMPLES_HZ, SET_M, Scenario};
+use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
+use super::scenario::{HoldScenario, SPEED_M_S};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
 use crate::plan::{Plan, Setpoint};
-use crate::sim::avionics::Avionics;
-use crate::sim::drone::Drone;
-use crate::sim::fly::fly_watched;
-use crate::sim::options::SimOptions;
+use crate::sim::{Avionics, Drone, SimOptions, fly_watched};
 use crate::vehicle::Plant;
 
 /// Flies a scenario, as [`super::hold`] says.
 pub(super) fn hold(
     believed: &SimOptions,
-    scenario: Scenario,
+    scenario: HoldScenario,
     duration_s: f64,
     seed: u64,
 ) -> Result<Hold> {
@@ -42,7 +39,7 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 
-/// True states, in the order of [`super::AltitudeState`]. The floor is the one that the tilted ranger
+/// True states, in the order of [`AltitudeState`](crate::sim::AltitudeState). The floor is the one that the tilted ranger
 /// sees; a steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let body = plant.body();

@@ -1,9 +1,9 @@
 //! Events of a flight at constant altitude, in the scalar model and in the full simulator.
 
-use super::{GAIN_SPREAD, GUST, OFFSET_SPREAD_M_S2};
+use super::flight::{GAIN_SPREAD, GUST, OFFSET_SPREAD_M_S2};
 use crate::random::Noise;
 use crate::settings::settings;
-use crate::sim::options::SimOptions;
+use crate::sim::SimOptions;
 use crate::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
 /// Height of the table, m, and when it is below the drone, s.
@@ -25,7 +25,7 @@ const BISECTIONS: u32 = 60;
 
 settings! {
     /// Events of a flight at constant altitude.
-    pub enum Scenario {
+    pub enum HoldScenario {
         /// Nothing happens.
         "calm" => Calm,
         /// A table of 0.5 m is below the drone from 20 s to 40 s.
@@ -41,7 +41,7 @@ settings! {
     }
 }
 
-impl Scenario {
+impl HoldScenario {
     /// Whether a table is below the flight.
     #[must_use]
     pub fn has_step(self) -> bool {
