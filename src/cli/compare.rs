@@ -18,7 +18,7 @@ use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, Discre
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::geometry::Attitude;
 use crate::logs::PositionSource;
-use crate::report::{Trace, error_over_time, front_view, top_view};
+use crate::report::{NamedFlight, error_over_time, front_view, top_view};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
@@ -91,7 +91,7 @@ fn plots(
         let mut samples = comparison.part.samples(flight)?;
         samples.iter_mut().for_each(|sample| sample.time_s += offset_s);
         let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        traces.push(Trace { name: format!("{letter} {file}"), samples });
+        traces.push(NamedFlight { name: format!("{letter} {file}"), samples });
     }
     let drawn = [top_view(&traces), front_view(&traces), error_over_time(&traces)];
     for (name, svg) in FILES.iter().zip(drawn) {

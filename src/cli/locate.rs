@@ -22,7 +22,7 @@ use crate::estimate::locate::{
 };
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightSample, Quantity};
-use crate::report::{Trace, front_view, top_view};
+use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use crate::statistics::median;
 
@@ -176,11 +176,12 @@ fn write(
         let name = format!("flight-{}.csv", drone + 1);
         folder.write(&name, |out| flight.write_csv(out))?;
         names.push(name);
-        traces.push(Trace { name: format!("located {}", drone + 1), samples: flight.samples });
+        traces
+            .push(NamedFlight { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
             let mut samples = reference.flight.samples.clone();
             samples.iter_mut().for_each(|s| s.time_s += reference.offset_s);
-            traces.push(Trace { name: format!("reference {}", drone + 1), samples });
+            traces.push(NamedFlight { name: format!("reference {}", drone + 1), samples });
         }
     }
     for (name, svg) in VIEWS.iter().zip([top_view(&traces), front_view(&traces)]) {

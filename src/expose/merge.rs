@@ -64,7 +64,7 @@ pub(super) fn merge(
     tolerance_px: f64,
     segments: &mut Vec<Segment>,
 ) {
-    let mut open: Option<Run> = None;
+    let mut open: Option<Merged> = None;
     for next in intervals {
         if let Some(run) = &mut open {
             if tolerance_px > 0.0 && run.takes(&next, tolerance_px) {
@@ -72,13 +72,13 @@ pub(super) fn merge(
             }
             segments.push(run.segment(share));
         }
-        open = Some(Run::new(next));
+        open = Some(Merged::new(next));
     }
     segments.extend(open.map(|run| run.segment(share)));
 }
 
 /// Intervals that are one segment so far.
-struct Run {
+struct Merged {
     /// From the first sample to the last.
     whole: Interval,
     /// In x, y and brightness.
@@ -90,7 +90,7 @@ struct Run {
     light_sigma: f64,
 }
 
-impl Run {
+impl Merged {
     fn new(first: Interval) -> Self {
         let light = first.light();
         Self {

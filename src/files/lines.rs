@@ -9,13 +9,13 @@ const MAX_RECORD_BYTES: usize = 1 << 20;
 #[derive(Debug)]
 pub(crate) struct Lines<R> {
     text: R,
-    state: State,
+    state: InCell,
     record_bytes: usize,
 }
 
 /// Place in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum State {
+enum InCell {
     Begin,
     Bare,
     Quoted,
@@ -25,7 +25,7 @@ enum State {
 
 impl<R: Read> Lines<R> {
     pub(crate) fn new(text: R) -> Self {
-        Self { text, state: State::Begin, record_bytes: 0 }
+        Self { text, state: InCell::Begin, record_bytes: 0 }
     }
 }
 
@@ -35,15 +35,15 @@ impl<R: Read> Read for Lines<R> {
         for byte in &buffer[..n] {
             self.record_bytes += 1;
             self.state = match (self.state, byte) {
-                (State::Begin | State::QuoteEnd, b'"') => State::Quoted,
-                (State::Quoted, b'"') => State::QuoteEnd,
-                (State::Quoted, _) => State::Quoted,
+                (InCell::Begin | InCell::QuoteEnd, b'"') => InCell::Quoted,
+                (InCell::Quoted, b'"') => InCell::QuoteEnd,
+                (InCell::Quoted, _) => InCell::Quoted,
                 (_, b'\n' | b'\r') => {
                     self.record_bytes = 0;
-                    State::Begin
+                    InCell::Begin
                 }
-                (_, b',' | b';' | b'\t') => State::Begin,
-                _ => State::Bare,
+                (_, b',' | b';' | b'\t') => InCell::Begin,
+                _ => InCell::Bare,
             };
             if self.record_bytes > MAX_RECORD_BYTES {
                 let what = format!("a line of more than {} MiB", MAX_RECORD_BYTES >> 20);

@@ -34,7 +34,7 @@ pub(super) fn stretches(samples: &[Vec<FlightSample>], tolerance_m: f64) -> Vec<
 
 fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     let mut kept: Vec<Pose> = Vec::new();
-    let mut run: Option<Run> = None;
+    let mut run: Option<Straight> = None;
     for sample in samples {
         let pose = Pose {
             time_s: sample.time_s,
@@ -43,12 +43,12 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
         };
         let Some(open) = &mut run else {
             kept.push(pose);
-            run = Some(Run::new(pose, pose));
+            run = Some(Straight::new(pose, pose));
             continue;
         };
         if !open.takes(&pose, tolerance_m) {
             kept.push(open.last);
-            *open = Run::new(open.last, pose);
+            *open = Straight::new(open.last, pose);
         }
     }
     kept.extend(run.filter(|run| run.last.time_s > run.first.time_s).map(|run| run.last));
@@ -56,13 +56,13 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
 }
 
 /// Poses that one straight segment replaces so far.
-struct Run {
+struct Straight {
     first: Pose,
     last: Pose,
     chords: Chords<12>,
 }
 
-impl Run {
+impl Straight {
     fn new(first: Pose, last: Pose) -> Self {
         Self { first, last, chords: Chords::ALL }
     }

@@ -8,14 +8,14 @@
 //!
 //! Not modeled: perspective and distortion, which stay in the residual.
 
-mod ink;
+mod light_map;
 
 use nalgebra::{Matrix4, Vector4};
 
 use super::Photo;
 use crate::error::{Error, Result};
 use crate::statistics::weighted_quantile;
-use ink::{Ink, Levels};
+use light_map::{Levels, LightMap};
 
 /// Range of the scale, relative to equal longer sides, and its step.
 const SCALES: [f64; 2] = [0.4, 2.5];
@@ -137,7 +137,7 @@ fn nothing_alike(correlation: f64) -> Error {
 
 /// The best candidates of all scales, rotations and shifts of the coarsest pictures, one for each
 /// scale and rotation.
-fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
+fn coarse(render: &LightMap, photo: &LightMap) -> Vec<Similarity> {
     let points = brightest(render);
     let square = |values: &[f32]| values.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
     let norms = square(&points.iter().map(|p| p.1).collect::<Vec<_>>()) * square(&photo.values);
@@ -194,7 +194,7 @@ fn coarse(render: &Ink, photo: &Ink) -> Vec<Similarity> {
 }
 
 /// The brightest twelfth of a picture: points and values.
-fn brightest(ink: &Ink) -> Vec<([f64; 2], f32)> {
+fn brightest(ink: &LightMap) -> Vec<([f64; 2], f32)> {
     let mut points: Vec<([f64; 2], f32)> = (0..ink.values.len())
         .map(|i| {
             let place = [(i % ink.width) as f64 + 0.5, (i / ink.width) as f64 + 0.5];
@@ -207,7 +207,7 @@ fn brightest(ink: &Ink) -> Vec<([f64; 2], f32)> {
 }
 
 /// Refines a transform; also returns its correlation.
-fn climb(render: &Ink, photo: &Ink, start: Similarity) -> Option<(f64, Similarity)> {
+fn climb(render: &LightMap, photo: &LightMap, start: Similarity) -> Option<(f64, Similarity)> {
     let (a, b) = start.linear();
     let mut p = Vector4::new(a, b, start.shift_px[0], start.shift_px[1]);
     let mut best: Option<(f64, Vector4<f64>)> = None;
@@ -226,7 +226,7 @@ fn climb(render: &Ink, photo: &Ink, start: Similarity) -> Option<(f64, Similarit
 }
 
 /// Correlation of a transform, and the step to a better one.
-fn step(render: &Ink, photo: &Ink, p: Vector4<f64>) -> Option<(f64, Vector4<f64>)> {
+fn step(render: &LightMap, photo: &LightMap, p: Vector4<f64>) -> Option<(f64, Vector4<f64>)> {
     // Sums of the gradient G, the photo w and the render t over the pixels in both.
     let (mut n, mut sum_w, mut sum_t, mut ww, mut tt, mut wt) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let (mut gg, mut g) = (Matrix4::zeros(), Vector4::zeros());
@@ -286,7 +286,7 @@ fn residual_px(render: &Levels, photo: &Levels, transform: &Similarity) -> [f64;
 }
 
 /// Pixels of a trail: at least a fifth as bright as a bright one.
-fn trails(ink: &Ink) -> Vec<[f64; 2]> {
+fn trails(ink: &LightMap) -> Vec<[f64; 2]> {
     let mut sorted = ink.values.clone();
     sorted.sort_by(f32::total_cmp);
     let least = (0.2 * sorted[(sorted.len() - 1) * 995 / 1000]).max(f32::MIN_POSITIVE);

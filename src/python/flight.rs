@@ -15,7 +15,7 @@ use crate::flight::{Flight, FlightSample, Quantity};
 use crate::geometry::Attitude;
 use crate::logs::{ImportOptions, import};
 use crate::plan::{HEADLIGHTS, LightClock, ReferenceKind, relight};
-use crate::report::{Trace, front_view};
+use crate::report::{NamedFlight, front_view};
 use crate::scene::Scene;
 use crate::shoot::{Shoot, Stop};
 use crate::sim::Session;
@@ -243,7 +243,7 @@ impl PyFlight {
     /// Drawing for notebooks: the path from the front, over the design.
     fn _repr_svg_(&self) -> Option<String> {
         let samples = self.flight.samples.clone();
-        (!samples.is_empty()).then(|| front_view(&[Trace { name: "flown".into(), samples }]))
+        (!samples.is_empty()).then(|| front_view(&[NamedFlight { name: "flown".into(), samples }]))
     }
 
     fn __len__(&self) -> usize {

@@ -10,7 +10,7 @@ use crate::flight::{BATTERY_V, Flight, FlightSample};
 
 /// A flight to draw.
 #[derive(Clone, Debug)]
-pub struct Trace {
+pub struct NamedFlight {
     /// Its name in the legend.
     pub name: String,
     /// The samples to draw, in order of time. A design of zeros is none.
@@ -31,7 +31,7 @@ const CORRIDOR: Pen = Pen { color: BLACK, width_px: 1.5 };
 ///
 /// If there is no trace, or one without samples.
 #[must_use]
-pub fn top_view(traces: &[Trace]) -> String {
+pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     view.include_y(-1.25 * CORRIDOR_M);
     view.include_y(1.25 * CORRIDOR_M);
@@ -49,7 +49,7 @@ pub fn top_view(traces: &[Trace]) -> String {
 ///
 /// If there is no trace, or one without samples.
 #[must_use]
-pub fn front_view(traces: &[Trace]) -> String {
+pub fn front_view(traces: &[NamedFlight]) -> String {
     let view = View::new(traces, |p| (p.x, p.z));
     let ranges = view.ranges();
     view.svg("Flight from the front", "z (m)", ranges)
@@ -61,7 +61,7 @@ pub fn front_view(traces: &[Trace]) -> String {
 ///
 /// If there is no trace, or one without samples.
 #[must_use]
-pub fn error_over_time(traces: &[Trace]) -> String {
+pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
@@ -88,7 +88,7 @@ pub fn error_over_time(traces: &[Trace]) -> String {
     });
     Figure {
         title: "Flown minus design".to_owned(),
-        legend: names(traces, Trace::has_design),
+        legend: names(traces, NamedFlight::has_design),
         x_name: "time (s)",
         panels: panels.collect(),
     }
@@ -164,19 +164,19 @@ fn pen(index: usize) -> Pen {
 }
 
 /// The last trace first, so that the first lies on top.
-fn pens(traces: &[Trace]) -> impl Iterator<Item = (&Trace, Pen)> {
+fn pens(traces: &[NamedFlight]) -> impl Iterator<Item = (&NamedFlight, Pen)> {
     traces.iter().enumerate().map(|(index, trace)| (trace, pen(index))).rev()
 }
 
 /// The legend of the traces of one's choice, the first on top.
-fn names(traces: &[Trace], choice: impl Fn(&Trace) -> bool) -> Vec<(String, Pen)> {
+fn names(traces: &[NamedFlight], choice: impl Fn(&NamedFlight) -> bool) -> Vec<(String, Pen)> {
     let chosen = pens(traces).filter(|(trace, _)| choice(trace));
     let mut names: Vec<_> = chosen.map(|(trace, pen)| (trace.name.clone(), pen)).collect();
     names.reverse();
     names
 }
 
-impl Trace {
+impl NamedFlight {
     fn has_design(&self) -> bool {
         self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
     }
@@ -209,7 +209,7 @@ impl View {
         Self { curves, ..view }
     }
 
-    fn new(traces: &[Trace], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
+    fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let (mut curves, mut legend) = (Vec::new(), Vec::new());
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
             curves.push(trace.curve(DESIGN, |sample| project(sample.design_m)));

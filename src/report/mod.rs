@@ -35,7 +35,7 @@ pub use bound::bound_map;
 #[cfg(feature = "python")]
 pub(crate) use canvas::escaped;
 pub use coverage::coverage_map;
-pub use flights::{Trace, error_over_time, front_view, top_view};
+pub use flights::{NamedFlight, error_over_time, front_view, top_view};
 pub use hold::hold_figure;
 pub use labels::{Label, labeled};
 pub use overlay::{overlay_photo, overlay_svg};

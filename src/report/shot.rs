@@ -1,6 +1,6 @@
 //! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
-use super::flights::{Trace, error_over_time, front_view, load_over_time, top_view};
+use super::flights::{NamedFlight, error_over_time, front_view, load_over_time, top_view};
 use super::overlay::marks_svg;
 use super::page::Page;
 use super::place::shot_plan;
@@ -119,7 +119,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.scene.word)]);
     }
-    let traces: Vec<Trace> = shot.flights.iter().enumerate().map(trace).collect();
+    let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
     if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
         return page;
     }
@@ -131,8 +131,8 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-fn trace((index, flight): (usize, &Flight)) -> Trace {
-    Trace { name: format!("drone {}", index + 1), samples: flight.samples.clone() }
+fn trace((index, flight): (usize, &Flight)) -> NamedFlight {
+    NamedFlight { name: format!("drone {}", index + 1), samples: flight.samples.clone() }
 }
 
 /// The way of all drones; a place is lit where a lamp of its drone writes.

@@ -6,7 +6,7 @@
 use super::PX_PER_H;
 use super::raster::whole;
 use super::segment::{CORNER_RAD, Segment, normal, turn, walk};
-use super::trace::Trace;
+use super::trace::LightLines;
 
 /// Farthest that a stroke is moved: 0.25 H, as far as a letter may be shifted.
 const REACH_PX: i32 = 8;
@@ -38,7 +38,7 @@ impl Bent {
     }
 }
 
-impl Trace {
+impl LightLines {
     /// Moves runs of the pen onto their light.
     pub(super) fn bend(&self, runs: &[Vec<Segment>]) -> Bent {
         let mut bent =
@@ -129,7 +129,7 @@ mod tests {
         for y in 12..15 {
             page.values[y * 64 + 10..y * 64 + 40].fill(1.0);
         }
-        let trace = Trace::new(&page);
+        let trace = LightLines::new(&page);
         let bent = trace.bend(&[vec![[[10.0, 9.5], [60.0, 9.5]]]]);
         assert!(bent.found[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
         assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);

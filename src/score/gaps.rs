@@ -5,7 +5,7 @@ use super::PX_PER_H;
 use super::bend::Bent;
 use super::raster::whole;
 use super::segment::{Segment, distance};
-use super::trace::{CLOSE_PX, Trace, around};
+use super::trace::{CLOSE_PX, LightLines, around};
 
 /// How far from its stroke light may be: 0.10 H.
 pub(super) const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
@@ -39,7 +39,7 @@ pub(super) struct Stray {
     pub(super) thick_px: f64,
 }
 
-impl Trace {
+impl LightLines {
     /// Gaps in runs of the pen, and the share of the runs that has light. `is_lost` says of points
     /// whether their light is lost in a log.
     pub(super) fn gaps(

@@ -3,7 +3,7 @@
 use super::raster::Raster;
 use super::segment::distance;
 use super::sketch::Sketch;
-use super::trace::Trace;
+use super::trace::LightLines;
 use super::{PEN_H, PX_PER_H};
 
 /// A cap height in pixels.
@@ -75,6 +75,6 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
             }
             *picture = moved;
         }
-        Mending::Redraw => *picture = Trace::new(picture).redrawn(picture),
+        Mending::Redraw => *picture = LightLines::new(picture).redrawn(picture),
     }
 }

@@ -6,7 +6,7 @@ use super::page::REACH_PX;
 use super::raster::Raster;
 use super::reader::{Reader, Seen, draw, pure_ink};
 use super::segment::Segment;
-use super::trace::Trace;
+use super::trace::LightLines;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
 use crate::letters::Move;
@@ -15,7 +15,7 @@ use crate::letters::Move;
 pub(super) struct Sketch {
     /// Its light in the color of the strokes.
     pub(super) ink: Raster,
-    pub(super) trace: Trace,
+    pub(super) trace: LightLines,
     /// Offset from its place, right and down.
     pub(super) shift: [isize; 2],
     /// The runs of the pen, as intended and where their light is.
@@ -51,7 +51,7 @@ impl Reader {
             }
             pen_at = Some(step.to_m);
         }
-        let trace = Trace::new(&ink);
+        let trace = LightLines::new(&ink);
         let bent = trace.bend(&runs);
         let own = bent.segments();
         let (mut beside, mut ways) = (Vec::new(), Vec::new());

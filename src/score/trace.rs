@@ -10,13 +10,13 @@ const LIT: f32 = 0.4;
 pub(super) const CLOSE_PX: f64 = 0.05 * PX_PER_H as f64;
 
 /// Light of one letter as lines.
-pub(super) struct Trace {
+pub(super) struct LightLines {
     pub(super) width: usize,
     pub(super) lit: Vec<bool>,
     pub(super) thin: Vec<bool>,
 }
 
-impl Trace {
+impl LightLines {
     /// The lines of a picture.
     pub(super) fn new(picture: &Raster) -> Self {
         let lit: Vec<bool> = picture.values.iter().map(|value| *value > LIT).collect();
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_bar_is_thinned_to_its_middle_line() {
-        let trace = Trace::new(&bar());
+        let trace = LightLines::new(&bar());
         let line: Vec<usize> = (0..64 * 20).filter(|at| trace.thin[*at]).collect();
         assert!(line.iter().all(|at| at / 64 == 10), "{line:?}");
         assert!((34..=40).contains(&line.len()), "{} of 40 columns", line.len());
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_and_what_is_too_much_have_their_lengths() {
-        let trace = Trace::new(&bar());
+        let trace = LightLines::new(&bar());
         let run = vec![[[10.5, 10.5], [60.5, 10.5]]];
         let (gaps, recall) = trace.gaps(&trace.bend(std::slice::from_ref(&run)), |_| false);
         assert_eq!(gaps.len(), 1);

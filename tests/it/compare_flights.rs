@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use noctograph::flight::FlightSample;
-use noctograph::report::{Trace, error_over_time, front_view, top_view};
+use noctograph::report::{NamedFlight, error_over_time, front_view, top_view};
 use predicates::prelude::*;
 use serde_json::Value;
 
@@ -123,7 +123,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
 }
 
 /// A bow of 60 samples with a hole of half a second in it, `up_m` above its design.
-fn bow(name: &str, up_m: f64) -> Trace {
+fn bow(name: &str, up_m: f64) -> NamedFlight {
     let samples = (0..60).filter(|k| !(30..40).contains(k)).map(|k| {
         let time_s = f64::from(k) * 0.05;
         let design_m = Vector3::new(0.4 * time_s - 0.6, 0.0, 0.5 + 0.1 * time_s * (3.0 - time_s));
@@ -136,7 +136,7 @@ fn bow(name: &str, up_m: f64) -> Trace {
             ..FlightSample::default()
         }
     });
-    Trace { name: name.to_owned(), samples: samples.collect() }
+    NamedFlight { name: name.to_owned(), samples: samples.collect() }
 }
 
 #[test]

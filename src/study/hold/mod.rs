@@ -161,16 +161,16 @@ pub fn hold_figures(
         return Err(Error::input("runs", runs, wanted, "choose another number of runs"));
     }
     let one = |run: u32| {
-        Ok(Run::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
+        Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     };
-    let flown: Vec<Result<Run>> = (0..runs).into_par_iter().map(one).collect();
-    let flown: Result<Vec<Run>> = flown.into_iter().collect();
+    let flown: Vec<Result<FlightMeans>> = (0..runs).into_par_iter().map(one).collect();
+    let flown: Result<Vec<FlightMeans>> = flown.into_iter().collect();
     Ok(summary(&flown?, model, scenario, runs))
 }
 
 /// Means of one flight.
 #[derive(Debug)]
-struct Run {
+struct FlightMeans {
     estimate_m2: f64,
     hold_m2: f64,
     inside: f64,
@@ -183,7 +183,7 @@ struct Run {
     steps: [f64; 2],
 }
 
-impl Run {
+impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let near = |time_s: f64| events_s.iter().any(|at_s| (time_s - at_s).abs() <= EVENT_S);
@@ -222,8 +222,13 @@ impl Run {
     }
 }
 
-fn summary(flown: &[Run], model: HoldModel, scenario: HoldScenario, runs: u32) -> HoldFigures {
-    let column = |f: fn(&Run) -> f64| flown.iter().map(f).collect::<Vec<_>>();
+fn summary(
+    flown: &[FlightMeans],
+    model: HoldModel,
+    scenario: HoldScenario,
+    runs: u32,
+) -> HoldFigures {
+    let column = |f: fn(&FlightMeans) -> f64| flown.iter().map(f).collect::<Vec<_>>();
     let root = |squares: &[f64]| mean(squares).sqrt();
     let interval = |squares: Vec<f64>| {
         let found = bootstrap(&[squares], 0.95, |squares| root(squares));

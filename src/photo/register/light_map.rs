@@ -1,4 +1,4 @@
-//! Ink of a picture, the light to register, from coarse to fine.
+//! Light of a picture above its surroundings, to register it by, from coarse to fine.
 
 use super::whole;
 use crate::photo::{Photo, narrow, srgb};
@@ -7,20 +7,20 @@ use crate::photo::{Photo, narrow, srgb};
 const COARSE_PX: usize = 64;
 const FINE_PX: usize = 1024;
 
-/// Light that is not ink: a third of level 1, more than rounding leaves of an even picture.
+/// Light that does not count: a third of level 1, more than rounding leaves of an even picture.
 const LEAST_INK: f32 = 1e-4;
 
 /// Light above that of its surroundings.
 #[derive(Clone, Debug)]
-pub(super) struct Ink {
+pub(super) struct LightMap {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) values: Vec<f32>,
 }
 
-/// A picture's ink from [`COARSE_PX`] to [`FINE_PX`], each twice as fine as the one before.
+/// A picture's light from [`COARSE_PX`] to [`FINE_PX`], each twice as fine as the one before.
 pub(super) struct Levels {
-    pub(super) levels: Vec<Ink>,
+    pub(super) levels: Vec<LightMap>,
     /// Pixels of the picture per pixel of the finest.
     pub(super) finest: f64,
 }
@@ -30,7 +30,7 @@ impl Levels {
         let (width, height) = (photo.width_px as usize, photo.height_px as usize);
         let finest = width.max(height) as f64 / FINE_PX as f64;
         let size = [width, height].map(|side| whole((side as f64 / finest).round()).max(1));
-        let mut ink = Ink::new(photo, size);
+        let mut ink = LightMap::new(photo, size);
         let mut levels = vec![ink.blurred(1)];
         while ink.width.max(ink.height) > COARSE_PX {
             ink = ink.halved();
@@ -40,11 +40,11 @@ impl Levels {
         Self { levels, finest }
     }
 
-    pub(super) fn at(&self, level: usize) -> &Ink {
+    pub(super) fn at(&self, level: usize) -> &LightMap {
         &self.levels[level]
     }
 
-    pub(super) fn coarsest(&self) -> &Ink {
+    pub(super) fn coarsest(&self) -> &LightMap {
         &self.levels[0]
     }
 
@@ -54,7 +54,7 @@ impl Levels {
     }
 }
 
-impl Ink {
+impl LightMap {
     /// Luminance of a photo, in linear light, above that of its surroundings.
     fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
         let light = srgb::linear_from_level();
