@@ -9,7 +9,7 @@ use super::merge::{self, Segment};
 use super::project::{self, Px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::light::LightTrace;
+use crate::light::{Lamp, LightTrace};
 use crate::statistics::weighted_quantile;
 
 /// Tolerance of the segments: the meter needs less detail than the picture.
@@ -28,7 +28,9 @@ const STREAK_SPEED: f64 = 2.0;
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LampReading {
-    /// Name of the emitter.
+    /// Its drone, counted from 0; `None` where there is but one.
+    pub drone: Option<usize>,
+    /// Its label ([`Lamp::label`]).
     pub name: String,
     /// Time for which it is lit in the picture.
     pub lit_s: f64,
@@ -98,7 +100,7 @@ impl LampReading {
 pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     super::check(trace, camera, &super::ExposeOptions::default())?;
     // A row that changes its color is several lamps of one name.
-    let mut trails: Vec<(&str, Vec<Segment>)> = Vec::new();
+    let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
         let mut segments = Vec::new();
         let luminance = [0.2126, 0.7152, 0.0722];
@@ -110,15 +112,16 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
             (0.0..=camera.width_px.into()).contains(&x)
                 && (0.0..=camera.height_px.into()).contains(&y)
         });
-        let name = &*lamp.emitter.name;
-        match trails.iter_mut().find(|(known, _)| *known == name) {
+        let same =
+            |known: &Lamp| known.drone == lamp.drone && known.emitter.name == lamp.emitter.name;
+        match trails.iter_mut().find(|(known, _)| same(known)) {
             Some((_, all)) => all.append(&mut segments),
-            None => trails.push((name, segments)),
+            None => trails.push((lamp, segments)),
         }
     }
-    let readings = trails.into_iter().filter_map(|(name, mut segments)| {
+    let readings = trails.into_iter().filter_map(|(lamp, mut segments)| {
         segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
-        reading(name, &segments, camera)
+        reading(lamp, &segments, camera)
     });
     let readings: Vec<LampReading> = readings.collect();
     if readings.is_empty() {
@@ -168,7 +171,7 @@ fn gathered(segments: &[Segment]) -> Vec<Segment> {
     all
 }
 
-fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
+fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let few = (segments.len() > MANY).then(|| gathered(segments));
     let segments = few.as_deref().unwrap_or(segments);
     let stops = |exposure: f64| libm::log2(exposure / camera.saturation_lx_s());
@@ -203,7 +206,8 @@ fn reading(name: &str, segments: &[Segment], camera: &Camera) -> Option<LampRead
         open = hot;
     }
     Some(LampReading {
-        name: name.to_owned(),
+        drone: lamp.drone,
+        name: lamp.label(),
         lit_s: segments.iter().map(|s| s.duration_s).sum(),
         median_stops,
         p5_stops,

@@ -46,7 +46,7 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
         axis: -Vector3::y(),
         level: 1.0,
     };
-    Lamp { emitter, samples: places.into_iter().map(sample).collect() }
+    Lamp { drone: None, emitter, samples: places.into_iter().map(sample).collect() }
 }
 
 /// A lissajous figure of 2 m with a pause, at 250 Hz, 3 m away.

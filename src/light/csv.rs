@@ -188,7 +188,7 @@ fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> 
         visible_cos: -1.0,
         diameter_m: 0.0,
     };
-    Lamp { emitter, samples: samples.collect() }
+    Lamp { drone: None, emitter, samples: samples.collect() }
 }
 
 #[cfg(test)]

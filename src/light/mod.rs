@@ -60,13 +60,6 @@ impl LightTrace {
         ends.map(|last| last.time_s).fold(0.0, f64::max)
     }
 
-    /// Puts the number of a drone before the name of each lamp.
-    pub fn number(&mut self, drone: usize) {
-        for lamp in &mut self.lamps {
-            lamp.emitter.name = format!("{drone}: {}", lamp.emitter.name);
-        }
-    }
-
     /// Adds the lamps of another drone, flown at the same time.
     pub fn append(&mut self, mut other: Self) {
         self.lamps.append(&mut other.lamps);
@@ -76,11 +69,22 @@ impl LightTrace {
 /// One emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
+    /// Its drone, counted from 0; `None` where there is but one.
+    pub drone: Option<usize>,
     /// Its constant properties.
     pub emitter: Emitter,
     /// Its path, in order of time. Position, axis and level are linear between samples; two samples
     /// at one time make a step.
     pub samples: Vec<LightSample>,
+}
+
+impl Lamp {
+    /// Its name, after the number of its drone, from 1, where several fly.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let Self { drone, emitter: Emitter { name, .. }, .. } = self;
+        drone.map_or_else(|| name.clone(), |drone| format!("{}: {name}", drone + 1))
+    }
 }
 
 /// One instant of a lamp.
@@ -179,7 +183,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
         for (emitter, changes) in sources {
             let samples = way::shine(stretches, fixture, &changes, options);
             if !samples.is_empty() {
-                trace.lamps.push(Lamp { emitter, samples });
+                trace.lamps.push(Lamp { drone: None, emitter, samples });
             }
         }
     }

@@ -376,3 +376,13 @@ fn the_color_led_writes_each_letter_in_its_color() {
     assert!(first[0] > 2.0 * first[2] && second[2] > 2.0 * second[0], "{first:?}, {second:?}");
     assert_eq!(first, third, "two colors in turn");
 }
+
+#[test]
+fn a_lamp_of_several_drones_is_labeled_by_its_drone_and_keeps_its_name() {
+    let mut trace = lit(&LightOptions::default(), &["headlights"]);
+    let lamp = &mut trace.lamps[0];
+    lamp.emitter.name = "2: spare".to_owned();
+    assert_eq!(lamp.label(), "2: spare");
+    lamp.drone = Some(0);
+    assert_eq!((lamp.label().as_str(), lamp.emitter.name.as_str()), ("1: 2: spare", "2: spare"));
+}

@@ -153,12 +153,11 @@ fn check_flight(
     let scene = &shoot.scene;
     let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
     let trace = shoot.light_drone(drone, flight)?;
-    let prefix = if shoot.plans.len() > 1 { format!("{}: ", drone + 1) } else { String::new() };
     let flown = Flown {
         flight,
         ends: &ends,
         painted: &painted(flight, &trace, scene),
-        evenness_stops: picture.and_then(|picture| picture.evenness_stops(&prefix)),
+        evenness_stops: picture.and_then(|picture| picture.evenness_stops(drone)),
         cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
         motor_max: scene.vehicle.motor_max,
         battery_modeled: scene.battery.capacity_ah > 0.0,
@@ -239,9 +238,9 @@ impl Picture {
         })
     }
 
-    /// Range of the exposure along the brightest trail of the lamps whose names begin so, stops.
-    fn evenness_stops(&self, prefix: &str) -> Option<f64> {
-        let own = self.readings.iter().filter(|reading| reading.name.starts_with(prefix));
+    /// Range of the exposure along the brightest trail of a drone's lamps, stops.
+    fn evenness_stops(&self, drone: usize) -> Option<f64> {
+        let own = self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of == drone));
         let brightest = own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
         brightest.map(LampReading::evenness_stops)
     }

@@ -140,11 +140,9 @@ fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
-    let several = shot.flights.len() > 1;
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
-        let own = if several { format!("{}: ", drone + 1) } else { String::new() };
-        let lamps: Vec<&Lamp> =
-            lamps.iter().copied().filter(|lamp| lamp.emitter.name.starts_with(&own)).collect();
+        let own = |lamp: &&Lamp| lamp.drone.is_none_or(|of| of == drone);
+        let lamps: Vec<&Lamp> = lamps.iter().copied().filter(own).collect();
         let place = |sample: &FlightSample| {
             #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
             let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);

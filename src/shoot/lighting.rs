@@ -80,7 +80,7 @@ impl Shoot {
                 }
             };
             if several {
-                trace.number(drone + 1);
+                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(drone));
             }
             all.append(trace);
         }
@@ -92,7 +92,7 @@ impl Shoot {
         check_place(&all, bounds_m, &camera)?;
         problems.extend(problems::outside(&all, bounds_m, &camera));
         let lamps = problems::writing(&flights, &all, &self.scene.light);
-        let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.emitter.name.clone()).collect();
+        let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
         problems.splice(..0, problems::before(&flights, &lamps, &camera));
         Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
@@ -155,7 +155,7 @@ fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camer
     for lamp in &trace.lamps {
         let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
         if let Some(sample) = lamp.samples.iter().find(near) {
-            let name = &lamp.emitter.name;
+            let name = lamp.label();
             let found = format!(
                 "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
                 distance_m(sample),

@@ -185,7 +185,7 @@ fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);
         let last = lamp.samples.partition_point(|sample| sample.time_s <= to_s);
         let samples = &lamp.samples[first.saturating_sub(1)..(last + 1).min(lamp.samples.len())];
-        Lamp { emitter: lamp.emitter.clone(), samples: samples.to_vec() }
+        Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.to_vec() }
     };
     LightTrace { lamps: trace.lamps.iter().map(part).collect() }
 }

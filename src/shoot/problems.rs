@@ -200,13 +200,14 @@ pub fn writing<'a>(
         channels.any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
     };
     let follows = |lamp: &&Lamp| {
-        // Lamps of several drones have the drone's number before their name.
-        let name = lamp.emitter.name.rsplit(": ").next().unwrap_or_default();
-        fixtures.iter().filter(|fixture| fixture.name == name).any(|fixture| match &fixture.drive {
-            Drive::Command(channel) => has(channel),
-            Drive::Ring(_) => has("ring"),
-            Drive::ColorLed => has("color-led"),
-            Drive::Always | Drive::Blink { .. } | Drive::Flicker { .. } => false,
+        let name = &lamp.emitter.name;
+        fixtures.iter().filter(|fixture| fixture.name == *name).any(|fixture| {
+            match &fixture.drive {
+                Drive::Command(channel) => has(channel),
+                Drive::Ring(_) => has("ring"),
+                Drive::ColorLed => has("color-led"),
+                Drive::Always | Drive::Blink { .. } | Drive::Flicker { .. } => false,
+            }
         })
     };
     if flights.iter().all(|flight| flight.lights.is_empty()) {
@@ -297,4 +298,41 @@ pub(super) fn outside(
     sides
         .into_iter()
         .filter_map(|(what, outside)| Some(Problem::Outside { what, sides: outside.in_words()? }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::{Emitter, LightSample};
+
+    #[test]
+    fn a_lamp_writes_whatever_its_name() {
+        let mut options = LightOptions::default();
+        let mut fixtures = options.fixtures();
+        for fixture in &mut fixtures {
+            fixture.name = format!("left: {}", fixture.name);
+        }
+        let lamps = fixtures.iter().map(|fixture| Lamp {
+            drone: Some(1),
+            emitter: Emitter { name: fixture.name.clone(), ..emitter() },
+            samples: Vec::<LightSample>::new(),
+        });
+        let trace = LightTrace { lamps: lamps.collect() };
+        options.fixtures = Some(fixtures);
+        let mut flight = Flight::default();
+        flight.lights.insert("headlights".into(), vec![]);
+        assert!(!writing(&[flight], &trace, &options).is_empty());
+    }
+
+    fn emitter() -> Emitter {
+        Emitter {
+            name: String::new(),
+            intensity_cd: 1.0,
+            rgb: [1.0; 3],
+            beam_exponent: 0.0,
+            spill: 0.0,
+            visible_cos: -1.0,
+            diameter_m: 0.005,
+        }
+    }
 }

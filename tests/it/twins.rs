@@ -29,7 +29,7 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
         let axis = -Vector3::y();
         LightSample { time_s: t, position_m: position.into(), axis, level: 1.0 }
     });
-    Lamp { emitter, samples: samples.collect() }
+    Lamp { drone: None, emitter, samples: samples.collect() }
 }
 
 fn fixed(position_m: [f64; 3], target_m: [f64; 3]) -> Framing {
