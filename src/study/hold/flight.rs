@@ -1,47 +1,13 @@
-//! Altitude hold from three imperfect sensors, with an unknown thrust map.
-//!
-//! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
-//! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
-//! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`] estimates altitude, vertical
-//! velocity, α⁰, α¹ and both biases; [`hold()`] holds an altitude on its estimates through
-//! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
-//!
-//! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart (rank
-//! 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports that
-//! one, and α¹ with its standard deviation.
+//! A flight at constant altitude: truth, estimates and readings.
 
-use super::{HoldScenario, full, scalar};
-use crate::error::{Error, Result};
-use crate::sensors::{HeightSensor, Positioning};
-use crate::settings::settings;
-use crate::sim::{
-    AltitudeFilter, AltitudeSensor, AltitudeState, EstimatorKind, HeightReading, SimOptions,
-};
+use crate::sim::{AltitudeFilter, AltitudeState, HeightReading};
 
 /// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
 pub(super) const SAMPLES_HZ: u32 = 10;
-/// Longest flight.
-const MAX_DURATION_S: f64 = 3600.0;
 /// A change of the floor that is an event.
 const EVENT_M: f64 = 0.1;
-/// Spread of the true lift per throttle about the vehicle's, as a share of it.
-pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
-pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
-/// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
-pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 /// Altitude that is held.
 pub(super) const SET_M: f64 = 1.5;
-
-settings! {
-    /// What flies.
-    pub enum HoldModel {
-        /// Vertical motion alone: a gain, an offset, a lag of the motors and gusts.
-        "scalar" => Scalar,
-        /// The full simulator: body, rotors, battery, sensors, controller.
-        "full" => Full,
-    }
-}
 
 /// A flight at constant altitude.
 #[derive(Clone, Debug)]
@@ -117,135 +83,5 @@ impl Hold {
             }
         }
         events_s
-    }
-}
-
-/// Holds an altitude for a time through a scenario, with the noise of a seed.
-///
-/// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
-/// differs from what they say, by a share drawn from the seed.
-///
-/// # Errors
-///
-/// As [`SimOptions::check`]; [`Error::Input`] for options without an altitude filter, and for a
-/// duration out of range; [`Error::Infeasible`] for a drone that does not stay in the air.
-pub fn hold(
-    model: HoldModel,
-    options: &SimOptions,
-    scenario: HoldScenario,
-    duration_s: f64,
-    seed: u64,
-) -> Result<Hold> {
-    options.check()?;
-    let kind = options.observer.kind;
-    if kind != EstimatorKind::Altitude {
-        return Err(Error::input(
-            "observer.kind",
-            kind.name(),
-            "altitude",
-            "name the preset bzzz, or set the kind and sensors of the altitude",
-        ));
-    }
-    if !(1.0..=MAX_DURATION_S).contains(&duration_s) {
-        let wanted = format!("from 1 to {MAX_DURATION_S} s");
-        return Err(Error::input("duration_s", duration_s, wanted, "choose another duration"));
-    }
-    match model {
-        HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
-        HoldModel::Full => full::hold(options, scenario, duration_s, seed),
-    }
-}
-
-/// The sensors of the altitude that a drone has.
-pub(super) fn sensors(options: &SimOptions) -> Vec<AltitudeSensor> {
-    let sensors = &options.sensors;
-    let has = |sensor| sensors.heights.contains(&sensor);
-    [
-        (AltitudeSensor::Gnss, sensors.positioning == Positioning::Gnss),
-        (AltitudeSensor::TimeOfFlight, has(HeightSensor::TimeOfFlight)),
-        (AltitudeSensor::Barometer, has(HeightSensor::Barometer)),
-    ]
-    .into_iter()
-    .filter_map(|(sensor, present)| present.then_some(sensor))
-    .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Root mean square of the distance from the set altitude, from 5 s on.
-    fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
-        let flight = hold(model, options, HoldScenario::Step, 60.0, seed).unwrap();
-        let settled = flight.samples.iter().filter(|s| s.time_s > 5.0);
-        let squares: Vec<f64> = settled.map(|s| (s.truth[0] - 1.5) * (s.truth[0] - 1.5)).collect();
-        (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
-    }
-
-    #[test]
-    fn without_the_step_test_a_table_moves_the_drone() {
-        let sighted = SimOptions::bzzz();
-        let mut blind = sighted.clone();
-        blind.observer.altitude.step_gate_sigmas = 1e3;
-        for model in [HoldModel::Scalar, HoldModel::Full] {
-            let (with_m, without_m) = (rms_m(model, &sighted, 1), rms_m(model, &blind, 1));
-            assert!(without_m > 2.0 * with_m, "{model:?}: {without_m} m against {with_m} m");
-        }
-    }
-
-    #[test]
-    fn uncertainty_grows_while_the_satellites_are_silent_and_is_back_within_a_second() {
-        for model in [HoldModel::Scalar, HoldModel::Full] {
-            let flight = hold(model, &SimOptions::bzzz(), HoldScenario::Silent, 35.0, 3).unwrap();
-            let sigma_m = |time_s: f64| {
-                let at = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
-                at.map_or(0.0, |s| s.sigma[0])
-            };
-            // It grows at once to what the ranger over a known floor bounds, and stays there.
-            let before_m = sigma_m(19.9);
-            assert!(sigma_m(20.1) > 1.1 * before_m, "{model:?}: {} m", sigma_m(20.1));
-            for time_s in [20.5, 22.0, 25.0, 29.9] {
-                let found_m = sigma_m(time_s);
-                assert!(found_m > 1.3 * before_m, "{model:?}: {found_m} m at {time_s} s");
-            }
-            assert!(sigma_m(31.1) < 1.05 * before_m, "{model:?}: {} m", sigma_m(31.1));
-        }
-    }
-
-    #[test]
-    fn what_cannot_be_held_is_refused_with_the_key() {
-        let refused = |change: fn(&mut SimOptions)| {
-            let mut options = SimOptions::bzzz();
-            change(&mut options);
-            hold(HoldModel::Full, &options, HoldScenario::Calm, 2.0, 0).unwrap_err().to_string()
-        };
-        type Change = fn(&mut SimOptions);
-        let cases: [(&str, Change); 9] = [
-            ("sensors.gnss.noise_m: found -0.1", |o| o.sensors.gnss.noise_m = -0.1),
-            ("sensors.time_of_flight.noise_m", |o| o.sensors.time_of_flight.noise_m = f64::NAN),
-            ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {
-                o.sensors.gnss.silent_s = vec![[30.0, 20.0]];
-            }),
-            ("sensors.gnss.silent_s[1]: found 25 to 40 s, wanted a beginning after", |o| {
-                o.sensors.gnss.silent_s = vec![[20.0, 30.0], [25.0, 40.0]];
-            }),
-            ("observer.kind: found altitude, with no sensor", |o| {
-                o.sensors.positioning = Positioning::Position;
-                o.sensors.heights.clear();
-            }),
-            ("observer.altitude.gain_sigma_m_s2", |o| o.observer.altitude.gain_sigma_m_s2 = 0.0),
-            ("observer.kind: found ekf, wanted altitude", |o| {
-                o.observer.kind = EstimatorKind::Ekf;
-            }),
-            ("plan, setpoint 1: found a height of 1.5 m, wanted more than the floor's 3 m", |o| {
-                let (x_m, y_m) = ([0.1, 0.3], [-1.0, 1.0]);
-                o.floor.steps = vec![crate::vehicle::FloorStep { x_m, y_m, height_m: 3.0 }];
-            }),
-            ("controller.altitude.error_m", |o| o.controller.altitude.error_m = 0.0),
-        ];
-        for (want, change) in cases {
-            let found = refused(change);
-            assert!(found.starts_with(want), "{found}");
-        }
     }
 }

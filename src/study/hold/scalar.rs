@@ -3,13 +3,12 @@
 //! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the lag of the motors, at 100 Hz. Sensors, filter and
 //! controller run at 10 Hz, as the lab sheet asks.
 
-use super::flight::{
-    GAIN_SPREAD, GUST, Hold, HoldSample, OFFSET_SPREAD_M_S2, SAMPLES_HZ, SET_M, sensors,
-};
-use super::scenario::{DRONE, HoldScenario};
+use super::flight::{Hold, HoldSample, SAMPLES_HZ, SET_M};
+use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::Result;
 use crate::random::Noise;
+use crate::sensors::{HeightSensor, Positioning};
 use crate::sim::{AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains};
 
 /// Steps of the truth per second.
@@ -135,4 +134,18 @@ impl Truth {
         self.altitude_m += self.velocity_m_s * dt + 0.5 * a * dt * dt;
         self.velocity_m_s += a * dt;
     }
+}
+
+/// The sensors of the altitude that a drone has.
+fn sensors(options: &SimOptions) -> Vec<AltitudeSensor> {
+    let sensors = &options.sensors;
+    let has = |sensor| sensors.heights.contains(&sensor);
+    [
+        (AltitudeSensor::Gnss, sensors.positioning == Positioning::Gnss),
+        (AltitudeSensor::TimeOfFlight, has(HeightSensor::TimeOfFlight)),
+        (AltitudeSensor::Barometer, has(HeightSensor::Barometer)),
+    ]
+    .into_iter()
+    .filter_map(|(sensor, present)| present.then_some(sensor))
+    .collect()
 }

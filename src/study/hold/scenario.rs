@@ -1,10 +1,16 @@
 //! Events of a flight at constant altitude, in the scalar model and in the full simulator.
 
-use super::flight::{GAIN_SPREAD, GUST, OFFSET_SPREAD_M_S2};
 use crate::random::Noise;
 use crate::settings::settings;
 use crate::sim::SimOptions;
 use crate::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
+
+/// Spread of the true lift per throttle about the vehicle's, as a share of it.
+pub(super) const GAIN_SPREAD: f64 = 0.05;
+/// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
+pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
+/// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
+pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 
 /// Height of the table, m, and when it is below the drone, s.
 const TABLE_M: f64 = 0.5;

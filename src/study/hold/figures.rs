@@ -1,0 +1,382 @@
+//! Altitude hold over many seeds: the figures of each scenario, and their bounds.
+
+use rayon::prelude::*;
+
+use super::flight::{Hold, HoldSample, STATE_NAMES};
+use super::scenario::HoldScenario;
+use super::{HoldModel, hold};
+use crate::error::{Error, Result};
+use crate::sim::SimOptions;
+use crate::study::statistics::{bootstrap, mean};
+
+/// Time that a flight lasts, s.
+pub const DURATION_S: f64 = 60.0;
+/// Time from which a flight counts: the filter has settled, s.
+const FROM_S: f64 = 5.0;
+/// Time about an event in which innovations do not count, s.
+const EVENT_S: f64 = 0.5;
+/// Most runs of a scenario.
+const MAX_RUNS: u32 = 10_000;
+/// Mean squared error over variance of a consistent state: at most 20 % off in its σ.
+pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
+
+/// Figures of a scenario over its runs. Root mean squares are over time and runs.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct HoldFigures {
+    /// Name of the scenario.
+    pub scenario: &'static str,
+    /// Name of the model that flew.
+    pub model: &'static str,
+    /// Number of flights.
+    pub runs: u32,
+    /// Error of the estimated altitude, root mean square with its 95 % interval, m.
+    pub estimate_m: Interval,
+    /// Distance from the held altitude, root mean square with its 95 % interval, m.
+    pub hold_m: Interval,
+    /// Share of the time in which the altitude is inside its 95 % band.
+    pub inside: f64,
+    /// Error of the estimated hover throttle, root mean square.
+    pub hover_throttle: f64,
+    /// Squared error over variance of each state, away from events.
+    pub states: Vec<Consistency>,
+    /// Normalized innovation squared of satellites, ranger and barometer, away from events.
+    pub nis: [Option<f64>; 3],
+    /// Steps of the floor in a flight, on average: found, and seen by the ranger.
+    pub steps: [f64; 2],
+    /// Promises; none of the scenario that stays hard.
+    pub bounds: Option<Bounds>,
+    /// Promises that were not kept.
+    pub missed: Vec<String>,
+}
+
+/// How well the filter knows what it does not know of a state.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Consistency {
+    /// Name of the state.
+    pub state: &'static str,
+    /// Mean over time and runs of the squared error over its variance, with its 95 % interval: 1 of
+    /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    pub error: Interval,
+    /// What that means.
+    pub verdict: HoldVerdict,
+}
+
+/// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HoldVerdict {
+    /// It is.
+    Consistent,
+    /// It is too small.
+    Overconfident,
+    /// It is too large.
+    Conservative,
+}
+
+impl HoldVerdict {
+    fn of(squared_error: f64) -> Self {
+        let [least, most] = CONSISTENT;
+        if squared_error < least {
+            Self::Conservative
+        } else if squared_error > most {
+            Self::Overconfident
+        } else {
+            Self::Consistent
+        }
+    }
+
+    /// Its name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Overconfident => "overconfident",
+            Self::Conservative => "conservative",
+        }
+    }
+}
+
+/// An estimate with its 95 % bootstrap interval over runs.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Interval {
+    /// Over all runs.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// What a scenario promises.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Bounds {
+    /// Error of the estimated altitude, root mean square, m.
+    pub estimate_m: f64,
+    /// Distance from the held altitude, root mean square, m.
+    pub hold_m: f64,
+    /// Share of the time inside the 95 % band, least and most.
+    pub inside: [f64; 2],
+    /// Error of the estimated hover throttle, root mean square.
+    pub hover_throttle: f64,
+    /// Normalized innovation squared, least and most.
+    pub nis: [f64; 2],
+    /// Difference of the steps found and seen in a flight.
+    pub steps: f64,
+}
+
+impl Bounds {
+    /// The promises of a scenario; none for a step of the floor while the satellites are silent, when
+    /// only the barometer knows the altitude.
+    fn new(scenario: HoldScenario) -> Option<Self> {
+        let (estimate_m, hold_m) = match scenario {
+            HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),
+            HoldScenario::Step => (0.028, 0.056),
+            HoldScenario::Silent => (0.038, 0.070),
+            HoldScenario::Drain => (0.027, 0.068),
+            HoldScenario::StepSilent => return None,
+        };
+        let (inside, nis, hover_throttle) = ([0.94, 0.98], [0.8, 1.15], 0.006);
+        Some(Self { estimate_m, hold_m, inside, hover_throttle, nis, steps: 0.1 })
+    }
+}
+
+/// Flies a scenario with the seeds `seed`, `seed` + 1 … of a number of runs.
+///
+/// # Errors
+///
+/// As [`hold`]; [`Error::Input`] for no or more than 10 000 runs.
+pub fn hold_figures(
+    model: HoldModel,
+    options: &SimOptions,
+    scenario: HoldScenario,
+    seed: u64,
+    runs: u32,
+) -> Result<HoldFigures> {
+    if !(1..=MAX_RUNS).contains(&runs) {
+        let wanted = format!("from 1 to {MAX_RUNS}");
+        return Err(Error::input("runs", runs, wanted, "choose another number of runs"));
+    }
+    let one = |run: u32| {
+        Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
+    };
+    let flown: Vec<Result<FlightMeans>> = (0..runs).into_par_iter().map(one).collect();
+    let flown: Result<Vec<FlightMeans>> = flown.into_iter().collect();
+    Ok(summary(&flown?, model, scenario, runs))
+}
+
+/// Means of one flight.
+#[derive(Debug)]
+struct FlightMeans {
+    estimate_m2: f64,
+    hold_m2: f64,
+    inside: f64,
+    hover_throttle_sq: f64,
+    /// Squared error over variance of each state.
+    states: [f64; 6],
+    /// Sum of the normalized innovations squared, and their number.
+    nis: [(f64, f64); 3],
+    /// Found and seen.
+    steps: [f64; 2],
+}
+
+impl FlightMeans {
+    fn new(flight: &Hold) -> Self {
+        let events_s = flight.events_s();
+        let near = |time_s: f64| events_s.iter().any(|at_s| (time_s - at_s).abs() <= EVENT_S);
+        let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
+        let over = |f: &dyn Fn(&HoldSample) -> f64| {
+            mean(&samples.iter().map(|s| f(s)).collect::<Vec<_>>())
+        };
+        let error_m = |s: &HoldSample| s.estimate[0] - s.truth[0];
+        let mut nis = [(0.0, 0.0); 3];
+        for sample in samples.iter().filter(|s| !near(s.time_s)) {
+            for reading in sample.readings.iter().filter(|reading| reading.taken) {
+                let (sum, n) = &mut nis[reading.sensor as usize];
+                *sum += reading.innovation.nis();
+                *n += 1.0;
+            }
+        }
+        Self {
+            estimate_m2: over(&|s| error_m(s) * error_m(s)),
+            hold_m2: over(&|s| (s.truth[0] - flight.set_m) * (s.truth[0] - flight.set_m)),
+            inside: over(&|s| f64::from(u8::from(error_m(s).abs() < 1.96 * s.sigma[0]))),
+            hover_throttle_sq: over(&|s| {
+                let [truth, estimate] = s.hover_throttle();
+                (estimate - truth) * (estimate - truth)
+            }),
+            states: std::array::from_fn(|i| {
+                let sigmas = |s: &HoldSample| (s.estimate[i] - s.truth[i]) / s.sigma[i];
+                let quiet = samples.iter().filter(|s| !near(s.time_s));
+                mean(&quiet.map(|s| sigmas(s) * sigmas(s)).collect::<Vec<_>>())
+            }),
+            nis,
+            steps: [
+                flight.steps.into(),
+                f64::from(u32::try_from(events_s.len()).unwrap_or(u32::MAX)),
+            ],
+        }
+    }
+}
+
+fn summary(
+    flown: &[FlightMeans],
+    model: HoldModel,
+    scenario: HoldScenario,
+    runs: u32,
+) -> HoldFigures {
+    let column = |f: fn(&FlightMeans) -> f64| flown.iter().map(f).collect::<Vec<_>>();
+    let root = |squares: &[f64]| mean(squares).sqrt();
+    let interval = |squares: Vec<f64>| {
+        let found = bootstrap(&[squares], 0.95, |squares| root(squares));
+        Interval { value: found.value, low: found.low, high: found.high }
+    };
+    let consistency = |(index, state): (usize, &&'static str)| {
+        let squares: Vec<f64> = flown.iter().map(|run| run.states[index]).collect();
+        let found = bootstrap(&[squares], 0.95, |squares| mean(squares));
+        let error = Interval { value: found.value, low: found.low, high: found.high };
+        Consistency { state, error, verdict: HoldVerdict::of(error.value) }
+    };
+    let mut figures = HoldFigures {
+        scenario: scenario.name(),
+        model: model.name(),
+        runs,
+        estimate_m: interval(column(|run| run.estimate_m2)),
+        hold_m: interval(column(|run| run.hold_m2)),
+        inside: mean(&column(|run| run.inside)),
+        hover_throttle: root(&column(|run| run.hover_throttle_sq)),
+        states: STATE_NAMES.iter().enumerate().map(consistency).collect(),
+        nis: [0, 1, 2].map(|sensor| {
+            let sums = flown.iter().map(|run| run.nis[sensor]);
+            let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
+            (n > 0.0).then(|| sum / n)
+        }),
+        steps: [mean(&column(|run| run.steps[0])), mean(&column(|run| run.steps[1]))],
+        bounds: Bounds::new(scenario),
+        missed: Vec::new(),
+    };
+    figures.missed = figures.misses();
+    figures
+}
+
+impl HoldFigures {
+    fn misses(&self) -> Vec<String> {
+        let mut missed = Vec::new();
+        let Some(Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps }) = self.bounds
+        else {
+            return missed;
+        };
+        let mut promise = |kept: bool, text: String| {
+            if !kept {
+                missed.push(text);
+            }
+        };
+        let (found, cm) = (self.estimate_m.value, |m: f64| format!("{:.1} cm", 100.0 * m));
+        promise(found <= estimate_m, format!("estimate {} above {}", cm(found), cm(estimate_m)));
+        let found = self.hold_m.value;
+        promise(found <= hold_m, format!("hold {} above {}", cm(found), cm(hold_m)));
+        let [least, most] = inside;
+        let kept = (least..=most).contains(&self.inside);
+        promise(kept, format!("inside {:.3}, not {least} to {most}", self.inside));
+        let found = self.hover_throttle;
+        promise(
+            found <= hover_throttle,
+            format!("hover throttle off by {found:.4}, more than {hover_throttle}"),
+        );
+        let [least, most] = nis;
+        for found in self.nis.into_iter().flatten() {
+            let kept = (least..=most).contains(&found);
+            promise(kept, format!("NIS {found:.2}, not {least} to {most}"));
+        }
+        for Consistency { state, error, verdict } in &self.states {
+            let text =
+                format!("{state} overconfident: squared error over variance {:.2}", error.value);
+            promise(*verdict != HoldVerdict::Overconfident, text);
+        }
+        let [found, seen] = self.steps;
+        promise((found - seen).abs() <= steps, format!("{found:.2} steps found of {seen:.2}"));
+        missed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figures(model: HoldModel, scenario: HoldScenario, runs: u32) -> HoldFigures {
+        hold_figures(model, &SimOptions::bzzz(), scenario, 0, runs).unwrap()
+    }
+
+    #[test]
+    fn every_scenario_is_estimated_and_held_as_promised_in_the_scalar_model() {
+        for scenario in HoldScenario::ALL {
+            let found = figures(HoldModel::Scalar, *scenario, 80);
+            assert_eq!(found.missed, [""; 0], "{found:?}");
+        }
+    }
+
+    #[test]
+    fn the_full_simulator_keeps_the_promises_too() {
+        // Fewer flights than the promises are made for: a seventh looser.
+        for scenario in HoldScenario::ALL {
+            let found = figures(HoldModel::Full, *scenario, 4);
+            let Some(bounds) = found.bounds else { continue };
+            assert!(found.estimate_m.value < 1.15 * bounds.estimate_m, "{found:?}");
+            assert!(found.hold_m.value < 1.15 * bounds.hold_m, "{found:?}");
+            assert!((0.92..=0.99).contains(&found.inside), "{found:?}");
+            assert!(found.nis.iter().flatten().all(|nis| (0.7..=1.3).contains(nis)), "{found:?}");
+            assert!((found.steps[0] - found.steps[1]).abs() <= bounds.steps, "{found:?}");
+            assert_eq!(scenario.has_step(), found.steps[1] > 0.0, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn the_filter_knows_what_it_does_not_know_of_motion_and_thrust() {
+        let [least, most] = CONSISTENT;
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            for scenario in HoldScenario::ALL {
+                // Of eight flights, one with a gain far from the believed one decides.
+                let found = figures(model, *scenario, 24);
+                for (index, Consistency { state, error, .. }) in found.states.iter().enumerate() {
+                    let what = format!("{model:?}, {scenario:?}, {state}: {error:?}");
+                    assert!(error.low <= most, "{what}");
+                    // The floor is flat and the barometer hardly drifts: easier than the filter is
+                    // made for.
+                    assert!(index >= 4 || error.high >= least, "{what}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_unknown_offset_beside_a_gain_that_walks_is_found_overconfident() {
+        let found = |offset_sigma_m_s2, gain_sigma_m_s2| {
+            let mut options = SimOptions::bzzz();
+            let filter = &mut options.observer.altitude;
+            filter.gain_walk_m_s2_sqrt_s = 0.8;
+            (filter.offset_sigma_m_s2, filter.gain_sigma_m_s2) =
+                (offset_sigma_m_s2, gain_sigma_m_s2);
+            hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 80).unwrap()
+        };
+        let unknown = found(1.4, 3.0);
+        let verdicts = [2, 3].map(|index| unknown.states[index].verdict);
+        assert_eq!(verdicts, [HoldVerdict::Overconfident; 2], "{unknown:?}");
+        for state in ["α⁰", "α¹"] {
+            let start = format!("{state} overconfident");
+            assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
+        }
+        // With gravity known, a walk that no battery has only widens σ.
+        let known = found(0.1, 1.9);
+        assert_eq!(known.states[3].verdict, HoldVerdict::Conservative, "{known:?}");
+    }
+
+    #[test]
+    fn a_promise_that_is_broken_is_told() {
+        let mut found = figures(HoldModel::Scalar, HoldScenario::Calm, 2);
+        (found.hold_m.value, found.steps[0]) = (0.2, 1.0);
+        let missed = found.misses();
+        assert_eq!(missed.len(), 2, "{missed:?}");
+        assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
+        let none = hold_figures(HoldModel::Scalar, &SimOptions::bzzz(), HoldScenario::Calm, 0, 0);
+        assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
+    }
+}
