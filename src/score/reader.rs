@@ -137,7 +137,8 @@ impl Reader {
     ///
     /// As [`Self::score`].
     pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
-        let seen = self.see(photo, view)?;
+        check_size(photo, view)?;
+        let seen = self.see(photo, view);
         let strips = seen.iter().flat_map(|seen| &seen.strips);
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width).collect())).collect())
     }
@@ -147,9 +148,10 @@ impl Reader {
     /// The word is looked for in its place and in the lines that blind recognition finds: two views of
     /// the same light, of which the one that shows the word better counts.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<Sight> {
+        check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
         let cap_height_px = self.cap_height_px(view);
-        let seen = match seen? {
+        let seen = match seen {
             Ok(seen) => seen,
             Err(reason) => {
                 let verdict = Verdict::unseen(&self.strokes, reason, cap_height_px);
@@ -185,19 +187,18 @@ impl Reader {
         reading.is_clear() && reading.letters.iter().any(|letter| is_outside(&letter))
     }
 
-    /// Finds the word's light.
-    fn see(&self, photo: &Photo, view: &View) -> Result<std::result::Result<Seen, Reason>> {
-        check_size(photo, view)?;
+    /// Finds the word's light in a photo of the size that the view gives, or why there is none.
+    fn see(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
         let grid = self.finder.grid();
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
             grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
-        let Some(light) = decoded else { return Ok(Err(Reason::NotInPhoto)) };
+        let Some(light) = decoded else { return Err(Reason::NotInPhoto) };
         let colors = grid.resample(&light, view, &self.home);
         let bright = brightness(grid, &colors);
         let ink_px = self.ink_px.iter().sum();
         let Some((full_light, contrast)) = level::full_light(&bright, light.sky, ink_px) else {
-            return Ok(Err(Reason::NoLight));
+            return Err(Reason::NoLight);
         };
         let placed = self.finder.place(&bright.exposed(full_light));
         let color = color::of_brightest(&colors, whole(INK_SHARE * ink_px));
@@ -218,7 +219,7 @@ impl Reader {
         let columns = |of: &[Strip]| of.par_iter().map(Columns::of).collect::<Vec<_>>();
         let (columns, around) = rayon::join(|| columns(&strips), || columns(&around));
         let around = Columns::joined(around).letters_alone();
-        Ok(Ok(Seen { light, placed, full_light, contrast, strips, columns, around }))
+        Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
     /// Height of a capital in the photo; `None` where the photo cannot show it.

@@ -31,7 +31,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
     };
     let text = std::str::from_utf8(bytes).map_err(|broken| refuse(broken.to_string()))?;
     let budget = Budget::of(file, LIMIT.hint);
-    xml::check_entities(text, &budget)?.map_err(refuse)?;
+    xml::check_entities(text, &budget, refuse)?;
     xml::check_tags(text, &budget)?;
     let limits =
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };

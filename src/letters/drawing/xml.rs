@@ -5,7 +5,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::Budget;
 
 /// Steps of comparing two names, and of putting an entity in.
@@ -24,15 +24,17 @@ struct Size {
     references: usize,
 }
 
-/// Takes the entities of a document off a budget.
+/// Takes the entities of a document off a budget; `refuse` makes an error of what was found instead of
+/// entities that stay small.
 ///
 /// # Errors
 ///
-/// Those of the budget; within, what was found instead of entities that stay small.
+/// Those of the budget and of `refuse`.
 pub(super) fn check_entities(
     xml: &str,
     budget: &Budget,
-) -> Result<std::result::Result<(), String>> {
+    refuse: impl Fn(String) -> Error,
+) -> Result<()> {
     let mut values = HashMap::new();
     let mut rest = xml;
     while let Some((_, declaration)) = rest.split_once("<!ENTITY") {
@@ -45,24 +47,23 @@ pub(super) fn check_entities(
         };
         let Some((value, after)) = value[1..].split_once(quote) else { continue };
         if value.contains('<') {
-            return Ok(Err(format!("an entity that holds elements: {name}")));
+            return Err(refuse(format!("an entity that holds elements: {name}")));
         }
         // The first declaration of a name holds.
         values.entry(name).or_insert(value);
         rest = after;
     }
     if values.is_empty() {
-        return Ok(Ok(()));
+        return Ok(());
     }
     let mut known = HashMap::new();
     let Some(all) = size(xml, &values, &mut known, 0) else {
-        return Ok(Err("entities without end".into()));
+        return Err(refuse("entities without end".into()));
     };
     if all.bytes > MAX_BYTES.max(2 * xml.len()) {
-        return Ok(Err(format!("entities that become {} MiB", all.bytes >> 20)));
+        return Err(refuse(format!("entities that become {} MiB", all.bytes >> 20)));
     }
-    budget.steps(all.references.saturating_mul(STEPS[1] + STEPS[0] * values.len()))?;
-    Ok(Ok(()))
+    budget.steps(all.references.saturating_mul(STEPS[1] + STEPS[0] * values.len()))
 }
 
 /// A text with its entities put in; `None` where they hold each other too deeply.
@@ -141,7 +142,8 @@ mod tests {
     use super::*;
 
     fn check(xml: &str) -> std::result::Result<(), String> {
-        check_entities(xml, &Budget::of("a.svg", "none")).map_err(|error| error.to_string())?
+        let refuse = |found| Error::input("a.svg", found, "an SVG drawing", "none");
+        check_entities(xml, &Budget::of("a.svg", "none"), refuse).map_err(|error| error.to_string())
     }
 
     #[test]
