@@ -55,6 +55,7 @@ mod specimen;
 mod spread;
 mod square_on;
 mod studies;
+mod table;
 mod tune;
 
 pub(crate) use self::outcome::Report;
