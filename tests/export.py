@@ -201,7 +201,7 @@ class Bytes(unittest.TestCase):
 
     def test_polynomials_are_cflibs(self):
         data = content("NOOR.poly4d")
-        rows = content("NOOR.csv").decode().splitlines()[1:]
+        rows = content("swarm/NOOR.csv").decode().splitlines()[1:]
         self.assertEqual(len(data), 132 * len(rows))
         self.assertLessEqual(len(rows), 31)
         packed = b""
@@ -210,7 +210,7 @@ class Bytes(unittest.TestCase):
             packed += Poly4D(t, *[Poly4D.Poly(c[8 * k:8 * k + 8]) for k in range(4)]).pack()
         self.assertEqual(packed, data)
 
-    def test_a_show_keeps_skybrushs_rules_and_flies_as_its_table(self):
+    def test_a_show_keeps_skybrushs_rules_and_flies_as_in_vviz(self):
         with zipfile.ZipFile(os.path.join(WORK, "NOOR.skyc")) as archive:
             self.assertIsNone(archive.testzip())
             show = json.loads(archive.read("show.json"))
@@ -234,15 +234,18 @@ class Bytes(unittest.TestCase):
                         for p, q in zip(left, left[1:])]
             return left[0]
 
-        with zipfile.ZipFile(os.path.join(WORK, "NOOR.zip")) as archive:
-            rows = list(csv.DictReader(archive.read("Drone 1.csv").decode().splitlines()))
-        # Legs from rest to rest are cubic in a show, of degree 7 in the firmware: letters count.
-        lit = [row for row in rows if int(row["Red"]) > 0]
-        self.assertGreater(len(lit), 100)
-        for row in lit:
-            want = [float(row[f"{axis} [m]"]) for axis in "xyz"]
-            found = place(float(row["Time [msec]"]) / 1000)
-            self.assertLess(math.dist(found, want), 0.001, row)
+        drone = json.loads(content("NOOR.vviz"))["performances"][0]
+        home = drone["agentDescription"]
+        at = [home["homeX"], home["homeZ"], home["homeY"]]
+        colors = drone["payloadDescription"][0]["payloadActions"]
+        lit = 0
+        for row, (step, color) in enumerate(zip(home["agentTraversal"], colors[::2])):
+            at = [a + b for a, b in zip(at, (step["dx"], step["dz"], step["dy"]))]
+            # Legs from rest to rest are cubic in a show, of degree 7 in the firmware: letters count.
+            if color["r"] > 0:
+                lit += 1
+                self.assertLess(math.dist(place(row / 10), at), 0.001, row)
+        self.assertGreater(lit, 100)
 
 
 class Flights(unittest.TestCase):

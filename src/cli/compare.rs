@@ -12,6 +12,7 @@ use super::names::named;
 use super::outcome::{Report, line};
 use super::output::OutputFolder;
 use super::show;
+use super::table::table;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::flight::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
@@ -76,7 +77,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     };
     let json = to_json(args, &comparison, &tracking, &[a.sha256(), b.sha256()]);
     let gap = if files.is_empty() { "" } else { "\n" };
-    Ok(Report::new(table(args, &comparison, &tracking) + gap, json).with_files(&files))
+    Ok(Report::new(text_of(args, &comparison, &tracking) + gap, json).with_files(&files))
 }
 
 fn plots(
@@ -107,31 +108,25 @@ fn to_json(
     [digest_a, digest_b]: &[String; 2],
 ) -> Value {
     let side = |path: &Path, digest: &str, tracking: &Option<Tracking>| {
-        let tracking = tracking.as_ref().map(show::tracking_json);
+        let tracking = tracking.as_ref().map(show::TrackingFigures::from);
         json!({ "file": path, "sha256": digest, "tracking": tracking })
     };
-    let (rmse, mean) = (comparison.rmse_m, comparison.mean_m);
-    let turned = comparison.attitude_rmse.map(|a| [a.yaw_rad, a.pitch_rad, a.roll_rad]);
-    json!({
-        "part": comparison.part.name(),
-        "offset_s": comparison.offset_s,
-        "samples": comparison.n_samples,
-        "span_s": comparison.span_s,
-        "rmse_m": [rmse.x, rmse.y, rmse.z],
-        "mean_m": [mean.x, mean.y, mean.z],
-        "max_m": comparison.max_m,
-        "attitude_rmse_rad": turned,
-        "first": comparison.first.map(|(cause, share)| {
-            let (cause, change) = in_words(cause);
-            json!({ "cause": cause, "change": change, "share": share })
-        }),
-        "a": side(&args.a, digest_a, a),
-        "b": side(&args.b, digest_b, b),
-    })
+    let mut json = json!(comparison);
+    json["first"] = comparison.first.map_or(Value::Null, |(cause, share)| {
+        let (cause, change) = in_words(cause);
+        json!({ "cause": cause, "change": change, "share": share })
+    });
+    json["a"] = side(&args.a, digest_a, a);
+    json["b"] = side(&args.b, digest_b, b);
+    json
 }
 
 /// Errors of both flights against their designs, of their observers, and between them.
-fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Tracking>; 2]) -> String {
+fn text_of(
+    args: &CompareArgs,
+    comparison: &Comparison,
+    tracking: &[Option<Tracking>; 2],
+) -> String {
     let part = show::in_part(comparison.part);
     // Whole milliseconds, and no minus sign before zero.
     let offset_s = (comparison.offset_s * 1e3).round() / 1e3 + 0.0;
@@ -141,29 +136,33 @@ fn table(args: &CompareArgs, comparison: &Comparison, tracking: &[Option<Trackin
     let span = format!("{from_s:.2} to {to_s:.2} s, {n} samples");
     text += &line("compared", &format!("{part}, {span}; B's clock {offset_s:+.3} s"));
 
-    text += "\nRMSE, m                        x       y       z  in plane\n";
-    text += &row("A against B", comparison.rmse_m);
-    text += &rows(tracking, "against its design", |t| Some(row("", t.rmse_m)));
-    text += &rows(tracking, "without its lag", |t| Some(row("", t.rmse_after_lag_m)));
-    text += &rows(tracking, "observer", |t| Some(row("", t.observer_rmse_m?)));
+    let rmse = std::iter::once(row("A against B", comparison.rmse_m))
+        .chain(rows(tracking, |side, t| Some(row(&format!("{side} against its design"), t.rmse_m))))
+        .chain(rows(tracking, |side, t| {
+            Some(row(&format!("{side} without its lag"), t.rmse_after_lag_m))
+        }))
+        .chain(rows(tracking, |side, t| {
+            Some(row(&format!("{side} observer"), t.observer_rmse_m?))
+        }));
+    text += &("\n".to_owned() + &table("RMSE, m<24|x>8|y>8|z>8|in plane>10", rmse));
     if let Some(turned) = comparison.attitude_rmse {
         let Attitude { yaw_rad, pitch_rad, roll_rad } = turned;
-        text += "\nRMSE, rad                    yaw   pitch    roll\n";
-        text += &format!("{:24}{yaw_rad:8.4}{pitch_rad:8.4}{roll_rad:8.4}\n", "A against B");
+        let row = format!("A against B\t{yaw_rad:.4}\t{pitch_rad:.4}\t{roll_rad:.4}");
+        text += &("\n".to_owned() + &table("RMSE, rad<24|yaw>8|pitch>8|roll>8", [row]));
     }
-
-    text += "\ncontour error, m            mean     rms     p95      max   lag, s\n";
-    text += &rows(tracking, "", |t| {
+    let contour = rows(tracking, |side, t| {
         let c = t.contour;
         let (mean, rms, p95, max) = (c.mean_m, c.rms_m, c.p95_m, c.max_m);
-        Some(format!("{:24}{mean:8.3}{rms:8.3}{p95:8.3}{max:9.3}{:9.3}\n", "", t.lag_s))
+        Some(format!("{side}\t{mean:.3}\t{rms:.3}\t{p95:.3}\t{max:.3}\t{:.3}", t.lag_s))
     });
-    text += "\ndrift in y, m               from      to    within ±0.2 m\n";
-    text += &rows(tracking, "", |t| {
-        let d = t.drift;
-        let share = 100.0 * d.in_corridor_frac;
-        Some(format!("{:24}{:+8.3}{:+8.3}{share:15.1} %\n", "", d.min_y_m, d.max_y_m))
+    let head = "contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9";
+    text += &("\n".to_owned() + &table(head, contour));
+    let drift = rows(tracking, |side, t| {
+        let (d, share) = (t.drift, 100.0 * t.drift.in_corridor_frac);
+        Some(format!("{side}\t{:+.3}\t{:+.3}\t{share:.1} %", d.min_y_m, d.max_y_m))
     });
+    let head = "drift in y, m<24|from>8|to>8|within ±0.2 m>17";
+    text += &("\n".to_owned() + &table(head, drift));
     if let Some((cause, share)) = comparison.first.filter(|_| comparison.rmse_m.norm() >= ALIKE_M) {
         let (cause, change) = in_words(cause);
         text += "\n";
@@ -210,19 +209,14 @@ fn in_words(cause: Discrepancy) -> (String, String) {
 
 /// A row of a vector: its name, x, y, z and the length in the x-z plane.
 fn row(name: &str, v: Vector3<f64>) -> String {
-    format!("{name:24}{:8.4}{:8.4}{:8.4}{:10.4}\n", v.x, v.y, v.z, v.xz().norm())
+    format!("{name}\t{:.4}\t{:.4}\t{:.4}\t{:.4}", v.x, v.y, v.z, v.xz().norm())
 }
 
 /// A row for each flight that has the figure.
 fn rows(
     tracking: &[Option<Tracking>; 2],
-    name: &str,
-    row: impl Fn(&Tracking) -> Option<String>,
-) -> String {
-    let row = |(letter, tracking): (&str, &Option<Tracking>)| {
-        let row = row(tracking.as_ref()?)?;
-        let name = format!("{letter} {name}");
-        Some(format!("{name:24}{}", &row[24..]))
-    };
-    ["A", "B"].into_iter().zip(tracking).filter_map(row).collect()
+    row: impl Fn(&str, &Tracking) -> Option<String>,
+) -> impl Iterator<Item = String> {
+    let both = ["A", "B"].into_iter().zip(tracking);
+    both.filter_map(move |(side, tracking)| row(side, tracking.as_ref()?))
 }

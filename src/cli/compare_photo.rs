@@ -50,11 +50,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let Registration { transform, correlation, residual_px: [median_px, p95_px] } = found;
     let json = json!({
         "photo_px": [photo.width_px, photo.height_px],
-        "transform": {
-            "scale": transform.scale,
-            "rotation_rad": transform.rotation_rad,
-            "shift_px": transform.shift_px,
-        },
+        "transform": transform,
         "correlation": correlation,
         "residual_px": { "median": median_px, "p95": p95_px },
         "mean_flip": mean,

@@ -11,6 +11,7 @@ use super::flags::{SceneFlags, set_word};
 use super::letters::LetterFlags;
 use super::outcome::{Report, line};
 use super::output::Output;
+use super::table::table;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
@@ -71,7 +72,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
         "error_median_m": quantiles_m.map(|q| q[0]), "error_p95_m": quantiles_m.map(|q| q[1]),
         "error_max_m": quantiles_m.map(|q| q[2]), "coverage": grid,
     });
-    Ok(Report::new(table(&grid, n_stations, bounds_m), json).with_files(&[path]))
+    Ok(Report::new(text_of(&grid, n_stations, bounds_m), json).with_files(&[path]))
 }
 
 /// The bound of the estimates along the flights that write a word, and the best place of one more
@@ -102,11 +103,10 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     );
     text +=
         &line("excluded", "biased ranges, stray ranges and lost messages: with them it is more");
-    text += "\nletter  drone   bound, cm\n";
     let strokes = shoot.strokes.as_ref();
     // Spaces are no letters: the plan counts glyphs.
     let glyphs = strokes.map_or(&[][..], |strokes| &strokes.glyphs);
-    let mut letters = Vec::new();
+    let (mut letters, mut rows) = (Vec::new(), Vec::new());
     let is_word = strokes.is_some_and(|strokes| !strokes.word.is_empty());
     for (letter, glyph) in glyphs.iter().enumerate() {
         // A drawing has strokes of one color in place of letters.
@@ -114,11 +114,12 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
         for (drone, bound) in found.iter().enumerate() {
             let sigma_m = writing_sigma_m(std::slice::from_ref(bound), Some(letter));
             if let Some(sigma_m) = sigma_m {
-                text += &format!("{name:<8}{:<8}{:>9}\n", drone + 1, cm(Some(sigma_m)));
+                rows.push(format!("{name}\t{}\t{}", drone + 1, cm(Some(sigma_m))));
                 letters.push(json!({ "letter": name, "drone": drone + 1, "bound_m": sigma_m }));
             }
         }
     }
+    text += &format!("\n{}", table("letter<8|drone<8|bound, cm>9", rows));
     let [x, y, z] = place_m;
     let more = format!(
         "one more anchor that all drones hear helps most at ({x:.2}, {y:.2}, {z:.2}) m: {} cm then",
@@ -139,7 +140,7 @@ fn quantiles_m(grid: &Coverage) -> Option<[f64; 3]> {
     Some([last / 2, last * 95 / 100, last].map(|i| errors_m[i]))
 }
 
-fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4]) -> String {
+fn text_of(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4]) -> String {
     let mut text = format!(
         "plane     x {left:.2} to {right:.2} m, z {bottom:.2} to {top:.2} m, at y {:.2} m\n\
          seen      by two or more of {n_stations} base stations: {:.1} % of {} points\n",
@@ -155,16 +156,13 @@ fn table(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64; 4
         }
         None => "error     unknown: no point is seen by two base stations\n".to_owned(),
     };
-    text += "\nstations  points    share\n";
-    for n in 0..=n_stations {
+    let rows = (0..=n_stations).filter_map(|n| {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
-        if places > 0 {
-            #[expect(clippy::cast_precision_loss, reason = "at most a million")]
-            let share = 100.0 * places as f64 / grid.places.len() as f64;
-            text += &format!("{n:<10}{places:<10}{share:.1} %\n");
-        }
-    }
-    text + "\n"
+        #[expect(clippy::cast_precision_loss, reason = "at most a million")]
+        let share = 100.0 * places as f64 / grid.places.len() as f64;
+        (places > 0).then(|| format!("{n}\t{places}\t{share:.1} %"))
+    });
+    text + "\n" + &table("stations<10|points<10|share<0", rows) + "\n"
 }
 
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {

@@ -44,8 +44,7 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    let polynomials =
-        matches!(args.to, Format::Poly4d | Format::Crazyswarm2 | Format::UavTrajectories);
+    let polynomials = matches!(args.to, Format::Poly4d | Format::Crazyswarm2);
     let form = if polynomials { Form::Poly4d } else { Form::Compressed };
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;

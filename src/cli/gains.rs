@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::flags::SceneFlags;
 use super::message;
 use super::outcome::{Report, line, wrapped};
+use super::table::table;
 use crate::control::Margins;
 use crate::error::Result;
 use crate::scene::Scene;
@@ -98,12 +99,12 @@ fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
         text += "\nK         u = u_hover - K (x - x_des), transposed\n";
         text += &matrix(&k.transpose(), &design.states, &INPUTS);
     } else {
-        text += &format!("\n{:20}{:>12}{:>12}{:>12}   unit of p\n", "gains", "p", "i", "d");
-    }
-    for (name, figures, unit) in gains {
-        text += &format!("{name:20}");
-        figures.iter().for_each(|(_, gain)| text += &format!("{gain:>12}"));
-        text += &format!("   {unit}\n");
+        let row = |(name, figures, unit): &(&str, Vec<(&str, f64)>, &str)| {
+            let figures = figures.iter().map(|(_, gain)| format!("{gain}\t"));
+            format!("{name}\t{}   {unit}", figures.collect::<String>())
+        };
+        text += "\n";
+        text += &table("gains<20|p>12|i>12|d>12|   unit of p<0", gains.iter().map(row));
     }
     if scene.observer.kind == EstimatorKind::Luenberger {
         text += "\nL         dx/dt = A x + B u - L (C x - y), without psi\n";
@@ -116,38 +117,32 @@ fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
         text += &pole_lines("observer", design.observer_poles.as_ref());
     }
     text += "\nmargins   gain (dB), phase and its crossover (rad/s), loop broken at each input\n";
-    text += &format!("{:10}{:35}with {lag_s} s of motor lag\n", "", "without motor lag");
-    for (i, input) in INPUTS.iter().enumerate() {
+    let head = format!("<10|without motor lag<35|with {lag_s} s of motor lag<0");
+    let rows = INPUTS.iter().enumerate().map(|(i, input)| {
         let shown =
             |margins: &Option<[Margins; 4]>| margins.map_or("unstable".into(), |m| margin(&m[i]));
-        let (now, late) = (shown(&design.margins), shown(&design.lagging_margins));
-        text += &format!("{input:10}{now:35}{late}\n");
-    }
+        format!("{input}\t{}\t{}", shown(&design.margins), shown(&design.lagging_margins))
+    });
+    text += &table(&head, rows);
     let longest = design.longest_lag_s.map_or("over a second".into(), |s| format!("{s:.3} s"));
     text + &format!("longest   motor lag with a stable loop: {longest}\n")
 }
 
-/// A row for each state, a column for each output or input; zeros as a dash.
+/// A row for each state, a column for each output or input; six decimals, three of large numbers, and
+/// zeros as a dash.
 fn matrix(m: &DMatrix<f64>, rows: &[&str], columns: &[&str]) -> String {
-    let mut text = format!("{:12}", "");
-    columns.iter().for_each(|name| text += &format!("{name:>14}"));
-    text.push('\n');
+    let shown = |entry: f64, tiny: f64| match entry.abs() {
+        size if size <= tiny => "\t-".to_owned(),
+        size if size < 10.0 => format!("\t{entry:.6}"),
+        _ => format!("\t{entry:.3}"),
+    };
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
-    for (i, name) in rows.iter().enumerate() {
-        text += &format!("{name:12}");
-        for (j, tiny) in tiny.iter().enumerate() {
-            let entry = m[(i, j)];
-            let shown = if entry.abs() <= *tiny { "-".to_owned() } else { figure(entry) };
-            text += &format!("{shown:>14}");
-        }
-        text.push('\n');
-    }
-    text
-}
-
-/// Six decimals, three for large numbers.
-fn figure(value: f64) -> String {
-    if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.3}") }
+    let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
+        let entries = row.iter().zip(&tiny).map(|(entry, tiny)| shown(*entry, *tiny));
+        (*name).to_owned() + &entries.collect::<String>()
+    });
+    let columns: String = columns.iter().map(|name| format!("|{name}>14")).collect();
+    table(&format!("<12{columns}"), rows)
 }
 
 /// Poles, wrapped; a conjugate pair as one.
@@ -183,14 +178,12 @@ fn decibels(factor: f64) -> f64 {
 fn bryson(design: &Design, r: &[f64; 4]) -> String {
     let mut text =
         "\nbryson    1 / (largest deviation from hover within the motors' range)^2\n".to_owned();
-    text += &format!("{:10}{:>14}{:>16}{:>20}\n", "", "deviation", "weight", "controller.lqr.r");
-    for (i, input) in INPUTS.iter().enumerate() {
+    let rows = INPUTS.iter().enumerate().map(|(i, input)| {
         let (deviation, weight) = (design.largest_inputs[i], design.bryson_r[i]);
-        let unit = if i == 3 { "N" } else { "N m" };
-        let ratio = r[i] / weight;
-        text +=
-            &format!("{input:10}{deviation:>14.3e} {unit:3}{weight:>12.5e}{ratio:>12.3} times\n");
-    }
+        let (unit, ratio) = (if i == 3 { "N" } else { "N m" }, r[i] / weight);
+        format!("{input}\t{deviation:.3e}\t {unit:3}{weight:>12.5e}\t{ratio:>12.3} times")
+    });
+    text += &table("<10|deviation>14|weight>16|    controller.lqr.r<0", rows);
     let [x, y, z, f] = design.bryson_r;
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
 }
@@ -200,52 +193,26 @@ fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
         m.row_iter().map(|row| row.iter().copied().collect()).collect()
     };
-    let poles = |poles: &Option<Vec<Complex<f64>>>| {
-        poles.as_ref().map(|poles| poles.iter().map(|p| [p.re, p.im]).collect::<Vec<_>>())
-    };
-    let margins = |margins: &Option<[Margins; 4]>| {
-        margins.map(|margins| {
-            let one = |(input, m): (&str, Margins)| {
-                json!({
-                    "input": input,
-                    "gain_up": m.gain_up,
-                    "gain_up_db": m.gain_up.map(decibels),
-                    "gain_down": m.gain_down,
-                    "gain_down_db": m.gain_down.map(decibels),
-                    "phase_rad": m.phase_rad,
-                    "crossover_rad_s": m.crossover_rad_s,
-                })
-            };
-            INPUTS.into_iter().zip(margins).map(one).collect::<Vec<_>>()
-        })
-    };
-    let gains = gains.iter().map(|(name, figures, unit)| {
-        let figures = figures.iter().map(|(part, gain)| ((*part).to_owned(), json!(gain)));
-        let unit = [("unit".to_owned(), json!(unit))];
-        ((*name).to_owned(), Value::Object(figures.chain(unit).collect()))
-    });
-    json!({
-        "controller": controller.kind.name(),
-        "controller_states": design.n_controller_states,
-        "gains": Value::Object(gains.collect()),
-        "A": rows(&design.a),
-        "B": rows(&design.b),
-        "K": design.k.as_ref().map(rows),
-        "L": rows(&design.l),
-        "states": design.states,
-        "inputs": INPUTS,
-        "controllability_rank": design.controllability_rank,
-        "observability_rank": design.observability_rank,
-        "unobservable": design.unobservable,
-        "regulator_poles": poles(&design.regulator_poles),
-        "observer_poles": poles(&design.observer_poles),
-        "margins": margins(&design.margins),
-        "motor_lag_s": design.motor_lag_s,
-        "lagging_poles": poles(&design.lagging_poles),
-        "lagging_margins": margins(&design.lagging_margins),
-        "longest_lag_s": design.longest_lag_s,
-        "largest_inputs": design.largest_inputs,
-        "bryson_r": design.bryson_r,
-        "warnings": design.warnings,
-    })
+    let mut json = json!(design);
+    for margins in ["margins", "lagging_margins"] {
+        let margins = json[margins].as_array_mut().into_iter().flatten();
+        for (margins, input) in margins.zip(INPUTS) {
+            margins["input"] = input.into();
+            for (gain, db) in [("gain_up", "gain_up_db"), ("gain_down", "gain_down_db")] {
+                margins[db] = margins[gain].as_f64().map(decibels).into();
+            }
+        }
+    }
+    json["controller"] = controller.kind.name().into();
+    json["inputs"] = json!(INPUTS);
+    json["gains"] = json!({});
+    for (name, figures, unit) in gains {
+        figures.iter().for_each(|(part, gain)| json["gains"][name][part] = json!(gain));
+        json["gains"][name]["unit"] = json!(unit);
+    }
+    for (name, matrix) in [("A", &design.a), ("B", &design.b), ("L", &design.l)] {
+        json[name] = json!(rows(matrix));
+    }
+    json["K"] = json!(design.k.as_ref().map(rows));
+    json
 }

@@ -10,6 +10,7 @@ use super::flags::{SceneFlags, SeedFlag};
 use super::names::{named, names};
 use super::outcome::{Outcome, Report, wrapped};
 use super::output::OutputFolder;
+use super::table::table;
 use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
@@ -24,7 +25,7 @@ pub(super) struct HoldArgs {
     /// Scenarios: calm, step, silent, drain, drift, step-silent, or all
     #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = "all")]
     scenario: Vec<String>,
-    /// HoldModel that flies [default: both]
+    /// Model that flies [default: both]
     #[arg(long, value_name = "NAME", value_parser = named::<HoldModel>())]
     model: Option<HoldModel>,
     /// Flights of each scenario and model, with one seed after the other
@@ -67,7 +68,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
             names.extend([csv, svg]);
         }
     }
-    let text = table(&found) + &consistency(&found);
+    let text = text_of(&found) + &consistency(&found);
     let json = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
@@ -89,17 +90,11 @@ fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     typed.iter().map(|name| name.parse::<HoldScenario>()).collect()
 }
 
-fn table(found: &[HoldFigures]) -> String {
-    let mut text = "RMS error of the estimate and of the hold, share of z inside its 95 % band, RMS\n\
-                    error of the hover throttle, NIS of satellites, ranger and barometer, steps of\n\
-                    the floor that were found of those seen, on average over the flights\n\n\
-                    scenario    model   estimate  hold inside throttle     NIS          steps\n\
-                    \x20                         cm    cm\n"
-        .to_owned();
-    for f in found {
+fn text_of(found: &[HoldFigures]) -> String {
+    let row = |f: &HoldFigures| {
         let nis = f.nis.map(|nis| nis.map_or("   -".to_owned(), |nis| format!("{nis:.2}")));
-        text += &format!(
-            "{:12}{:8}{:8.2}{:6.2}{:7.3}{:9.4} {}  {:.2} of {:.2}\n",
+        format!(
+            "{}\t{}\t{:.2}\t{:.2}\t{:.3}\t{:.4}\t {}\t{:.2} of {:.2}",
             f.scenario,
             f.model,
             100.0 * f.estimate_m.value,
@@ -109,8 +104,15 @@ fn table(found: &[HoldFigures]) -> String {
             nis.join(" "),
             f.steps[0],
             f.steps[1],
-        );
-    }
+        )
+    };
+    let head = "scenario<12|model<8|estimate>8|hold>6|inside>7|throttle>9|     NIS<17| steps<0";
+    let units = std::iter::once("\t\tcm\tcm".to_owned());
+    let mut text = "RMS error of the estimate and of the hold, share of z inside its 95 % band, RMS\n\
+                    error of the hover throttle, NIS of satellites, ranger and barometer, steps of\n\
+                    the floor that were found of those seen, on average over the flights\n\n"
+        .to_owned()
+        + &table(head, units.chain(found.iter().map(row)));
     for (f, missed) in found.iter().flat_map(|f| f.missed.iter().map(move |m| (f, m))) {
         text += &wrapped("missed    ", &format!("{}, {}: {missed}", f.scenario, f.model));
     }
@@ -121,28 +123,21 @@ fn table(found: &[HoldFigures]) -> String {
 /// out of bounds.
 fn consistency(found: &[HoldFigures]) -> String {
     let [least, most] = CONSISTENT;
+    let rows = found.iter().flat_map(|f| {
+        let errors = f.states.iter().map(|state| format!("\t{:.2}", state.error.value));
+        let intervals = f.states.iter().map(|state| {
+            let digits = if state.error.high < 10.0 { 2 } else { 0 };
+            format!("\t {:.digits$}-{:.digits$}", state.error.low, state.error.high)
+        });
+        let (errors, intervals): (String, String) = (errors.collect(), intervals.collect());
+        [format!("{}\t{}{errors}", f.scenario, f.model), format!("\t{intervals}")]
+    });
+    let names: String = STATE_NAMES.iter().map(|name| format!("|{name}>10")).collect();
     let mut text = format!(
         "\nmean squared error over variance of each state: 1 where the covariance holds,\n\
-         consistent from {least} to {most}; below it the 95 % interval\n{:20}",
-        "scenario    model"
+         consistent from {least} to {most}; below it the 95 % interval\n{}",
+        table(&format!("scenario<12|model<8{names}"), rows)
     );
-    for name in STATE_NAMES {
-        text += &format!("{name:>10}");
-    }
-    text += "\n";
-    for f in found {
-        text += &format!("{:12}{:8}", f.scenario, f.model);
-        for state in &f.states {
-            text += &format!("{:>10.2}", state.error.value);
-        }
-        text += &format!("\n{:20}", "");
-        for state in &f.states {
-            let digits = if state.error.high < 10.0 { 2 } else { 0 };
-            let interval = format!("{:.digits$}-{:.digits$}", state.error.low, state.error.high);
-            text += &format!(" {interval:>9}");
-        }
-        text += "\n";
-    }
     for f in found {
         let out = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
         let words: Vec<String> =

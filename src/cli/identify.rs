@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::flags::{FlightFlags, SceneFlags};
 use super::outcome::{Report, wrapped};
+use super::table::table;
 use crate::error::{Error, Result};
 use crate::identify::yaw::ReactionTorque;
 use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
@@ -45,7 +46,8 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         flight.map(|flight| identify(&flight, &of_the_scene)).transpose().map_err(named(args))?;
     let inertia = inertia_kg_m2.map(|j| format!("inertia       {j:.4e} kg m2\n"));
     let assumed = assumed(&vehicle);
-    let text = [Some(assumed), found.as_ref().map(table), inertia].into_iter().flatten().collect();
+    let text =
+        [Some(assumed), found.as_ref().map(text_of), inertia].into_iter().flatten().collect();
     Ok(Report::new(text, to_json(&vehicle, found.as_ref(), inertia_kg_m2)))
 }
 
@@ -71,7 +73,7 @@ fn assumed(vehicle: &VehicleOptions) -> String {
     wrapped(&format!("{:14}", "assumed"), &text)
 }
 
-fn table(found: &Identified) -> String {
+fn text_of(found: &Identified) -> String {
     let [m1, m2, m3, m4] = found.mean_motors;
     let [tau_x, tau_y] = found.motor_torque_n_m;
     let [com_x, com_y] = found.center_of_mass_m.map(|m| m * 1e3);
@@ -93,19 +95,20 @@ fn table(found: &Identified) -> String {
         }
     }
     if let (Some(sigma), Some(q)) = (found.measurement_sigma_m, found.observer_q()) {
-        text += "\nmeasured      sigma, m        observer.luenberger.q\n";
-        for ((name, sigma), q) in ["x", "y", "z"].iter().zip(sigma).zip(q) {
-            text += &format!("{name:14}{sigma:<16.4}{q:.0}\n");
-        }
+        let rows = ["x", "y", "z"].iter().zip(sigma).zip(q);
+        let rows = rows.map(|((name, sigma), q)| format!("{name}\t{sigma:.4}\t{q:.0}"));
+        text += "\n";
+        text += &table("measured<14|sigma, m<16|observer.luenberger.q<0", rows);
     }
     if let (Some(sigma), Some(r)) = (found.model_sigma, found.observer_r()) {
-        text += "\nmodel         sigma, per s    observer.luenberger.r\n";
         let mut weights = r.iter();
-        for (name, sigma) in MODEL_STATES.iter().zip(sigma) {
+        let rows = MODEL_STATES.iter().zip(sigma).map(|(name, sigma)| {
             let weight = if *name == "psi" { None } else { weights.next() };
             let weight = weight.map_or("not observable".to_owned(), |r| format!("{r:.1}"));
-            text += &format!("{name:14}{sigma:<16.4}{weight}\n");
-        }
+            format!("{name}\t{sigma:.4}\t{weight}")
+        });
+        text += "\n";
+        text += &table("model<14|sigma, per s<16|observer.luenberger.r<0", rows);
     }
     text
 }

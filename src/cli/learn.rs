@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::flags::{FlightFlags, find_scene};
 use super::message;
@@ -12,6 +12,7 @@ use super::outcome::{Report, line};
 use super::output::Output;
 use super::set::SetFlag;
 use super::studies::{open_store, share};
+use super::table::table;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::Plan;
@@ -81,9 +82,14 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
     let names: Vec<String> = names.collect();
     let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
     let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
-    let (mut rounds, mut helped) = (Rounds::default(), None);
+    let (mut rounds, mut helped) = (Vec::new(), None);
     let plans = if args.flight.is_empty() {
-        let learned = learn(&ready, &options, Some(&store), &mut |round| rounds.add(round))?;
+        let watch = &mut |round: &Round| {
+            let (number, p) = (rounds.len(), round.legibility);
+            message("", &format!("round {number}: read with probability {p:.3}"));
+            rounds.push(round.clone());
+        };
+        let learned = learn(&ready, &options, Some(&store), watch)?;
         helped = Some(learned.helped());
         learned.plans
     } else {
@@ -104,41 +110,30 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         Some(false) => format!(
             "nothing: none of the rounds ({}) is significantly better than the design (95 %), which is kept; \
              try more repeats, less gain, or another controller",
-            rounds.json.len().saturating_sub(1)
+            rounds.len().saturating_sub(1)
         ),
         _ => ready.word().to_owned(),
     };
-    let json = json!({ "word": ready.word(), "rounds": rounds.json, "helped": helped });
-    Ok(Report::new(rounds.table + &line("learned", &outcome), json).with_files(&paths))
+    let json = json!({ "word": ready.word(), "rounds": rounds, "helped": helped });
+    Ok(Report::new(rounds_table(&rounds) + &line("learned", &outcome), json).with_files(&paths))
 }
 
-/// The rounds so far, for people and for programs.
-#[derive(Default)]
-struct Rounds {
-    table: String,
-    json: Vec<Value>,
-}
-
-impl Rounds {
-    fn add(&mut self, round: &Round) {
-        let Round { legibility: p, legible, contour_m, rmse_m, lag_s, kept, .. } = *round;
-        let number = self.json.len();
-        message("", &format!("round {number}: read with probability {p:.3}"));
-        if number == 0 {
-            self.table += "round   P(read)  legible    interval   contour      rmse      lag\n";
-            self.table += "                                            mm        mm        s\n";
-        }
-        let note = if kept { "" } else { "  not better" };
-        let [share, interval] = share(&legible);
-        let [contour, rmse] = [contour_m, rmse_m].map(|m| 1e3 * m);
-        self.table += &format!(
-            "{number:5}{p:10.3}{share:>9}{interval:>12}{contour:10.1}{rmse:10.1}{lag_s:9.2}{note}\n"
-        );
-        self.json.push(json!({
-            "legibility": p, "legible": legible, "contour_m": contour_m, "rmse_m": rmse_m,
-            "lag_s": lag_s, "kept": kept,
-        }));
-    }
+/// A table of rounds.
+fn rounds_table(rounds: &[Round]) -> String {
+    let units = rounds.first().map(|_| "\t\t\t\tmm\tmm\ts".to_owned());
+    let row = |(number, round): (usize, &Round)| {
+        let [share, interval] = share(&round.legible);
+        let [contour, rmse] = [round.contour_m, round.rmse_m].map(|m| 1e3 * m);
+        let note = if round.kept { "" } else { "  not better" };
+        format!(
+            "{number}\t{:.3}\t{share}\t{interval}\t{contour:.1}\t{rmse:.1}\t{:.2}\t{note}",
+            round.legibility, round.lag_s
+        )
+    };
+    table(
+        "round>5|P(read)>10|legible>9|interval>12|contour>10|rmse>10|lag>9|<0",
+        units.into_iter().chain(rounds.iter().enumerate().map(row)),
+    )
 }
 
 /// One round from flights that were flown elsewhere, by one drone.

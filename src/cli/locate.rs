@@ -12,6 +12,7 @@ use super::flags::{FlightFlags, SceneFlags};
 use super::locate_region::region;
 use super::outcome::{Outcome, Report, line};
 use super::output::OutputFolder;
+use super::table::table;
 use super::warn;
 use crate::crazyflie::read_anchors;
 use crate::error::{Error, Result};
@@ -365,9 +366,8 @@ fn ambiguity_lines(located: &Located) -> String {
     let text = |(k, ambiguity): (usize, &Ambiguity)| {
         let Ambiguity { drone, from_s, to_s, apart_m } = ambiguity;
         let text = format!(
-            "drone {} from {from_s:.1} to {to_s:.1} s: a place up to {apart_m:.1} m away has the \
-             same ranges",
-            drone + 1
+            "drone {drone} from {from_s:.1} to {to_s:.1} s: a place up to {apart_m:.1} m away has \
+             the same ranges"
         );
         line(if k == 0 { "ambiguous" } else { "" }, &text)
     };
@@ -379,45 +379,40 @@ fn ambiguity_lines(located: &Located) -> String {
 
 /// What the located positions leave of the ranges, by link.
 fn residual_table(located: &Located) -> String {
-    let head = "\nresiduals, cm                     median  scatter  refused  ranges\n";
     let row = |link: &LinkResidual| {
-        let [median_cm, scatter_cm] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
-        format!(
-            "{:<32}{median_cm:>+8.1}{scatter_cm:>9.1}{:>9}{:>8}\n",
-            link.link, link.refused, link.ranges
-        )
+        let LinkResidual { link, refused, ranges, median_m, scatter_m, .. } = link;
+        let [median_cm, scatter_cm] = [median_m, scatter_m].map(|m| 100.0 * m);
+        format!("{link}\t{median_cm:+.1}\t{scatter_cm:.1}\t{refused}\t{ranges}")
     };
-    head.to_owned() + &located.links.iter().map(row).collect::<String>()
+    let head = "residuals, cm<32|median>8|scatter>9|refused>9|ranges>8";
+    "\n".to_owned() + &table(head, located.links.iter().map(row))
 }
 
 /// The errors of the positions against the references.
 fn reference_table(rows: &[PositionError]) -> String {
-    let mut text = String::new();
-    if !rows.is_empty() {
-        text += "\nRMSE, cm      x       y       z     3-D    NEES  samples\n";
-    }
-    for (drone, row) in rows.iter().enumerate() {
+    let row = |(drone, row): (usize, &PositionError)| {
         let [x, y, z] = row.rmse_m.map(|m| 100.0 * m);
-        text += &format!(
-            "drone {:<4}{x:>5.1}{y:>8.1}{z:>8.1}{:>8.1}{:>8}{:>9}\n",
-            drone + 1,
-            100.0 * row.rmse_3d_m,
-            row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}")),
-            row.samples
-        );
-    }
-    text
+        let nees = row.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}"));
+        let (whole, samples) = (100.0 * row.rmse_3d_m, row.samples);
+        format!("drone {}\t{x:.1}\t{y:.1}\t{z:.1}\t{whole:.1}\t{nees}\t{samples}", drone + 1)
+    };
+    let head = "RMSE, cm<10|x>5|y>8|z>8|3-D>8|NEES>8|samples>9";
+    before(&table(head, rows.iter().enumerate().map(row)))
 }
 
 /// The errors of the ranges by link, against the references.
 fn link_table(links: &[LinkError]) -> String {
-    let head = "\nranges minus true distances, cm   median  scatter  ranges\n";
     let row = |error: &LinkError| {
         let [median_cm, scatter_cm] = [error.median_m, error.scatter_m].map(|m| 100.0 * m);
-        format!("{:<32}{median_cm:>+8.1}{scatter_cm:>9.1}{:>8}\n", error.link, error.ranges)
+        format!("{}\t{median_cm:+.1}\t{scatter_cm:.1}\t{}", error.link, error.ranges)
     };
-    let rows: String = links.iter().map(row).collect();
-    if rows.is_empty() { rows } else { head.to_owned() + &rows }
+    let head = "ranges minus true distances, cm<32|median>8|scatter>9|ranges>8";
+    before(&table(head, links.iter().map(row)))
+}
+
+/// A table after an empty line, if it has rows.
+fn before(table: &str) -> String {
+    if table.is_empty() { String::new() } else { format!("\n{table}") }
 }
 
 /// The least and the greatest coordinates of a box.

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::outcome::Report;
+use super::table::table;
 use crate::error::{Error, Result};
 use crate::estimate::locate::{
     Outputs, SharedAnchorObserver, observability, share_left, shared_anchor,
@@ -51,28 +52,24 @@ fn map(
     observer: impl Fn(f64) -> SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
 ) -> (String, Vec<Value>) {
-    let mut text = format!(
-        "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
-         writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n\
-         error, m"
-    );
-    for gain in GAINS {
-        text += &format!("{:>23}", format!("gain {gain}"));
-    }
-    text.push('\n');
     let mut left = Vec::new();
-    for error_m in ERRORS_M {
-        text += &format!("{error_m:<8}");
+    let rows = ERRORS_M.map(|error_m| {
+        let mut row = error_m.to_string();
         for gain in GAINS {
             let found = share_left(&observer(gain), path, MAP_S, error_m, STARTS);
             let [best, worst] = found.range;
             let fled = 100.0 * found.fled_frac;
-            let cell = format!("{:.2} ({best:.2}-{worst:.2}; {fled:.0} %)", found.median);
-            text += &format!("{cell:>23}");
+            row += &format!("\t{:.2} ({best:.2}-{worst:.2}; {fled:.0} %)", found.median);
             left.push(json!({ "gain": gain, "share_left": found }));
         }
-        text.push('\n');
-    }
+        row
+    });
+    let gains = GAINS.map(|gain| format!("|gain {gain}>23")).concat();
+    let text = format!(
+        "Share of the start error that the shared-anchor observer leaves after {MAP_S} s of\n\
+         writing, without noise: median of {STARTS} starts (best to worst; fled)\n\n{}",
+        table(&format!("error, m<8{gains}"), rows)
+    );
     (text, left)
 }
 
@@ -82,11 +79,8 @@ fn observability_table(
     observer: SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2] + Copy,
 ) -> (String, Vec<Value>) {
-    let mut text = "\nObservability of the positions at the start, with known motion\n\n\
-                    time, s      five ranges: rank, worst    observer's three: rank, worst\n"
-        .to_owned();
     let mut seen = Vec::new();
-    for span_s in SPANS_S {
+    let rows = SPANS_S.map(|span_s| {
         let both = [Outputs::Ranges, Outputs::Three].map(|outputs| {
             observability(&observer, outputs, path, span_s, uwb.rate_hz, uwb.noise_m.max(1e-4))
         });
@@ -94,15 +88,11 @@ fn observability_table(
             true => format!("{:.1} cm", 100.0 * sigma_m),
             false => "open".to_owned(),
         };
-        text += &format!(
-            "{span_s:<13}{:>14}{:>14}{:>18}{:>14}\n",
-            both[0].rank,
-            worst(both[0].sigmas_m[5]),
-            both[1].rank,
-            worst(both[1].sigmas_m[5])
-        );
         seen.push(json!({ "time_s": span_s, "ranges": both[0], "three_outputs": both[1] }));
-    }
-    text.push('\n');
-    (text, seen)
+        let [ranges, three] = both.map(|found| (found.rank, worst(found.sigmas_m[5])));
+        format!("{span_s}\t{:>14}{:>14}\t{:>18}{:>14}", ranges.0, ranges.1, three.0, three.1)
+    });
+    let head = "time, s<13|five ranges: rank, worst<28|observer's three: rank, worst<0";
+    let title = "\nObservability of the positions at the start, with known motion\n\n";
+    (title.to_owned() + &table(head, rows) + "\n", seen)
 }

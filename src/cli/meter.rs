@@ -3,16 +3,18 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::{Value, json};
 
 use super::advice::mentioned;
 use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
 use super::outcome::{Report, wrapped};
 use super::progress::watch;
 use super::show::in_stops;
+use super::table::table;
 use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::expose::meter::{LampReading, floor_stops, meter};
+use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};
 use crate::shoot::Metered;
 
 #[derive(Debug, Args)]
@@ -59,7 +61,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         camera: lighting.camera,
         readings,
     };
-    Ok(Report::new(table(&found), json(&found)))
+    Ok(Report::new(text_of(&found), json(&found)))
 }
 
 /// Exposures of the lamps, of the room and of the floor.
@@ -76,64 +78,64 @@ struct Found {
     floor_stops: Option<f64>,
 }
 
-fn table(found: &Found) -> String {
+fn text_of(found: &Found) -> String {
     let Found { camera, target_stops, ambient_stops, floor_stops, .. } = found;
     let readings = &grouped(&found.readings);
     let Camera { focal_length_m, f_number, iso, .. } = camera;
     let mut text = wrapped("", &in_one_sentence(found));
     text += &format!(
         "\n{} mm, f/{f_number}, ISO {iso}: saturation at {:.3} lx s\n\n\
-         stops over saturation, along the trail\n\
-         lamp                 lit s    median      5 %     95 %   uneven  streaks s\n",
+         stops over saturation, along the trail\n",
         focal_length_m * 1000.0,
         camera.saturation_lx_s()
     );
-    for reading in readings {
-        let LampReading { name, lit_s, median_stops, p5_stops, p95_stops, streak_s, .. } = reading;
-        let name: String = name.chars().take(18).collect();
-        text += &format!(
-            "{name:18} {lit_s:7.1} {median_stops:+9.1} {p5_stops:+8.1} {p95_stops:+8.1} {:8.1} \
-             {streak_s:10.1}\n",
-            reading.evenness_stops()
-        );
-    }
+    let row = |reading: &LampReading| {
+        let LampReading { lit_s, median_stops: middle, p5_stops, p95_stops, streak_s, .. } =
+            reading;
+        let (name, uneven) = (cut(&reading.name), reading.evenness_stops());
+        format!(
+            "{name}\t{lit_s:.1}\t{middle:+.1}\t{p5_stops:+.1}\t{p95_stops:+.1}\t{uneven:.1}\t\
+             {streak_s:.1}"
+        )
+    };
     let surfaces =
         [("room", ambient_stops, "in the picture's middle"), ("floor", floor_stops, "at most")];
-    for (name, stops, place) in surfaces {
+    let surfaces = surfaces.map(|(name, stops, place)| {
         let stops = stops.map_or("dark".to_owned(), |stops| format!("{stops:+.1} {place}"));
-        text += &format!("{name:18}         {stops:>9}\n");
-    }
+        format!("{name}\t\t {stops:>9}")
+    });
+    let head = "lamp<18|lit s>8|median>10|5 %>9|95 %>9|uneven>9|streaks s>11";
+    text += &table(head, readings.iter().map(row).chain(surfaces));
     text += &format!("\nto put the middle of a lamp's trail at {target_stops:+.1} stops, one of\n");
-    text += "lamp                aperture       ISO   level times\n";
-    for reading in readings {
-        let advice = reading.advice(camera, *target_stops);
-        let name: String = reading.name.chars().take(18).collect();
-        let aperture = format!("f/{:.1}", advice.f_number);
-        let iso = advice.iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
-        let level = advice.level.map_or("-".to_owned(), |level| format!("{level:.3}"));
-        text += &format!("{name:18} {aperture:>9} {iso:>9} {level:>13}\n");
-    }
+    let row = |reading: &LampReading| {
+        let ExposureAdvice { f_number, iso, level } = reading.advice(camera, *target_stops);
+        let iso = iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
+        let level = level.map_or("-".to_owned(), |level| format!("{level:.3}"));
+        format!("{}\tf/{f_number:.1}\t{iso}\t{level}", cut(&reading.name))
+    };
+    text += &table("lamp<18|aperture>10|ISO>10|level times>14", readings.iter().map(row));
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot)));
     // What stays under saturation leaves no blob, however long the lamp lingers.
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
     spots.sort_by(|(_, a), (_, b)| b.stops.total_cmp(&a.stops));
     if !spots.is_empty() {
         text += "\nhot spots (two stops over the middle, saturated): the lamp lingers there, or\nfaces the camera\n";
-        text += "lamp                  from s   for s   at pixel     stops\n";
     }
-    for (reading, spot) in spots.iter().take(MOST_SPOTS) {
-        let name: String = reading.name.chars().take(18).collect();
-        let [x, y] = spot.at_px;
-        let place = format!("{x:.0},{y:.0}");
-        text += &format!(
-            "{name:18} {:9.2} {:7.2} {place:>10} {:+9.1}\n",
-            spot.time_s, spot.duration_s, spot.stops
-        );
-    }
+    let rows = spots.iter().take(MOST_SPOTS).map(|(reading, spot)| {
+        let (name, HotSpot { time_s, duration_s, at_px: [x, y], stops }) =
+            (cut(&reading.name), spot);
+        format!("{name}\t{time_s:.2}\t{duration_s:.2}\t{x:.0},{y:.0}\t{stops:+.1}")
+    });
+    text += &table("lamp<18|from s>10|for s>8|at pixel>11|stops>10", rows);
     if spots.len() > MOST_SPOTS {
         text += &format!("and {} more (--json has them all)\n", spots.len() - MOST_SPOTS);
     }
     text
+}
+
+/// As much of a lamp's name as its column holds.
+fn cut(name: &str) -> String {
+    name.chars().take(18).collect()
 }
 
 /// What to set for the brightest trail.
@@ -194,46 +196,18 @@ fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
 /// Hot spots that a table lists.
 const MOST_SPOTS: usize = 20;
 
-fn json(found: &Found) -> serde_json::Value {
-    let Found { camera, readings, target_stops, ambient_stops, floor_stops, .. } = found;
-    let lamps: Vec<_> = readings
-        .iter()
-        .map(|reading| {
-            let advice = reading.advice(camera, *target_stops);
-            let spots: Vec<_> = reading
-                .hot_spots
-                .iter()
-                .map(|spot| {
-                    serde_json::json!({
-                        "time_s": spot.time_s, "duration_s": spot.duration_s,
-                        "at_px": spot.at_px, "stops": spot.stops,
-                    })
-                })
-                .collect();
-            serde_json::json!({
-                "name": reading.name,
-                "lit_s": reading.lit_s,
-                "median_stops": reading.median_stops,
-                "p5_stops": reading.p5_stops,
-                "p95_stops": reading.p95_stops,
-                "evenness_stops": reading.evenness_stops(),
-                "streak_s": reading.streak_s,
-                "hot_spots": spots,
-                "advice": {
-                    "f_number": advice.f_number, "iso": advice.iso, "level_factor": advice.level,
-                },
-            })
-        })
-        .collect();
-    let recommended = found.recommended.map(|it| {
-        serde_json::json!({
-            "f_number": it.f_number, "iso": it.iso, "trail_stops": it.trail_stops,
-            "room_stops": it.room_stops, "gave_way": it.gave_way,
-        })
-    });
-    serde_json::json!({
-        "saturation_lx_s": camera.saturation_lx_s(), "target_stops": target_stops, "lamps": lamps,
-        "f_number": camera.f_number, "iso": camera.iso, "recommended": recommended,
-        "ambient_stops": ambient_stops, "floor_stops": floor_stops,
+fn json(found: &Found) -> Value {
+    let Found { camera, recommended, target_stops, ambient_stops, floor_stops, readings } = found;
+    let lamp = |reading: &LampReading| {
+        let mut lamp = json!(reading);
+        lamp["evenness_stops"] = reading.evenness_stops().into();
+        lamp["advice"] = json!(reading.advice(camera, *target_stops));
+        lamp
+    };
+    json!({
+        "saturation_lx_s": camera.saturation_lx_s(), "target_stops": target_stops,
+        "lamps": readings.iter().map(lamp).collect::<Vec<_>>(), "f_number": camera.f_number,
+        "iso": camera.iso, "recommended": recommended, "ambient_stops": ambient_stops,
+        "floor_stops": floor_stops,
     })
 }

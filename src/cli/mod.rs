@@ -55,7 +55,7 @@ mod specimen;
 mod spread;
 mod square_on;
 mod studies;
-mod sweep;
+mod table;
 mod tune;
 
 pub(crate) use self::outcome::Report;
@@ -160,9 +160,6 @@ verbs! {
         Learn(learn::LearnArgs),
         /// Find which disturbance makes a word illegible first
         Robustness(robustness::RobustnessArgs),
-        /// Split a ranking's flights over many processes or machines
-        #[command(subcommand)]
-        Sweep(sweep::SweepVerb),
         /// Hold an altitude on three imperfect sensors: figures and plots
         Hold(hold::HoldArgs),
     }
@@ -422,13 +419,10 @@ mod tests {
             "tune",
             "learn",
             "robustness",
-            "plan",
             "hold",
             "scene",
         ];
-        assert_eq!(names, noisy, "`plan` is that of `sweep`");
-        let plan = command().find_subcommand("plan").cloned().expect("a verb");
-        assert!(!takes_seed(&&plan), "a plan has no noise");
+        assert_eq!(names, noisy, "a plan has no noise");
     }
 
     /// The verb and the flags of each command of ours in a text.

@@ -2,6 +2,7 @@
 
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::files::STANDARD_OUTPUT;
@@ -34,7 +35,9 @@ pub(super) enum Outcome {
 }
 
 impl Report {
-    pub(super) fn new(text: String, json: Value) -> Self {
+    /// The table, and what serializes as an object.
+    pub(super) fn new(text: String, json: impl Serialize) -> Self {
+        let json = serde_json::to_value(json).expect("a result is plain data");
         Self { text, json, outcome: Outcome::Done, aside: false }
     }
 

@@ -16,13 +16,13 @@ use super::output::{Output, OutputFolder};
 use super::progress::watch;
 use super::show::FlightFigures;
 use super::spread::SpreadFlags;
+use super::table::table;
 use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{inspect, of_flights};
 use crate::report::{ShotNotes, shot_page};
-use crate::scene::Change;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::study::{Remedy, remedies};
@@ -96,11 +96,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         Some(_) if Shoot::new(before.scene.clone())?.plans == before.plans => remedies(&before)?,
         _ => Vec::new(),
     };
-    let set = |it: &Change| json!({ "key": it.key, "value": it.value });
-    let typed_json = |it: &Remedy| {
-        let set: Vec<Value> = it.changes.iter().map(set).collect();
-        json!({ "change": typed(&it.changes), "gain": it.gain, "set": set })
-    };
+    let typed_json =
+        |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes });
     json["remedies"] = remedies.iter().map(typed_json).collect();
     let mut text = verdict_text(verdict, &remedies);
     if let Some(obstacle) = obstacles.first() {
@@ -174,8 +171,8 @@ fn verdict_text(verdict: Option<&Verdict>, remedies: &[Remedy]) -> String {
     match verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
-            let rows = remedies.iter().map(|r| format!("{:+.2}  {}\n", r.gain, typed(&r.changes)));
-            show::verdict_table(&verdict) + "\ngain   change\n" + &rows.collect::<String>()
+            let rows = remedies.iter().map(|r| format!("{:+.2}\t{}", r.gain, typed(&r.changes)));
+            show::verdict_table(&verdict) + "\n" + &table("gain<7|change<0", rows)
         }
         Some(verdict) => show::verdict_table(verdict),
         None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),

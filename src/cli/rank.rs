@@ -3,31 +3,55 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
-use super::outcome::Report;
+use super::outcome::{Report, line};
 use super::studies::{StudyFlags, counter, open_store, ranking_report, write_ranking};
 use crate::error::Result;
 use crate::shoot::Stop;
-use crate::study::{Record, Trial, evaluate, rank};
+use crate::study::{Record, Shard, Trial, evaluate, rank, shards};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \
-                        command continues when it is repeated, and comes to the same numbers.")]
+                        command continues when it is repeated, and comes to the same numbers.\n\n\
+                        On many machines, with a folder that all of them see: each flies a shard, \
+                        and the same command without --shard ranks them. With GNU parallel:\n  seq \
+                        40 | parallel --sshlogin a,b noctograph rank team tuned \\\n    --words \
+                        NOOR:9999 --threads 1 --parts parts --shard {}/40\n  noctograph rank team \
+                        tuned --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 \
+                        --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
+                        examples/dask_rank.py")]
 pub(super) struct RankArgs {
     /// Scenes: files, presets, team, pid, geometric, tuned, or learned folders (./tuned)
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
+    /// Fly one part of the flights into the folder of --parts, unless it is there already, and rank
+    /// nothing: part 3 of 20 is 3/20
+    #[arg(long, value_name = "I/N", requires = "parts")]
+    shard: Option<String>,
+    /// Folder of shards, whose flights are not flown again
+    #[arg(long, value_name = "DIR")]
+    parts: Option<PathBuf>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
+    let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let study = args.study.study(&args.scenes)?;
+    if let (Some(shard), Some(parts)) = (shard, &args.parts) {
+        let bar = counter("flying", study.n_trials().div_ceil(shard.count));
+        let (path, flights) = shard.fly(&study, parts, &bar)?;
+        let text = line("flights", &flights.to_string());
+        return Ok(Report::new(text, json!({ "flights": flights })).with_files(&[path]));
+    }
     study.prepare()?;
-    let store = open_store(&args.output)?;
+    let parts = args.parts.as_deref().map(|folder| shards(&study, folder)).transpose()?;
+    let mut store = open_store(&args.output)?;
+    parts.iter().flatten().try_for_each(|path| store.take(path))?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
     let records: Vec<Record> = evaluate(&study, &trials, Some(&store), &Stop::default(), &bar)?;

@@ -7,6 +7,7 @@ use clap::Args;
 use super::flags::CameraFlags;
 use super::outcome::{Outcome, Report};
 use super::square_on::{Corners, square_on};
+use super::table::table;
 use crate::error::Result;
 use crate::photo::Photo;
 use crate::score::read;
@@ -27,14 +28,11 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = Photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read(&photo);
-    let json = serde_json::to_value(&reading).expect("a reading is plain data");
     if reading.text.is_empty() {
-        let report = Report::new("no writing found\n".into(), json);
+        let report = Report::new("no writing found\n".into(), &reading);
         return Ok(report.with_outcome(Outcome::NotLegible));
     }
-    let mut text = format!("{}\n\nletter    share\n", reading.text);
-    for letter in &reading.letters {
-        text += &format!("{:10}{:.2}\n", letter.letter, letter.p);
-    }
-    Ok(Report::new(text, json))
+    let letters = reading.letters.iter().map(|it| format!("{}\t{:.2}", it.letter, it.p));
+    let text = format!("{}\n\n{}", reading.text, table("letter<10|share<0", letters));
+    Ok(Report::new(text, &reading))
 }

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::outcome::Report;
 use super::output::Output;
 use super::studies::{StudyFlags, counter, open_store};
+use super::table::table;
 use crate::error::Result;
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
@@ -49,7 +50,7 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
         svg.keep(|out| out.write_all(endurance(&title, &curves).as_bytes()))?,
     ];
     let json = json!({ "factors": found });
-    Ok(Report::new(table(&options, &found) + "\n", json).with_files(&files))
+    Ok(Report::new(text(&options, &found) + "\n", json).with_files(&files))
 }
 
 fn name(endurance: &Endurance) -> &'static str {
@@ -76,35 +77,25 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
     }
 }
 
-fn table(options: &RobustnessOptions, found: &[Endurance]) -> String {
-    let mut text =
-        "fraction of legible photos at multiples of the usual disturbance; a word breaks\n\
-                    where the fraction falls to one half; factors with the same number in front\n\
-                    cannot be told apart (intervals of 95 %)\n\n    factor          usual (x1)   \
-                    breaks  interval  "
-            .to_owned();
+fn text(options: &RobustnessOptions, found: &[Endurance]) -> String {
     let shown = options.times.len().min(5);
-    for times in &options.times[..shown] {
-        text += &format!("{:>6}", format!("x{times}"));
-    }
-    text += "\n";
+    let times: String = options.times[..shown].iter().map(|times| format!("|x{times}>6")).collect();
     let most = options.times.last().copied().unwrap_or_default();
     let beyond =
         |times: Option<f64>| times.map_or(format!(">{most}"), |times| format!("{times:.1}"));
-    for e in found {
-        let at = format!("x{}", beyond(e.breaks_at));
-        let [from, to] = e.breaks_between.map(beyond);
-        let between = format!("{from} to {to}");
-        text += &format!(
-            "{:>2}  {:16}{:12}{at:>6}  {between:10}",
-            e.place,
-            name(e),
-            usual(&options.usual, e.factor)
-        );
-        for level in &e.levels[..shown] {
-            text += &format!("{:6.2}", level.legible.value);
-        }
-        text += "\n";
-    }
-    text
+    let row = |e: &Endurance| {
+        let (at, [from, to]) = (beyond(e.breaks_at), e.breaks_between.map(beyond));
+        let shares = e.levels[..shown].iter().map(|level| format!("\t{:.2}", level.legible.value));
+        let (name, usual) = (name(e), usual(&options.usual, e.factor));
+        format!("{:>2}\t{name}\t{usual}\tx{at}\t  {from} to {to}", e.place)
+            + &shares.collect::<String>()
+    };
+    "fraction of legible photos at multiples of the usual disturbance; a word breaks\n\
+     where the fraction falls to one half; factors with the same number in front\n\
+     cannot be told apart (intervals of 95 %)\n\n"
+        .to_owned()
+        + &table(
+            &format!("<4|factor<16|usual (x1)<12|breaks>6|  interval<12{times}"),
+            found.iter().map(row),
+        )
 }

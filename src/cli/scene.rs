@@ -34,8 +34,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     scene.word = args.word.clone().unwrap_or(scene.word);
     let toml = scene.to_toml();
     let Some(path) = &args.output else {
-        let json = serde_json::to_value(&scene).expect("a scene is plain data");
-        return Ok(Report::new(toml, json));
+        return Ok(Report::new(toml, &scene));
     };
     let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
     Ok(Report::new(String::new(), json!({})).with_files(&[file]))

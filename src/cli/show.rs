@@ -1,14 +1,14 @@
 //! Tables and JSON that several verbs share.
 
-use nalgebra::Vector3;
-use serde_json::Value;
+use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::outcome::{line, wrapped};
+use super::table::table;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
-use crate::geometry::Attitude;
 use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::Shot;
 
@@ -32,11 +32,8 @@ pub(crate) fn verdict_table(verdict: &Verdict) -> String {
         let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
         text += &line("blind", &format!("reads {}", in_one_line(second.unwrap_or("nothing"))));
     }
-    text += "\nletter    share  best   rivals\n";
-    for letter in &verdict.letters {
-        text += row(letter).trim_end();
-        text.push('\n');
-    }
+    text += "\n";
+    text += &table("letter<10|share<7|best<7|rivals<0", verdict.letters.iter().map(row));
     for (index, advice) in verdict.advice.iter().enumerate() {
         let gain = advice.gain.map_or("?".to_owned(), |gain| format!("{gain:+.2}"));
         text += if index == 0 { "\ngain\n" } else { "" };
@@ -65,12 +62,12 @@ fn in_one_line(text: &str) -> String {
 /// A letter, its share, what is seen instead, and likely other letters.
 fn row(letter: &LetterVerdict) -> String {
     let expected = letter.expected;
-    let Some(p) = letter.p else { return format!("{expected:10}not judged") };
+    let Some(p) = letter.p else { return format!("{expected}\tnot judged") };
     let best = letter.best.unwrap_or('-');
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
     let rivals: Vec<String> =
         rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
-    format!("{expected:10}{p:<7.2}{best:7}{}", rivals.join(", "))
+    format!("{expected}\t{p:.2}\t{best}\t{}", rivals.join(", "))
 }
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
@@ -145,7 +142,7 @@ impl<'a> FlightFigures<'a> {
         let flight = self.flight;
         let nothing = ["part", "rmse_m", "lag_s", "contour"].map(|key| (key, Value::Null));
         let mut json = match &self.tracking {
-            Ok(tracking) => tracking_json(tracking),
+            Ok(tracking) => json!(TrackingFigures::from(tracking)),
             Err(_) => nothing.into_iter().collect(),
         };
         json["duration_s"] = duration_s(flight).into();
@@ -184,53 +181,35 @@ pub(super) fn in_stops(stops: f64) -> String {
 /// Camera settings for programs; `metered` is null where the meter did not set them.
 pub(super) fn camera_json(shot: &Shot) -> Value {
     let metered = shot.metered.map(|metered| {
-        serde_json::json!({
+        json!({
             "trail_stops": metered.trail_stops,
             "room_stops": metered.room_stops,
             "gave_way": metered.gave_way,
         })
     });
     let Camera { f_number, iso, .. } = shot.camera;
-    serde_json::json!({ "f_number": f_number, "iso": iso, "metered": metered })
+    json!({ "f_number": f_number, "iso": iso, "metered": metered })
 }
 
-/// Figures of tracking for programs; vectors are `[x, y, z]`, angles `[yaw, pitch, roll]`.
-pub(super) fn tracking_json(tracking: &Tracking) -> Value {
-    let xyz = |v: Vector3<f64>| [v.x, v.y, v.z];
-    let angles = |a: Attitude| [a.yaw_rad, a.pitch_rad, a.roll_rad];
-    let attitude = tracking.attitude.map(|spread| {
-        serde_json::json!({
-            "mean_rad": angles(spread.mean),
-            "sigma_rad": angles(spread.sigma),
-            "max_rad": angles(spread.max),
-        })
-    });
-    let Tracking { contour, drift, .. } = tracking;
-    serde_json::json!({
-        "part": tracking.part.name(),
-        "samples": tracking.n_samples,
-        "span_s": tracking.span_s,
-        "rmse_m": xyz(tracking.rmse_m),
-        "mean_error_m": xyz(tracking.mean_error_m),
-        "in_plane_rmse_m": tracking.in_plane_rmse_m(),
-        "lag_s": tracking.lag_s,
-        "rmse_after_lag_m": xyz(tracking.rmse_after_lag_m),
-        "least_cap_height_m": tracking.least_cap_height_m(),
-        "in_plane_rmse_after_lag_m": tracking.in_plane_rmse_after_lag_m(),
-        "contour": {
-            "mean_m": contour.mean_m,
-            "rms_m": contour.rms_m,
-            "p95_m": contour.p95_m,
-            "max_m": contour.max_m,
-        },
-        "observer_rmse_m": tracking.observer_rmse_m.map(xyz),
-        "drift": {
-            "min_y_m": drift.min_y_m,
-            "max_y_m": drift.max_y_m,
-            "in_corridor_frac": drift.in_corridor_frac,
-        },
-        "attitude": attitude,
-    })
+/// Figures of tracking for programs.
+#[derive(Serialize)]
+pub(super) struct TrackingFigures<'a> {
+    #[serde(flatten)]
+    tracking: &'a Tracking,
+    in_plane_rmse_m: f64,
+    in_plane_rmse_after_lag_m: f64,
+    least_cap_height_m: f64,
+}
+
+impl<'a> From<&'a Tracking> for TrackingFigures<'a> {
+    fn from(tracking: &'a Tracking) -> Self {
+        Self {
+            tracking,
+            in_plane_rmse_m: tracking.in_plane_rmse_m(),
+            in_plane_rmse_after_lag_m: tracking.in_plane_rmse_after_lag_m(),
+            least_cap_height_m: tracking.least_cap_height_m(),
+        }
+    }
 }
 
 /// A part of a flight, after a figure.

@@ -143,12 +143,8 @@ fn json(found: &Spread, conditions: &str) -> Value {
         }),
     };
     let band = |band: &Band| {
-        let end = |end: usize| {
-            let places = band.ends_m.iter().map(|ends_m| <[f64; 3]>::from(ends_m[end]));
-            places.collect::<Vec<_>>()
-        };
-        let half_width_m = <[f64; 3]>::from(band.half_width_m());
-        json!({ "holds_frac": band.holds_frac(), "half_width_m": half_width_m,
+        let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
+        json!({ "holds_frac": band.holds_frac(), "half_width_m": band.half_width_m(),
                 "time_s": band.time_s, "low_m": end(0), "median_m": end(1), "high_m": end(2) })
     };
     json!({

@@ -14,6 +14,7 @@ use super::outcome::{Report, wrapped};
 use super::output::Output;
 use super::progress::Progress;
 use super::set::SetFlag;
+use super::table::table;
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::report::study_sheet;
@@ -30,7 +31,7 @@ pub(super) struct StudyFlags {
     /// on each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank and sweep 50, robustness 20, tune 6]
+    /// Seeds of each word [default: rank 50, robustness 20, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed that all seeds are drawn from
@@ -181,18 +182,16 @@ pub(super) fn ranking_table(study: &Study, ranking: &Ranking) -> String {
 }
 
 fn legibility_table(measures: &[Measures]) -> String {
-    let mut text = String::from(
-        "\n    scene           P(read)  interval        legible    interval worst 10 % lost\n",
-    );
-    for (m, name) in measures.iter().zip(labels(measures, 16)) {
+    let row = |(m, name): (&Measures, String)| {
         let (p, worst) = (m.legibility, m.worst_decile.value);
         let [legible, interval] = share(&m.legible);
-        text += &format!(
-            "{:>2}  {name:16}{:7.3}  {:.3} to {:.3}{legible:>9}{interval:>12}{worst:11.3}{:5}\n",
+        format!(
+            "{:>2}\t{name}\t{:.3}\t  {:.3} to {:.3}\t{legible}\t{interval}\t{worst:.3}\t{}",
             m.place, p.value, p.low, p.high, m.n_lost
-        );
-    }
-    text
+        )
+    };
+    let head = "<4|scene<16|P(read)>7|  interval<16|legible>9|interval>12|worst 10 %>11|lost>5";
+    "\n".to_owned() + &table(head, measures.iter().zip(labels(measures, 16)).map(row))
 }
 
 /// What P(read) is.
@@ -206,18 +205,12 @@ pub(super) fn share(share: &Estimate) -> [String; 2] {
 }
 
 fn tracking_table(measures: &[Measures]) -> String {
-    let mut text = String::from(
-        "\nscene           contour    lag  rms x     y     z   y max   sat.   time  energy\n                     \
-         mm      s     mm    mm    mm      mm      %      s       J\n",
-    );
-    for (m, name) in measures.iter().zip(labels(measures, 16)) {
-        let Some(f) = &m.flown else {
-            text += &format!("{name:16}lost on every flight\n");
-            continue;
-        };
+    let units = "\tmm\ts\tmm\tmm\tmm\tmm\t%\ts\tJ".to_owned();
+    let row = |(m, name): (&Measures, String)| {
+        let Some(f) = &m.flown else { return format!("{name}\tlost on every flight") };
         let mm = |e: Estimate| 1e3 * e.value;
-        text += &format!(
-            "{name:16}{:7.1}{:7.2}{:7.1}{:6.1}{:6.1}{:8.1}{:7.1}{:7.1}{:8.0}\n",
+        format!(
+            "{name}\t{:.1}\t{:.2}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.1}\t{:.0}",
             mm(f.contour_m),
             f.lag_s.value,
             mm(f.rmse_x_m),
@@ -227,9 +220,11 @@ fn tracking_table(measures: &[Measures]) -> String {
             100.0 * f.saturated_frac.value,
             f.duration_s.value,
             f.energy_j.value
-        );
-    }
-    text
+        )
+    };
+    let rows = measures.iter().zip(labels(measures, 16)).map(row);
+    let head = "scene<16|contour>7|lag>7|rms x>7|y>6|z>6|y max>8|sat.>7|time>7|energy>8";
+    "\n".to_owned() + &table(head, std::iter::once(units).chain(rows))
 }
 
 /// Which scenes cannot be told apart, and from how many flights they could.

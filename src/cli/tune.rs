@@ -13,6 +13,7 @@ use super::outcome::{Report, line};
 use super::output::Output;
 use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_store, ranking_table, share};
+use super::table::table;
 use crate::error::{Error, Result};
 use crate::report::pareto;
 use crate::scene::NamedScene;
@@ -212,29 +213,29 @@ fn plot(tuned: &Tuned) -> String {
 /// The candidates that are best in time and legibility, and what the best one changed.
 pub(crate) fn report(options: &TuneOptions, tuned: &Tuned) -> String {
     let given_up = tuned.candidates.iter().filter(|c| c.given_up).count();
-    let mut text = format!(
-        "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
-         flight time and P(read):\n      s   P(read)  legible    interval\n",
-        tuned.candidates.len(),
-        tuned.n_flights
-    );
-    for number in &tuned.front {
+    let front = tuned.front.iter().map(|number| {
         let c = &tuned.candidates[*number];
         let [legible, interval] = share(&c.legible);
         let duration_s = c.duration_s.unwrap_or_default();
-        text += &format!("{duration_s:7.1}{:10.3}{legible:>9}{interval:>12}\n", c.legibility);
-    }
+        format!("{duration_s:.1}\t{:.3}\t{legible}\t{interval}", c.legibility)
+    });
+    let text = format!(
+        "tuned     {} candidates ({given_up} given up halfway), {} flights\n\nPareto front of \
+         flight time and P(read):\n{}",
+        tuned.candidates.len(),
+        tuned.n_flights,
+        table("s>7|P(read)>10|legible>9|interval>12", front)
+    );
     if !tuned.helped() {
         let nothing = "nothing found: no candidate did better in the finals than the scene as it \
                        was, which scene.toml holds; try a larger budget, other knobs, or wider ranges";
         return text + "\n" + &line("best", nothing);
     }
-    text += &format!("\n{:44}{:>16}{:>16}\n", "best candidate", "before", "after");
-    for key in options.knobs.iter().flat_map(|knob| &knob.keys) {
+    let rows = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
-        text += &format!("  {key:42}{before:>16}{after:>16}\n");
-    }
-    text
+        format!("  {key}\t{before}\t{after}")
+    });
+    text + "\n" + &table("best candidate<44|before>16|after>16", rows)
 }
 
 /// A value of a scene's key, to four digits.

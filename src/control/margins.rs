@@ -15,7 +15,7 @@ const SWEEP_STEPS: u32 = 4000;
 const HALVINGS: u32 = 30;
 
 /// Margins of one loop, opened at its input, with the others closed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
     /// Largest factor above 1 on the input up to which the loop is stable; `None`: any.
     pub gain_up: Option<f64>,

@@ -22,7 +22,11 @@ const SCRIPT: &str = include_str!("crazyswarm.py");
 ///
 /// As [`Poly4d::fit`] and [`super::lights::commands`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
-    let mut files = trajectories(job, false)?;
+    let csv = |(drone, plan)| {
+        let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
+        Ok(File::new(name, Poly4d::fit(plan, job.tolerance_m)?.to_csv()))
+    };
+    let mut files = job.plans.iter().enumerate().map(csv).collect::<Result<Vec<_>>>()?;
     let mut drones = Vec::new();
     for (drone, (plan, csv)) in job.plans.iter().zip(&files).enumerate() {
         let stretch = Stretch::new(plan)?;
@@ -45,20 +49,6 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let script = with_caution(job, &SCRIPT.replace("@DATA@", &literal));
     files.push(File::new(format!("fly_{}.py", stem(job.word)), script));
     Ok(files)
-}
-
-/// One CSV for each drone; `any_length` for drones with more memory than a Crazyflie.
-///
-/// # Errors
-///
-/// As [`Poly4d::fit`].
-pub(super) fn trajectories(job: &Job<'_>, any_length: bool) -> Result<Vec<File>> {
-    let one = |(drone, plan)| {
-        let fit = if any_length { Poly4d::fit_any_length } else { Poly4d::fit };
-        let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
-        Ok(File::new(name, fit(plan, job.tolerance_m)?.to_csv()))
-    };
-    job.plans.iter().enumerate().map(one).collect()
 }
 
 fn yaml(job: &Job<'_>) -> String {

@@ -45,12 +45,8 @@ settings! {
         "poly4d" => Poly4d,
         /// Trajectories, crazyflies.yaml and a script for Crazyswarm2.
         "crazyswarm2" => Crazyswarm2,
-        /// Polynomial trajectories of `uav_trajectories` (CSV).
-        "uav-trajectories" => UavTrajectories,
         /// Show of Skybrush with the photographer's camera.
         "skyc" => Skyc,
-        /// Tables for Skybrush Studio (zip of CSV).
-        "skybrush-csv" => SkybrushCsv,
         /// Show for viewers of drone shows.
         "vviz" => Vviz,
         /// Gains of the controller: firmware parameters (JSON) or a table in C.
@@ -95,8 +91,7 @@ impl Format {
             Self::Cflib if mode != Mode::Trajectory => None,
             Self::Cflib | Self::Compressed => Some((Form::Compressed, Length::OnBoard)),
             Self::Poly4d | Self::Crazyswarm2 => Some((Form::Poly4d, Length::OnBoard)),
-            Self::UavTrajectories => Some((Form::Poly4d, Length::Any)),
-            Self::Skyc | Self::SkybrushCsv | Self::Vviz => Some((Form::Compressed, Length::Any)),
+            Self::Skyc | Self::Vviz => Some((Form::Compressed, Length::Any)),
             Self::Gains | Self::LogConfig => None,
         }
     }
@@ -157,7 +152,7 @@ impl File {
 /// [`crate::error::Error::Input`] for plans without letters and lamps that the format does not
 /// know; [`crate::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
-    let shows = matches!(format, Format::Skyc | Format::SkybrushCsv | Format::Vviz);
+    let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
     let (stem, n) = (stem(job.word), job.plans.len());
     let each = |ending: &str, bytes: &dyn Fn(&Plan) -> Result<Vec<u8>>| {
@@ -175,9 +170,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
             each("poly4d", &|plan| Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes()))
         }
         Format::Crazyswarm2 => crazyswarm::files(job),
-        Format::UavTrajectories => crazyswarm::trajectories(job, true),
         Format::Skyc => Ok(vec![skybrush::show(job)?]),
-        Format::SkybrushCsv => Ok(vec![skybrush::tables(job)?]),
         Format::Vviz => Ok(vec![vviz::show(job)?]),
         Format::Gains => gains::files(job.sim),
         Format::LogConfig => Ok(log_config::files()),
@@ -262,10 +255,8 @@ pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     };
     match format {
         Format::Cflib if job.mode == Mode::Trajectory => worst(&compressed),
-        Format::Compressed | Format::Skyc | Format::SkybrushCsv | Format::Vviz => {
-            worst(&compressed)
-        }
-        Format::Poly4d | Format::Crazyswarm2 | Format::UavTrajectories => worst(&polynomials),
+        Format::Compressed | Format::Skyc | Format::Vviz => worst(&compressed),
+        Format::Poly4d | Format::Crazyswarm2 => worst(&polynomials),
         Format::Cflib | Format::Gains | Format::LogConfig => Ok(None),
     }
 }

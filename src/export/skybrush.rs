@@ -1,8 +1,7 @@
-//! Skybrush: `.skyc` shows, with the photographer's camera, and the CSV that its Studio imports.
+//! Skybrush: `.skyc` shows, with the photographer's camera.
 //!
-//! Formats: <https://doc.collmot.com/public/skybrush-studio-for-blender> (CSV: a zip of one table
-//! for each drone) and the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are
-//! ours in meters; lights are programs of Skybrush's light player in steps of 20 ms.
+//! Format: the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are ours in
+//! meters; lights are programs of Skybrush's light player in steps of 20 ms.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -18,8 +17,6 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::plan::{MIN_HORIZONTAL_M, Plan};
 
-/// Rows of the CSV per second.
-const ROW_HZ: f64 = 10.0;
 /// Steps of a light program per second.
 const LIGHT_HZ: f64 = 50.0;
 /// Commands of a light program.
@@ -145,40 +142,6 @@ fn camera(camera: &Camera) -> Value {
         "position": [at.x, at.y, at.z],
         "orientation": [q.w, q.i, q.j, q.k],
         "focalLength": FILM_MM * camera.focal_length_m / camera.sensor_width_m,
-    })
-}
-
-/// A zip of one table for each drone.
-///
-/// # Errors
-///
-/// As [`show`].
-pub(super) fn tables(job: &Job<'_>) -> Result<File> {
-    let tables = job.flown.iter().enumerate().map(|(index, flown)| {
-        let table = table(job, flown)?;
-        Ok((format!("Drone {}.csv", index + 1), table.into_bytes()))
-    });
-    let tables: Vec<_> = tables.collect::<Result<_>>()?;
-    Ok(File { name: format!("{}.zip", stem(job.word)), bytes: zip(&tables) })
-}
-
-fn table(job: &Job<'_>, flown: &Plan) -> Result<String> {
-    let lights = commands(flown, job.light)?;
-    let mut text = "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n".to_owned();
-    for (time_s, at) in rows(flown, ROW_HZ) {
-        let [r, g, b] = lights.iter().rfind(|c| c.time_s <= time_s).map_or([0; 3], rgb);
-        text += &format!("{:.0},{:.4},{:.4},{:.4},{r},{g},{b}\n", 1e3 * time_s, at.x, at.y, at.z);
-    }
-    Ok(text)
-}
-
-/// Times and places of a plan at a rate, to its end.
-pub(super) fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
-    let n = (plan.duration_s() * hz).ceil() as u32;
-    (0..=n).map(move |row| {
-        let time_s = f64::from(row) / hz;
-        (time_s, plan.design_m(time_s.min(plan.duration_s())))
     })
 }
 

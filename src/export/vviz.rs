@@ -6,10 +6,10 @@
 //! to Finale 3D write it. `frames` of a color is left out: whether it counts from the color before
 //! or to the next one is not said, and one color a frame means the same in both readings.
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::lights::{commands, rgb};
-use super::skybrush::rows;
 use super::{File, Job, stem};
 use crate::error::Result;
 use crate::plan::Plan;
@@ -66,4 +66,14 @@ fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
         json!({ "r": r, "g": g, "b": b })
     };
     Ok(rows(flown, COLOR_HZ).map(color).collect())
+}
+
+/// Times and places of a plan at a rate, to its end.
+fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    let n = (plan.duration_s() * hz).ceil() as u32;
+    (0..=n).map(move |row| {
+        let time_s = f64::from(row) / hz;
+        (time_s, plan.design_m(time_s.min(plan.duration_s())))
+    })
 }

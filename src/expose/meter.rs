@@ -5,6 +5,8 @@
 //! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
 //! draws it; light of other lamps, glare and ambient light are not included.
 
+use serde::Serialize;
+
 use super::merge::{self, Segment};
 use super::project::{self, Px};
 use crate::camera::Camera;
@@ -26,7 +28,7 @@ const STREAK_SPEED: f64 = 2.0;
 
 /// Exposure of the trail of an emitter. Stops are relative to saturation (ISO 12232, 78 / ISO lx s)
 /// and refer to luminance.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
     /// Its drone, counted from 0; `None` where there is but one.
     pub drone: Option<usize>,
@@ -47,7 +49,7 @@ pub struct LampReading {
 }
 
 /// A place where a lit lamp dwells.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HotSpot {
     /// Start.
     pub time_s: f64,
@@ -61,7 +63,7 @@ pub struct HotSpot {
 
 /// Settings that would give a trail the wanted exposure, each by itself; `None` where it has no
 /// such effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
@@ -69,6 +71,7 @@ pub struct ExposureAdvice {
     pub iso: Option<f64>,
     /// Level of the lamp relative to the present one; `None` above it: a lamp at full level gives
     /// no more.
+    #[serde(rename = "level_factor")]
     pub level: Option<f64>,
 }
 

@@ -5,7 +5,7 @@
 //! `world_from_body = Rz(ψ) Ry(θ) Rx(φ)`, the convention of the reference flight.
 
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 mod chord;
 mod polyline;
@@ -13,8 +13,9 @@ mod polyline;
 pub(crate) use chord::Chords;
 pub use polyline::{arc_lengths, bounds, distance, polyline_length_m, segment_distance, simplify};
 
-/// Attitude of a body as yaw, pitch and roll.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Attitude of a body as yaw, pitch and roll; in JSON an array of the three.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(into = "[f64; 3]")]
 pub struct Attitude {
     /// ψ, about world z.
     pub yaw_rad: f64,
@@ -22,6 +23,12 @@ pub struct Attitude {
     pub pitch_rad: f64,
     /// φ, about body x.
     pub roll_rad: f64,
+}
+
+impl From<Attitude> for [f64; 3] {
+    fn from(attitude: Attitude) -> Self {
+        [attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad]
+    }
 }
 
 impl Attitude {

@@ -33,7 +33,7 @@ const LEAST_CORRELATION: f64 = 0.2;
 
 /// Transform of a point `q` of the render, in pixels from its top left corner, to `scale R(rotation)
 /// q + shift` in the photograph.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the photograph per pixel of the render.
     pub scale: f64,

@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// A key of a scene, and the value that it should have.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Change {
     /// Dotted key.
     pub key: &'static str,

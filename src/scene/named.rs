@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
-
 use super::{Preset, Scene};
 use crate::error::{Error, Result};
 use crate::files::files_in;
@@ -25,8 +23,7 @@ const SHIPPED: [(&str, &str); 6] = [
 ];
 
 /// A scene with a name, and learned plans.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Texts", into = "Texts")]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NamedScene {
     /// Name in tables.
     pub name: String,
@@ -34,16 +31,6 @@ pub struct NamedScene {
     pub scene: Scene,
     /// Plans that are sent for a word instead of the scene's own, one for each drone.
     pub plans: BTreeMap<String, Vec<Plan>>,
-}
-
-/// A named scene as JSON holds it: scene and plans as their own files' texts.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Texts {
-    name: String,
-    scene_toml: String,
-    #[serde(default)]
-    plans_csv: BTreeMap<String, Vec<String>>,
 }
 
 impl NamedScene {
@@ -151,32 +138,6 @@ fn plans_in(folder: &Path) -> Result<BTreeMap<String, Vec<Plan>>> {
     Ok(plans)
 }
 
-impl From<NamedScene> for Texts {
-    fn from(named: NamedScene) -> Self {
-        let csv = |plan: &Plan| {
-            let mut csv = Vec::new();
-            plan.write_csv(&mut csv).expect("writing into memory");
-            String::from_utf8(csv).expect("a plan is ASCII but for its channels' names")
-        };
-        let plans = named.plans.iter();
-        let plans = plans.map(|(word, plans)| (word.clone(), plans.iter().map(csv).collect()));
-        Self { plans_csv: plans.collect(), scene_toml: named.scene.to_toml(), name: named.name }
-    }
-}
-
-impl TryFrom<Texts> for NamedScene {
-    type Error = Error;
-
-    fn try_from(texts: Texts) -> Result<Self> {
-        let scene = Scene::parse(&texts.scene_toml, &format!("scene {}", texts.name))?;
-        let plans = texts.plans_csv.iter().map(|(word, texts)| {
-            let parse = |csv: &String| Plan::parse_csv(csv.as_bytes(), &format!("plan of {word}"));
-            Ok((word.clone(), texts.iter().map(parse).collect::<Result<_>>()?))
-        });
-        Ok(Self { plans: plans.collect::<Result<_>>()?, name: texts.name, scene })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -234,7 +195,5 @@ mod tests {
             std::fs::remove_file(extra).unwrap();
         }
         assert!(Scene::find("tuned", &[]).unwrap().plans.is_empty());
-        let json = serde_json::to_string(&learned).unwrap();
-        assert_eq!(serde_json::from_str::<NamedScene>(&json).unwrap(), learned);
     }
 }

@@ -4,6 +4,8 @@
 //! open. Both follow aperture and sensitivity alike, so that a long flight's trail has to give way
 //! for the room to stay dark.
 
+use serde::Serialize;
+
 use crate::camera::{Camera, CameraOptions, Metering, TrailMetering};
 use crate::expose::meter::meter;
 use crate::light::LightTrace;
@@ -26,7 +28,7 @@ const ISOS: [f64; 16] = [
 const WIDTH_PX: u32 = 1920;
 
 /// What the light meter recommends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Metered {
     /// Aperture number.
     pub f_number: f64,

@@ -11,6 +11,7 @@
 //! the time between two ticks.
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
+use serde::Serialize;
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
@@ -43,22 +44,27 @@ const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "r
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 
 /// Gains of a drone and their stability margins.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
     /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve [`STATES`].
+    #[serde(skip)]
     pub a: DMatrix<f64>,
     /// Its B (12×4), by [`INPUTS`].
+    #[serde(skip)]
     pub b: DMatrix<f64>,
     /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
     /// columns more where it is designed for rotors that lag. `None` for a controller that is no
     /// regulator.
+    #[serde(skip)]
     pub k: Option<DMatrix<f64>>,
     /// Its columns: the first of [`STATES`], and those of the rotors.
     pub states: Vec<&'static str>,
     /// States that the controller has of its own, beside the twelve of the drone: integrals, last
     /// measurements, filters, modeled rotors.
+    #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
     /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
+    #[serde(skip)]
     pub l: DMatrix<f64>,
     /// Number of the twelve states that the inputs reach.
     pub controllability_rank: usize,

@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::{Conditions, Prepared, Record, Store};
 use crate::digest::fnv_1a;
@@ -16,8 +15,7 @@ pub(super) const MAX_TRIALS: usize = 500_000;
 
 /// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
 /// any part of them can be flown anywhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     /// Scenes under comparison.
     pub contenders: Vec<NamedScene>,

@@ -25,13 +25,14 @@ use crate::settings::Described;
 const PATIENCE: u32 = 3;
 
 /// A round of learning: the figures of its flights.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Round {
     /// Mean probability of being read.
     pub legibility: f64,
     /// Share of flights whose photo is legible.
     pub legible: Estimate,
     /// Mean merit.
+    #[serde(skip)]
     pub merit: f64,
     /// Mean distance from the path, m.
     pub contour_m: f64,

@@ -83,17 +83,25 @@ impl Known {
         self.outcomes.get(*place as usize)
     }
 
-    /// Adds an outcome; whether it is the first of its flight, or equal to the first.
-    fn add(&mut self, scene: String, seed: u64, outcome: Outcome) -> bool {
-        if let Some(known) = self.get(&scene, seed) {
-            return *known == outcome;
+    /// Adds the outcome of a file's flight; whether it is the first one. Another one is refused.
+    fn add(&mut self, record: Record, path: &Path) -> Result<bool> {
+        let Record { scene, seed, outcome, word, .. } = record;
+        match self.get(&scene, seed) {
+            Some(known) if *known == outcome => return Ok(false),
+            Some(_) => {
+                let (place, wanted) = (path.display().to_string(), "one outcome of each flight");
+                let found = format!("two outcomes of {word} with seed {seed}");
+                let hint = "take out the line that is wrong, or name another folder";
+                return Err(Error::input(place, found, wanted, hint));
+            }
+            None => {}
         }
         let number = |n: usize| u32::try_from(n).expect("there are at most 500,000");
         let n_scenes = number(self.scenes.len());
         let scene = *self.scenes.entry(scene).or_insert(n_scenes);
         self.places.insert((scene, seed), number(self.outcomes.len()));
         self.outcomes.push(outcome);
-        true
+        Ok(true)
     }
 }
 
@@ -130,14 +138,9 @@ impl Store {
         options.read(true).write(true).create(true).truncate(false);
         let mut file = options.open(&path).map_err(unwritable)?;
         let (mut known, mut n_flights) = (Known::default(), 0);
-        let length = each_line(&file, &path, |Record { scene, seed, outcome, word, .. }| {
+        let length = each_line(&file, &path, |record| {
             n_flights += 1;
-            if known.add(scene, seed, outcome) {
-                return Ok(());
-            }
-            let found = format!("two outcomes of {word} with seed {seed}");
-            let hint = "take out the line that is wrong, or name another folder";
-            Err(Error::input(path.display().to_string(), found, "one outcome of each flight", hint))
+            known.add(record, &path).map(|_is_new| ())
         })?;
         if file.metadata().map_err(unwritable)?.len() > length {
             file.set_len(length).map_err(unwritable)?;
@@ -147,13 +150,24 @@ impl Store {
         Ok(Self { path, known, log, _lock: lock })
     }
 
-    /// The outcome of a flight that was stored before the store was opened.
+    /// The outcome of a flight that was stored before the store was opened, or taken over.
     #[must_use]
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(scene, seed).cloned()
     }
 
-    /// Flights that were there when it was opened.
+    /// Takes over the flights of another file that it lacks, such as a shard's.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`] and [`Self::put`]; [`Error::Input`] where a flight has another outcome there.
+    pub fn take(&mut self, path: &Path) -> Result<()> {
+        Self::read(path)?.into_iter().try_for_each(|record| {
+            if self.known.add(record.clone(), path)? { self.put(&record) } else { Ok(()) }
+        })
+    }
+
+    /// Flights that were there when it was opened, and those that were taken over.
     #[must_use]
     pub fn n_known(&self) -> usize {
         self.known.outcomes.len()
@@ -183,24 +197,15 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// As [`Self::each`].
+    /// [`Error::Io`], [`Error::Input`] with the line that is broken, and for more than 500,000
+    /// flights. Half a line at the end is none.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
-        Self::each(path, |record| {
+        each_line(LIMIT.open(path)?, path, |record| {
             records.push(record);
             Ok(())
         })?;
         Ok(records)
-    }
-
-    /// Reads the flights of such a file one by one.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Io`], [`Error::Input`] with the line that is broken, and for more than 500,000
-    /// flights; those of `each`. Half a line at the end is none.
-    pub fn each(path: &Path, each: impl FnMut(Record) -> Result<()>) -> Result<()> {
-        each_line(LIMIT.open(path)?, path, each).map(|_length| ())
     }
 
     /// Writes records as a whole file of such lines: under another name, kept by the disk, then named.

@@ -31,7 +31,6 @@ pub(crate) fn of(reader: &str) -> Option<(usize, Grower)> {
         "flight" | "plan" | "light" => (256 * MIB, grown),
         "png" => (64 * MIB, |_, most, random| heavy::png(most, random)),
         "store" => (320 * MIB, grown),
-        "sweep" => (20 * MIB, grown),
         "jpeg" | "picture" | "exif" => (256 * KIB, grown),
         _ => return None,
     })

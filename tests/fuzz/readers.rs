@@ -10,10 +10,10 @@ use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::Photo;
 use noctograph::plan::{Plan, PlanOptions, plan};
-use noctograph::scene::{NamedScene, Preset, Scene};
+use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::read_lighthouse_config;
 use noctograph::sim::{Drone, SimOptions, fly};
-use noctograph::study::{Conditions, Store, Study, Sweep};
+use noctograph::study::{Conditions, Store};
 
 /// A reader of files.
 pub(crate) struct Reader {
@@ -143,7 +143,6 @@ pub(crate) fn all() -> Vec<Reader> {
         ),
         reader("embedded", "photo.png", embedded, || vec![shot()]),
         reader("store", "flights.jsonl", |p, _| Store::read(p).is_ok(), || vec![STORE.into()]),
-        reader("sweep", "sweep.json", |p, _| Sweep::read(p).is_ok(), || vec![sweep()]),
         reader(
             "lighthouse",
             "lh.yaml",
@@ -314,16 +313,6 @@ fn jpeg() -> Vec<u8> {
     let length = u16::try_from(exif.len() + 2).unwrap().to_be_bytes();
     bytes.splice(2..2, [&[0xff, 0xe1][..], &length, &exif].concat());
     bytes
-}
-
-fn sweep() -> Vec<u8> {
-    let study = Study {
-        contenders: vec![NamedScene::new("team", Scene::preset(Preset::default()))],
-        words: vec![("I".to_owned(), 2)],
-        conditions: Conditions::default(),
-        seed: 1,
-    };
-    Sweep::new(study).unwrap().to_json().into_bytes()
 }
 
 const SVG: [&str; 3] = [

@@ -160,7 +160,6 @@ fn lines_are_at_most_80_columns_wide() {
     for verb in verbs.split_whitespace() {
         commands.extend([vec![verb, "--help"], vec![verb, "-h"]]);
     }
-    commands.extend(["plan", "run", "merge", "slurm"].map(|verb| vec!["sweep", verb, "--help"]));
     for command in [
         "preview I --backend cpu --size 160x90",
         "plan I --style even",
@@ -213,7 +212,7 @@ fn completions_and_man_pages_are_generated() {
         run.success().stdout(predicate::str::contains("compare-photo"));
     }
     noctograph(folder.path()).args(["generate", "man"]).assert().success();
-    let page = std::fs::read_to_string(folder.path().join("man/noctograph-sweep-run.1")).unwrap();
+    let page = std::fs::read_to_string(folder.path().join("man/noctograph-rank.1")).unwrap();
     assert!(page.contains("shard"), "{page}");
 }
 

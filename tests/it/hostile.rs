@@ -17,7 +17,6 @@ fn an_endless_file_is_refused_by_every_reader() {
         &["import", "/dev/zero"],
         &["score", "/dev/zero", "I"],
         &["read", "/dev/zero"],
-        &["sweep", "run", "/dev/zero"],
         &["locate", "--region", "--anchors", "/dev/zero"],
         &["rank", "team", "--conditions", "/dev/zero"],
     ] {

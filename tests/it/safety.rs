@@ -77,7 +77,7 @@ fn export_refuses_what_check_stops_and_a_script_that_is_forced_says_so() {
     let large = ["HI", "--set", "letters.baseline_m=2.2"];
     let (code, report, _) = run(at, &[&["check"], &large[..]].concat());
     assert_eq!((code, &finding(&report, "volume")["severity"]), (1, &"stop".into()));
-    for format in ["cflib", "compressed", "crazyswarm2", "skyc", "vviz", "uav-trajectories"] {
+    for format in ["cflib", "compressed", "crazyswarm2", "skyc", "vviz"] {
         let arguments = [&["export"], &large[..], &["--to", format, "-o", "out"]].concat();
         let (code, report, _) = run(at, &arguments);
         assert_eq!(code, 1, "{format}: {report}");
@@ -155,7 +155,6 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
         // The trajectory starts seven seconds after the command to take off.
         assert!((previewed_s - flown_s - 7.0).abs() < 1e-4, "{previewed_s} s, {flown_s} s");
     }
-    to("skybrush-csv", "noor.zip", &[]);
     to("skyc", "noor.skyc", &[]);
     to("vviz", "noor.vviz", &[]);
     let show: Value =

@@ -204,22 +204,24 @@ fn shards_in_processes_of_their_own_merge_to_what_one_process_ranks() {
         noctograph(folder.path()).args(arguments).assert().success();
     };
     let study = ["team", "geometric", "--words", "I:3,L:2", "--seed", "1"];
-    run(&[&["sweep", "plan"], &study[..]].concat());
-    let mut workers: Vec<_> = ["1/3", "2/3", "3/3"]
-        .map(|shard| {
-            let args = ["sweep", "run", "sweep.json", "--shard", shard, "--threads", "1"];
-            start(folder.path(), &args)
-        })
-        .into();
+    let shard = |shard| {
+        let args = ["--parts", "parts", "--threads", "1", "--shard", shard];
+        [&["rank"], &study[..], &args].concat()
+    };
+    let mut workers = ["1/3", "2/3", "3/3"].map(|part| start(folder.path(), &shard(part)));
     workers[1].kill().unwrap(); // a machine goes down
-    let codes: Vec<bool> = workers.iter_mut().map(|w| w.wait().unwrap().success()).collect();
+    let codes = workers.each_mut().map(|worker| worker.wait().unwrap().success());
     assert_eq!(codes, [true, false, true]);
-    let merge = ["sweep", "merge", "sweep.json", "parts", "-o", "merged"];
-    let missing = noctograph(folder.path()).args(merge).output().unwrap();
-    assert_eq!(missing.status.code(), Some(2));
-    assert!(String::from_utf8(missing.stderr).unwrap().contains("flights are missing"));
-    run(&["sweep", "run", "sweep.json", "--shard", "2/3"]);
-    run(&merge);
+    let parts = || names_in(&folder.path().join("parts"));
+    let [first, third] = parts().try_into().expect("whole shards, and nothing else");
+    assert!(first.ends_with("-1-of-3.jsonl") && third.ends_with("-3-of-3.jsonl"), "{first}");
+    run(&shard("2/3"));
+    assert_eq!(parts().len(), 3);
+    let merge = ["--parts", "parts", "-o", "merged"];
+    run(&[&["rank"], &study[..], &merge].concat());
+    let merged = String::from_utf8(read(folder.path(), "merged/flights.jsonl")).unwrap();
+    let read_one = |name| String::from_utf8(read(folder.path(), &format!("parts/{name}"))).unwrap();
+    assert_eq!(merged, parts().iter().map(read_one).collect::<String>(), "none is flown again");
     run(&[&RANK[..], &["-o", "alone"]].concat());
     for name in ["flights.csv", "ranking.csv", "ranking.json", "photos.png"] {
         assert!(
@@ -227,12 +229,6 @@ fn shards_in_processes_of_their_own_merge_to_what_one_process_ranks() {
                 == read(folder.path(), &format!("alone/{name}")),
             "{name} differs"
         );
-    }
-    let slurm = ["sweep", "slurm", "sweep.json", "--shards", "4"];
-    let script = noctograph(folder.path()).args(slurm).output().unwrap().stdout;
-    let script = String::from_utf8(script).unwrap();
-    for line in ["#!/bin/bash\n", "#SBATCH --array=1-4\n", "--shard \"$SLURM_ARRAY_TASK_ID/4\""] {
-        assert!(script.contains(line), "{line} in\n{script}");
     }
 }
 
@@ -246,6 +242,6 @@ fn broken_studies_are_named() {
         &[("c.toml", "rain = 1")],
         &["c.toml", "rain"],
     );
-    fails(&["sweep", "run", "p.json"], &[("p.json", "{}")], &["p.json", "a sweep's plan"]);
-    fails(&["sweep", "run", "p.json", "--shard", "3"], &[("p.json", "{}")], &["p.json"]);
+    fails(&["rank", "team", "--parts", "p", "--shard", "3"], &[], &["shard", "I/N"]);
+    fails(&["rank", "team", "--parts", "none"], &[], &["none"]);
 }

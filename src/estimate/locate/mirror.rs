@@ -35,7 +35,7 @@ const MOST_RANGES: usize = 400;
 /// A time in which the place of a drone cannot be told from another one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ambiguity {
-    /// Index of the drone.
+    /// Number of the drone, from 1.
     pub drone: usize,
     /// From when.
     pub from_s: f64,
@@ -66,7 +66,8 @@ pub(super) fn ambiguities(
             break;
         }
         let (ranges, places_m) = expected(anchors_m, span, located, options.range_sigma_m);
-        for (drone, apart_m) in elsewhere(anchors_m, &ranges, &places_m, options) {
+        for (index, apart_m) in elsewhere(anchors_m, &ranges, &places_m, options) {
+            let drone = index + 1;
             let before = found.iter_mut().rev().find(|a| a.drone == drone);
             match before.filter(|before| before.to_s >= begin.time_s) {
                 Some(before) => {
@@ -109,7 +110,7 @@ pub(super) fn ambiguities_of_motion(
     }
     let (from_s, to_s) = (first.time_s, last.time_s);
     let found = elsewhere(anchors_m, &ranges, &places_m, options).into_iter();
-    found.map(|(drone, apart_m)| Ambiguity { drone, from_s, to_s, apart_m }).collect()
+    found.map(|(index, apart_m)| Ambiguity { drone: index + 1, from_s, to_s, apart_m }).collect()
 }
 
 /// The span in which every link is measured, as a rule.

@@ -11,6 +11,7 @@
 //! imported.
 
 use nalgebra::Vector3;
+use serde::Serialize;
 
 use super::tracking::{Part, angles_rad, attitude, mean, rms};
 use super::{Flight, FlightSample, Quantity};
@@ -58,13 +59,14 @@ pub enum Alignment {
 }
 
 /// Differences between two flights, A minus B, in the world frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Part of the flights that the figures cover.
     pub part: Part,
     /// Time added to B's stamps.
     pub offset_s: f64,
     /// Number of compared samples of A.
+    #[serde(rename = "samples")]
     pub n_samples: usize,
     /// First and last of them, on A's clock.
     pub span_s: [f64; 2],
@@ -75,9 +77,11 @@ pub struct Comparison {
     /// Maximum distance in position.
     pub max_m: f64,
     /// Root mean square of the attitude; `None` where a flight has none.
+    #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
     /// What explains most of the difference, and its share of the mean square; `None` where there
     /// is no difference.
+    #[serde(skip)]
     pub first: Option<(Discrepancy, f64)>,
 }
 

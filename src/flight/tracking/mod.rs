@@ -15,6 +15,7 @@
 //! as measured on it and on `NanoBench` (arXiv 2603.09908).
 
 use nalgebra::{Vector2, Vector3};
+use serde::Serialize;
 
 use super::{Flight, FlightSample, Quantity};
 use crate::error::{Error, Result};
@@ -49,11 +50,12 @@ const HEIGHT_ERROR_FRAC: f64 = 0.05;
 pub const CORRIDOR_M: f64 = 0.2;
 
 /// Tracking errors, flown minus design, in the world frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracking {
     /// Part of the flight that the figures cover.
     pub part: Part,
     /// Samples in that part.
+    #[serde(rename = "samples")]
     pub n_samples: usize,
     /// First and last sample of that part.
     pub span_s: [f64; 2],
@@ -77,7 +79,7 @@ pub struct Tracking {
 }
 
 /// Distance from the flown position to the path of the design, in the x-z plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ContourError {
     /// Mean.
     pub mean_m: f64,
@@ -90,7 +92,7 @@ pub struct ContourError {
 }
 
 /// Position across the word's plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Drift {
     /// Minimum.
     pub min_y_m: f64,
@@ -101,13 +103,16 @@ pub struct Drift {
 }
 
 /// Yaw, pitch and roll over a flight, each by itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AttitudeSpread {
     /// Mean.
+    #[serde(rename = "mean_rad")]
     pub mean: Attitude,
     /// Standard deviation.
+    #[serde(rename = "sigma_rad")]
     pub sigma: Attitude,
     /// Maximum of the absolute value.
+    #[serde(rename = "max_rad")]
     pub max: Attitude,
 }
 

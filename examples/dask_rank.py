@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Fly the shards of a sweep on Dask distributed.
+"""Fly the shards of a ranking on Dask distributed; all else is handed to noctograph rank.
 
     pip install distributed
-    noctograph sweep plan team tuned --words NOOR:100000 -o sweep.json
-    python examples/dask_sweep.py sweep.json --shards 200 -o parts --scheduler tcp://host:8786
-    noctograph sweep merge sweep.json parts
+    python examples/dask_rank.py --shards 200 --scheduler tcp://host:8786 team tuned --words NOOR:9999
+    noctograph rank team tuned --words NOOR:9999 --parts parts
 
-Workers need noctograph and a folder that all of them and you can see. Without --scheduler, worker
-processes are started on this machine. A shard is a function of the plan and its number, and appears
+Workers need noctograph and this folder, which all of them and you can see. Without --scheduler, worker
+processes are started on this machine. A shard is a function of the study and its number, and appears
 whole or not at all: a worker that dies costs its shard, which Dask gives to another one.
 """
 
@@ -19,27 +18,24 @@ import sys
 from distributed import Client, LocalCluster, as_completed
 
 
-def fly(noctograph, plan, shard, shards, parts):
+def fly(command, shard, folder):
     """One shard, by one command; what lies there already is not flown again."""
-    command = [noctograph, "sweep", "run", plan, "--shard", f"{shard}/{shards}"]
-    done = subprocess.run(
-        [*command, "--threads", "1", "-o", parts], capture_output=True, text=True
-    )
+    done = subprocess.run([*command, "--shard", shard], cwd=folder, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"shard {shard}: {done.stderr.strip()}")
     return shard
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("plan", help="as `noctograph sweep plan` writes it")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--shards", type=int, default=100, help="seconds to minutes of work each")
-    parser.add_argument("-o", "--output", default="parts", help="folder for the shards")
+    parser.add_argument("--parts", default="parts", help="folder for the shards")
     parser.add_argument("--scheduler", help="address of a Dask scheduler")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="where there is none")
     parser.add_argument("--noctograph", default="noctograph", help="the program on the workers")
-    args = parser.parse_args()
-    plan, parts = os.path.abspath(args.plan), os.path.abspath(args.output)
+    args, study = parser.parse_known_args()
+    command = [args.noctograph, "rank", *study, "--threads", "1", "--parts", args.parts]
+    folder = os.getcwd()
 
     cluster = args.scheduler or LocalCluster(
         n_workers=args.workers, threads_per_worker=1, processes=True, dashboard_address=None
@@ -47,7 +43,7 @@ def main():
     with Client(cluster) as client:
         shards = range(1, args.shards + 1)
         tasks = client.map(
-            lambda shard: fly(args.noctograph, plan, shard, args.shards, parts),
+            lambda shard: fly(command, f"{shard}/{args.shards}", folder),
             shards,
             key=[f"shard-{shard}" for shard in shards],
             retries=3,
