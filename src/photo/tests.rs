@@ -3,6 +3,16 @@
 use super::noise::{POISSON, Source, Stream};
 use super::*;
 use crate::camera::CameraOptions;
+use crate::error::Result;
+
+/// Developed and read out in a room without walls.
+fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
+    super::develop(film, camera, &ExposeOptions::default(), options, seed)
+}
+
+fn read_out(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Readout> {
+    super::read_out(film, camera, &ExposeOptions::default(), options, seed)
+}
 
 fn camera(size_px: [u32; 2], change: impl FnOnce(&mut CameraOptions)) -> Camera {
     let mut options = CameraOptions::default();
@@ -339,14 +349,40 @@ fn vignetting_dims_the_room_as_it_dims_a_lamp() {
     let light = |change: fn(&mut CameraOptions)| {
         read_out(&dark, &camera([64, 48], change), &options, 0).unwrap().rgb
     };
-    let [clear, dim] = [light(|_| {}), light(|c| c.vignetting = 0.6)];
-    let lens = camera([64, 48], |c| c.vignetting = 0.6);
+    let [clear, dim] = [light(|_| {}), light(|c| c.vignetting = Some(0.6))];
+    let lens = camera([64, 48], |c| c.vignetting = Some(0.6));
     for [x, y] in [[0, 0], [63, 47], [5, 30], [32, 24]] {
         let index = 3 * (y * 64 + x);
         let left = f64::from(dim[index] / clear[index]);
         let wanted = lens.unvignetted(x as f64 + 0.5, y as f64 + 0.5);
         assert!((left - wanted).abs() < 1e-5, "{left} at {x}, {y}, wanted {wanted}");
     }
+}
+
+#[test]
+fn floor_and_walls_differ_in_the_light_of_the_room() {
+    let options =
+        PhotoOptions { ambient_cd_m2: 0.05, ambient_rgb: [1.0; 3], ..PhotoOptions::plain() };
+    let camera = camera([160, 120], |_| {});
+    let dark = film([160, 120], |_, _, _| 0);
+    let bare = ExposeOptions { floor_albedo: 0.2, wall_albedo: 0.4, ..Default::default() };
+    let walls = ExposeOptions { room_m: Some([4.0, 4.0, 2.5]), ..bare.clone() };
+    let [even, found] = [bare, walls.clone()]
+        .map(|room| super::read_out(&dark, &camera, &room, &options, 0).unwrap().rgb);
+    let room = crate::expose::Room::new(&walls, camera.position_m);
+    let mut met = [0; 3];
+    for (x, y) in (0..160).flat_map(|x| (0..120).map(move |y| (x, y))) {
+        let ray = camera.world_from_image(f64::from(x) + 0.5, f64::from(y) + 0.5).unwrap();
+        let (on, point_m) = room.met(ray).unwrap();
+        let index = 3 * (y as usize * 160 + x as usize);
+        let share = f64::from(found[index] / even[index]);
+        let off = (share / room.ambient(on, point_m) - 1.0).abs();
+        met[0] += usize::from(on == 0);
+        met[1] += usize::from(on == 1);
+        met[2] += usize::from(off > 0.02);
+    }
+    assert!(met[0] > 1000 && met[1] > 1000, "floor and back wall: {met:?}");
+    assert!(met[2] < 800, "{} pixels off the edges differ", met[2]);
 }
 
 #[test]

@@ -33,7 +33,7 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
 }
 
 fn fixed(position_m: [f64; 3], target_m: [f64; 3]) -> Framing {
-    Framing::Fixed(FixedPose { position_m, target_m, ..FixedPose::default() })
+    Framing::Fixed(FixedPose { position_m, target_m: Some(target_m), ..FixedPose::default() })
 }
 
 fn camera(change: impl FnOnce(&mut CameraOptions)) -> Camera {
@@ -84,7 +84,7 @@ fn golden_films_are_the_same_on_both_backends() {
             camera(|c| {
                 let distortion = [-0.2, 0.05, 0.002, -0.001];
                 c.lens = LensModel::Custom(CustomLens { distortion, ..CustomLens::default() });
-                c.vignetting = 0.7;
+                c.vignetting = Some(0.7);
             }),
             0.005,
         ),
