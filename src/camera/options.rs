@@ -37,7 +37,8 @@ settings! {
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes; the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
-        /// Distance in focus; everything is sharp if left out.
+        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and with
+        /// a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
         /// Standard deviation of the blur of the lens on the sensor, without diffraction.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
@@ -161,12 +162,14 @@ impl CameraOptions {
             }
             Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
         };
+        let at_word_m = (camera_from_world * (middle - position_m)).z;
+        let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
         Ok(Camera {
             position_m,
             camera_from_world,
             focal_length_m: self.lens.focal_length_m(),
             sensor_width_m: self.body.sensor_width_m(),
-            focus_m: self.focus_m,
+            focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
             distortion: self.lens.distortion(),
             vignetting: self.vignetting_at(self.f_number),
             white_balance: self.white_balance.gains(),
@@ -322,5 +325,8 @@ mod tests {
         let camera = options.camera(NOOR_M, 1.0).unwrap();
         assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
         assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
+        // The word is 1.5 m wide and half of the picture.
+        assert!((camera.focus_m.unwrap() - 3.0 * 0.016 / 0.0235).abs() < 1e-12, "at the word");
+        assert_eq!(CameraOptions::default().camera(NOOR_M, 1.0).unwrap().focus_m, None);
     }
 }

@@ -159,7 +159,7 @@ fn process<T: Copy + Default + Send>(
     }
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
-    let glare = Glare::new(film, camera, options.glare_frac, options.glare_radius_m);
+    let glare = Glare::new(film, camera, options);
     let spikes = match options.aperture_blades {
         0 => Vec::new(),
         blades => {
