@@ -28,7 +28,7 @@ fn camera() -> Camera {
     let options = CameraOptions {
         framing: Framing::Fixed(FixedPose {
             position_m: [0.0, -4.0, 0.0],
-            target_m: [0.0; 3],
+            target_m: Some([0.0; 3]),
             ..FixedPose::default()
         }),
         lens: LensModel::Custom(CustomLens { focal_length_m: 0.028, ..CustomLens::default() }),

@@ -1,6 +1,6 @@
 //! Settings of the camera, and its pose in front of the word.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::{BodyModel, Camera, LensModel, WhiteBalance};
 use crate::error::{Error, Result};
@@ -37,14 +37,16 @@ settings! {
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes; the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
-        /// Distance in focus; everything is sharp if left out.
+        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and with
+        /// a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
         /// Standard deviation of the blur of the lens on the sensor, without diffraction.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
         /// Share of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
-        /// Share of light lost by vignetting at the corner of the picture.
-        vignetting: f64 = 0.0, in 0.0..=1.0;
+        /// Share of light lost by vignetting at the corner of the picture, beside the natural
+        /// falloff by cos⁴; that of the lens at its aperture if left out.
+        vignetting: Option<f64> = None, in 0.0..=1.0;
         /// White balance: gains of red, green and blue, or the color temperature in kelvin.
         white_balance: WhiteBalance = WhiteBalance::default();
         /// Pose of the camera.
@@ -94,8 +96,8 @@ settings! {
     pub struct FixedPose {
         /// Entrance pupil, in the world.
         position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
-        /// Point of the world in the middle of the picture.
-        target_m: [f64; 3] = [0.15, 0.0, 0.75], in -1e4..=1e4;
+        /// Point of the world in the middle of the picture; the middle of the word if left out.
+        target_m: Option<[f64; 3]> = None, in -1e4..=1e4;
         /// Attitude in the world, in place of the target: a unit quaternion w, x, y, z. As in a
         /// .skyc file, a camera that is not rotated looks along -z with x to its right.
         orientation_wxyz: Option<[f64; 4]> = None, in -1.05..=1.05;
@@ -125,9 +127,19 @@ impl CameraOptions {
             return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
         }
         match &self.framing {
-            Framing::Fixed(pose) => pose.check_direction(),
+            Framing::Fixed(pose) => {
+                let ahead = Vector3::from(pose.position_m) + Vector3::y();
+                pose.camera_from_world(ahead).map(|_| ())
+            }
             Framing::Word(_) => Ok(()),
         }
+    }
+
+    /// Share of light lost by vignetting at the corner of the picture, at an aperture.
+    pub(crate) fn vignetting_at(&self, f_number: f64) -> f64 {
+        let aspect = f64::from(self.height_px) / f64::from(self.width_px);
+        let corner_m = 0.5 * self.body.sensor_width_m() * (1.0 + aspect * aspect).sqrt();
+        self.vignetting.unwrap_or_else(|| self.lens.vignetting(f_number, corner_m))
     }
 
     /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
@@ -138,31 +150,28 @@ impl CameraOptions {
     /// [`Error::Input`] with the key that is out of range.
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
+        let [left, bottom, right, top] = bounds_m;
+        let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = match &self.framing {
             Framing::Word(framing) => {
-                let [left, bottom, right, top] = bounds_m;
                 let aspect = f64::from(self.width_px) / f64::from(self.height_px);
                 let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
                 let distance_m = width_m * self.lens.focal_length_m() / self.body.sensor_width_m();
-                let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
                 let position_m = middle - Vector3::y() * distance_m;
                 (position_m, camera_from_world(middle - position_m))
             }
-            Framing::Fixed(FixedPose { position_m, target_m, orientation_wxyz }) => {
-                let toward_target = Vector3::from(*target_m) - Vector3::from(*position_m);
-                let camera_from_world = orientation_wxyz
-                    .map_or_else(|| camera_from_world(toward_target), camera_from_orientation);
-                ((*position_m).into(), camera_from_world)
-            }
+            Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
         };
+        let at_word_m = (camera_from_world * (middle - position_m)).z;
+        let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
         Ok(Camera {
             position_m,
             camera_from_world,
             focal_length_m: self.lens.focal_length_m(),
             sensor_width_m: self.body.sensor_width_m(),
-            focus_m: self.focus_m,
+            focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
             distortion: self.lens.distortion(),
-            vignetting: self.vignetting,
+            vignetting: self.vignetting_at(self.f_number),
             white_balance: self.white_balance.gains(),
             f_number: self.f_number,
             transmission: self.transmission,
@@ -178,20 +187,23 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// Checks that the pose has a direction.
-    fn check_direction(&self) -> Result<()> {
+    /// The rotation from the world to the camera frame, of a camera that looks at `middle` if
+    /// nothing else is given.
+    fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
-            if self.position_m != self.target_m {
-                return Ok(());
+            let forward =
+                self.target_m.map_or(middle, Vector3::from) - Vector3::from(self.position_m);
+            if forward.norm() > 1e-9 {
+                return Ok(camera_from_world(forward));
             }
             let hint = "place the camera some meters in front of its target";
-            let found = format!("{:?}, the position of the camera", self.target_m);
+            let found = format!("{:?}, the position of the camera", self.position_m);
             let wanted = "a point away from it";
             return Err(Error::input("camera.framing.target_m", found, wanted, hint));
         };
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
         if (0.95..=1.05).contains(&length) {
-            return Ok(());
+            return Ok(camera_from_orientation(orientation));
         }
         let key = "camera.framing.orientation_wxyz";
         let found = format!("a quaternion of length {length}");
@@ -251,7 +263,7 @@ mod tests {
         assert!(error.contains("camera.shutter_close_s"), "{error}");
         let error = refused(&|c| (c.lens, c.f_number) = (LensModel::Kit16, 2.0));
         assert!(error.contains("camera.f_number"), "{error}");
-        let pose = FixedPose { target_m: [0.15, -3.0, 0.75], ..FixedPose::default() };
+        let pose = FixedPose { target_m: Some([0.15, -3.0, 0.75]), ..FixedPose::default() };
         let error = refused(&|c| c.framing = Framing::Fixed(pose.clone()));
         assert!(error.contains("camera.framing.target_m"), "{error}");
     }
@@ -269,6 +281,41 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_that_stands_aside_looks_at_the_middle_of_the_word() {
+        let pose = FixedPose { position_m: [1.2, -3.5, 1.4], ..FixedPose::default() };
+        let options = CameraOptions { framing: Framing::Fixed(pose), ..CameraOptions::default() };
+        let camera = options.camera(NOOR_M, 57.0).unwrap();
+        let image = camera.image_from_world(Vector3::new(0.15, 0.0, 0.75)).unwrap();
+        let off_px = (image.x_px - 960.0).abs().max((image.y_px - 540.0).abs());
+        assert!(off_px < 1e-9, "{image:?}");
+        let inside = FixedPose { position_m: [0.0, 0.0, 0.75], ..FixedPose::default() };
+        let options = CameraOptions { framing: Framing::Fixed(inside), ..options };
+        let error = options.camera([-0.5, 0.5, 0.5, 1.0], 57.0).unwrap_err().to_string();
+        assert!(error.contains("camera.framing.target_m"), "{error}");
+    }
+
+    #[test]
+    fn lenses_darken_the_corner_as_measured() {
+        // Stops that the lens loses in all at the corner of full frame, wide open and stopped down.
+        let lost = |lens: LensModel, f_number: f64| {
+            let options = CameraOptions { lens, f_number, height_px: 1280, ..Default::default() };
+            let camera = options.camera(NOOR_M, 1.0).unwrap();
+            let ray = camera.world_from_image(0.0, 0.0).unwrap();
+            let cos = (camera.camera_from_world * ray).z;
+            -libm::log2(camera.unvignetted(0.0, 0.0) * cos * cos * cos * cos)
+        };
+        for (lens, f_number, wanted) in
+            [(LensModel::Normal50, 1.8, 2.7), (LensModel::Normal35, 2.0, 2.2)]
+        {
+            let found = lost(lens, f_number);
+            assert!((found - wanted).abs() < 0.05, "{found} at f/{f_number}, wanted {wanted}");
+        }
+        assert!(lost(LensModel::Normal50, 3.5) < 1.0, "less than a stop from f/3.5 on");
+        let natural = lost(LensModel::default(), 8.0);
+        assert!((lost(LensModel::Normal35, 8.0) - natural).abs() < 0.06, "gone at f/8");
+    }
+
+    #[test]
     fn a_body_and_a_lens_by_name_set_sensor_and_focal_length() {
         let options = CameraOptions {
             body: BodyModel::A6400,
@@ -278,5 +325,8 @@ mod tests {
         let camera = options.camera(NOOR_M, 1.0).unwrap();
         assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
         assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
+        // The word is 1.5 m wide and half of the picture.
+        assert!((camera.focus_m.unwrap() - 3.0 * 0.016 / 0.0235).abs() < 1e-12, "at the word");
+        assert_eq!(CameraOptions::default().camera(NOOR_M, 1.0).unwrap().focus_m, None);
     }
 }

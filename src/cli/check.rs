@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::findings;
-use super::flags::{ProfileFlags, SubjectFlags};
+use super::flags::{ProfileFlags, StandFlag, SubjectFlags};
 use super::outcome::{Outcome, Report};
 use crate::error::Result;
 use crate::preflight::{Checked, Profile, Severity, preflight};
@@ -15,11 +15,13 @@ pub(super) struct CheckArgs {
     subject: SubjectFlags,
     #[command(flatten)]
     profile: ProfileFlags,
+    #[command(flatten)]
+    stand: StandFlag,
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let profile = args.profile.profile(&args.subject);
-    let shoot = args.subject.shoot(|_| Ok(()))?;
+    let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
     let found = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let json = json!({

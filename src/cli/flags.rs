@@ -10,7 +10,7 @@ use super::message;
 use super::names::{named, names};
 use super::relit::relit_where_dark;
 use super::set::{SetFlag, Setting, borrowed};
-use crate::camera::Framing;
+use crate::camera::{FixedPose, Framing};
 use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
@@ -311,11 +311,41 @@ impl CameraFlags {
     }
 }
 
+/// The place of the camera.
+#[derive(Debug, Args)]
+pub(super) struct StandFlag {
+    /// Where the camera stands, in m from the take-off mark: to the right, back (minus: in front)
+    /// and up, such as 1.2,-3.5,1.4; it looks at the word
+    #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
+    camera_at: Option<[f64; 3]>,
+}
+
+impl StandFlag {
+    /// Puts the camera of a scene there.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let Some(position_m) = self.camera_at {
+            let pose = FixedPose { position_m, ..FixedPose::default() };
+            scene.camera.framing = Framing::Fixed(pose);
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+fn place(text: &str) -> std::result::Result<[f64; 3], String> {
+    let parts = text.split(',').map(|part| part.trim().parse().ok());
+    let numbers: Option<Vec<f64>> = parts.collect();
+    let place = numbers.and_then(|numbers| numbers.try_into().ok());
+    place.ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
+}
+
 /// The picture: camera, size and the device that computes it.
 #[derive(Debug, Args)]
 pub(super) struct PictureFlags {
     #[command(flatten)]
     camera: CameraFlags,
+    #[command(flatten)]
+    stand: StandFlag,
     /// Size of the picture in pixels, such as 1920x1080
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
@@ -328,6 +358,7 @@ impl PictureFlags {
     /// Puts camera and size that were typed into the scene.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
+        self.stand.apply(scene)?;
         if let Some((width_px, height_px)) = self.size {
             scene.camera.width_px = width_px;
             scene.camera.height_px = height_px;

@@ -86,7 +86,8 @@ impl LetterFlags {
             let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
             settings.extend(owned(lamp.into_iter()));
         }
-        if let Some([width_m, _, height_m]) = self.room {
+        if let Some(room_m @ [width_m, _, height_m]) = self.room {
+            settings.push(("expose.room_m".to_owned(), format!("{room_m:?}")));
             let wide_m = width_m - 2.0 * FROM_WALL_M;
             // A low room has the word nearer to its floor.
             let baseline_m = (0.25 * height_m).min(0.5);

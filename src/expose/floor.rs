@@ -1,25 +1,25 @@
-//! Glow of the floor: light of the lamps that a matte floor reflects into the camera.
+//! Glow of the room: light of the lamps that floor and walls reflect into the camera.
 //!
-//! A matte floor of albedo ρ that receives E lx s has a luminance over time of `ρ E / π` cd s/m² in
+//! A matte surface of albedo ρ that receives E lx s has a luminance over time of `ρ E / π` cd s/m² in
 //! every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the sum of
 //! `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square).
 //!
-//! 1. The lamps become point sources: see `sources`.
+//! 1. The lamps become point sources: see `sources`. The floor is a grid of more of them for the
+//!    walls, which so receive what it reflects.
 //! 2. The picture is divided into squares. A square is quartered while its center differs from the
 //!    mean of its corners, or while a lamp is above it at less than its own side.
 //! 3. Light is bilinear within a square, and counted with the film's dither.
 //!
-//! Not modeled: a glossy floor, walls, the drone's shadow.
+//! Not modeled: light that a wall throws back, the drone's shadow.
 
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::project::NEAREST_M;
 use super::record::DITHER;
-use super::sources::{Branch, Rgb, Tree, exposure_lx_s, trees};
-use super::{ExposeOptions, Film, narrow};
+use super::sources::{Branch, Rgb, Tree, exposure_lx_s, reflected, trees};
+use super::{ExposeOptions, Film, Room, narrow};
 use crate::camera::Camera;
 use crate::light::LightTrace;
 
@@ -47,13 +47,13 @@ struct Square {
     corners_lx_s: [Rgb; 4],
 }
 
-/// The floor, lit and seen by a camera.
+/// Floor and walls, lit and seen by a camera.
 struct Floor<'a> {
     camera: &'a Camera,
-    z_m: f64,
-    /// Exposure of the sensor on the optical axis per exposure of the floor.
-    reflected: f64,
+    room: Room,
+    /// Those of the lamps, and that of the floor last where there are walls.
     trees: Vec<Tree<'a>>,
+    n_lamps: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
     /// Difference that is even everywhere, from [`EVEN`].
@@ -67,10 +67,11 @@ impl Glow {
         camera: &Camera,
         options: &ExposeOptions,
     ) -> Option<Self> {
-        if options.floor_albedo == 0.0 || camera.position_m.z < options.floor_z_m + NEAREST_M {
+        let room = Room::new(options, camera.position_m);
+        if room.surfaces.iter().all(|surface| surface.albedo == 0.0) {
             return None;
         }
-        let floor = Floor::new(trace, camera, options);
+        let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
         let corner = |i: u32, j: u32| floor.seen_lx_s([i * SIDE_PX, j * SIDE_PX]);
         let corners: Vec<Vec<Rgb>> = (0..=rows)
@@ -145,9 +146,9 @@ impl Square {
 }
 
 impl<'a> Floor<'a> {
-    fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions) -> Self {
+    fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
-        let trees = trees(trace, camera, z_m);
+        let mut trees = trees(trace, camera, z_m);
         let foot_px = |branch: &Branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
@@ -155,22 +156,32 @@ impl<'a> Floor<'a> {
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
         };
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(foot_px).collect();
-        let n = camera.f_number;
-        let reflected = options.floor_albedo * camera.transmission / (4.0 * n * n);
+        let n_lamps = trees.len();
+        if let Some([width_m, depth_m, _]) = options.room_m {
+            let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
+            trees.push(floor);
+        }
         let even_lx_s = EVEN[1] * camera.saturation_lx_s();
-        Self { camera, z_m, reflected, trees, feet_px, even_lx_s }
+        Self { camera, room, trees, n_lamps, feet_px, even_lx_s }
     }
 
     /// Exposure of the sensor at a corner of pixels.
     fn seen_lx_s(&self, corner_px: [u32; 2]) -> Rgb {
         let [x_px, y_px] = corner_px.map(f64::from);
-        let Self { camera, z_m, .. } = *self;
-        let ray = camera.world_from_image(x_px, y_px).filter(|ray| ray.z <= -1e-9);
-        let Some(ray) = ray else { return [0.0; 3] };
-        let point_m = camera.position_m + ray * ((camera.position_m.z - z_m) / -ray.z);
+        let camera = self.camera;
+        let met = |ray| Some((ray, self.room.met(ray)?));
+        let Some((ray, (on, point_m))) = camera.world_from_image(x_px, y_px).and_then(met) else {
+            return [0.0; 3];
+        };
+        let surface = &self.room.surfaces[on];
+        let n = camera.f_number;
+        let reflected = surface.albedo * camera.transmission / (4.0 * n * n);
         let cos = (camera.camera_from_world * ray).z;
-        let share = self.reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
-        exposure_lx_s(&self.trees, point_m).map(|channel| channel * share)
+        let share = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
+        // The floor does not light itself.
+        let is_floor = surface.normal == Vector3::z();
+        let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
+        exposure_lx_s(lights, point_m, surface, -ray).map(|channel| channel * share)
     }
 
     /// Keeps a square that is even, divides any other; drops what is dark. Neighbors share the corners
@@ -208,8 +219,14 @@ pub(super) mod tests {
     use super::super::tests::{camera, lamp};
     use super::*;
 
-    const MATTE: ExposeOptions =
-        ExposeOptions { merge_tolerance_px: 0.005, floor_albedo: 0.5, floor_z_m: 0.0 };
+    const MATTE: ExposeOptions = ExposeOptions {
+        merge_tolerance_px: 0.005,
+        floor_albedo: 0.5,
+        floor_z_m: 0.0,
+        floor_roughness: None,
+        room_m: None,
+        wall_albedo: 0.4,
+    };
 
     /// A camera 2 m above the floor that looks down at it.
     pub(in crate::expose) fn looking_down() -> Camera {

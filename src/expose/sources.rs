@@ -1,10 +1,13 @@
-//! Point sources of the light on the floor, in trees.
+//! Point sources of the light on floor and walls, in trees.
 //!
 //! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form a
 //! tree (Barnes and Hut 1986), in which a branch that is small for its distance counts as one source.
 
+use std::sync::LazyLock;
+
 use nalgebra::Vector3;
 
+use super::room::Surface;
 use crate::camera::Camera;
 use crate::light::{Emitter, LightSample, LightTrace};
 
@@ -146,8 +149,66 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     branches[own].next = branches.len();
 }
 
-/// Exposure of a point of the floor.
-pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
+/// Edge of the squares of the floor that light the walls, and most of them along a wall.
+const PATCH_M: f64 = 0.5;
+const MAX_PATCHES: f64 = 32.0;
+
+/// A square of the floor as a lamp.
+static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
+    name: "floor".to_owned(),
+    intensity_cd: 1.0,
+    rgb: [1.0; 3],
+    beam_exponent: 1.0,
+    spill: 0.0,
+    visible_cos: 0.0,
+    diameter_m: PATCH_M,
+});
+
+/// The floor of a room as sources of the light that it reflects.
+///
+/// Each square counts as evenly lit as its middle would be from lamps its edge higher up: their
+/// light is the same in all, and no square misses a lamp that stands at its corner.
+pub(super) fn reflected(
+    trees: &[Tree<'_>],
+    [width_m, depth_m]: [f64; 2],
+    floor_z_m: f64,
+    albedo: f64,
+) -> Tree<'static> {
+    let side_m = PATCH_M.max(width_m.max(depth_m) / MAX_PATCHES);
+    let (columns, rows) = ((width_m / side_m).ceil(), (depth_m / side_m).ceil());
+    let floor = Surface::matte(Vector3::z(), floor_z_m, albedo);
+    let mut sources = Vec::new();
+    let mut y = 0.5;
+    while y < rows {
+        let mut x = 0.5;
+        while x < columns {
+            let (x_m, y_m) = ((x / columns - 0.5) * width_m, (y / rows - 0.5) * depth_m);
+            let below_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
+            let area_m2 = width_m * depth_m / (columns * rows);
+            let share = albedo * area_m2 / std::f64::consts::PI;
+            let light_cd_s = exposure_lx_s(trees, below_m, &floor, Vector3::z());
+            let light_cd_s = light_cd_s.map(|channel| channel * share);
+            let position_m = Vector3::new(x_m, y_m, floor_z_m);
+            sources.push(Source { position_m, axis: Vector3::z(), light_cd_s });
+            x += 1.0;
+        }
+        y += 1.0;
+    }
+    let mut branches = Vec::new();
+    grow(sources, floor_z_m, &mut branches);
+    Tree { emitter: &PATCH, branches }
+}
+
+/// Exposure of a point of a surface, in light that counts as much as it reflects `toward` a side, of
+/// length 1, relative to what it reflects evenly.
+pub(super) fn exposure_lx_s(
+    trees: &[Tree<'_>],
+    point_m: Vector3<f64>,
+    surface: &Surface,
+    toward: Vector3<f64>,
+) -> Rgb {
+    // A mirror shows lamps apart that light a matte surface together.
+    let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sum = [0.0; 3];
     for Tree { emitter, branches } in trees {
         // Where the body hides the lamp, its light ends at once.
@@ -163,7 +224,7 @@ pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
             let cos_beam = source.axis.dot(&to_point_m) * per_m;
             let (past, spread) = (cos_beam - emitter.visible_cos, radius_m * per_m);
             let at_edge = edge > 0.0 && past.abs() < spread;
-            let is_near = radius_m * radius_m > OPENING * OPENING * square;
+            let is_near = radius_m * radius_m > opening * opening * square;
             if *next > index + 1 && (is_near || at_edge) {
                 index += 1;
                 continue;
@@ -173,7 +234,10 @@ pub(super) fn exposure_lx_s(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
                 // The sources of a branch are hidden one after another, not all at once.
                 share += edge * (0.5 + 0.5 * past / spread - f64::from(u8::from(past >= 0.0)));
             }
-            share *= -to_point_m.z * per_m / square;
+            share *= (-surface.normal.dot(&to_point_m) * per_m / square).max(0.0);
+            if let Some(roughness) = surface.roughness.filter(|_| share > 0.0) {
+                share *= surface.sheen(roughness, to_point_m * -per_m, toward);
+            }
             for (sum, light) in sum.iter_mut().zip(source.light_cd_s) {
                 *sum += share * light;
             }
@@ -188,6 +252,10 @@ mod tests {
     use super::super::floor::tests::{hanging, looking_down};
     use super::*;
 
+    fn seen(trees: &[Tree<'_>], point_m: Vector3<f64>) -> Rgb {
+        exposure_lx_s(trees, point_m, &Surface::matte(Vector3::z(), 0.0, 0.5), Vector3::z())
+    }
+
     #[test]
     fn behind_a_lamp_that_flies_on_the_floor_darkens_without_steps() {
         let mut trace = hanging([0.0; 3]);
@@ -201,7 +269,7 @@ mod tests {
         });
         lamp.samples = samples.collect();
         let trees = trees(&trace, &looking_down(), 0.0);
-        let lit = |mm: i32| exposure_lx_s(&trees, Vector3::new(f64::from(mm) * 0.001, 2.0, 0.0))[1];
+        let lit = |mm: i32| seen(&trees, Vector3::new(f64::from(mm) * 0.001, 2.0, 0.0))[1];
         let most = (-500..0).map(lit).fold(0.0, f64::max);
         let steps = (-500..0).map(|mm| (lit(mm + 1) - lit(mm)).abs());
         let step = steps.fold(0.0, f64::max) / most;
@@ -241,7 +309,7 @@ mod tests {
                     wanted += 1.8 * cos_beam * cos_floor / to_point_m.norm_squared() / 800.0;
                 }
             }
-            let found = exposure_lx_s(&trees, point_m)[0];
+            let found = seen(&trees, point_m)[0];
             assert!((found / wanted - 1.0).abs() < 0.05, "{found} at {x}, wanted {wanted}");
         }
     }

@@ -23,10 +23,13 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// the picture.
 ///
 /// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
-/// of every 0.5 s once the sensors are calibrated; link LED at the front left (M4), red for every
-/// packet sent, 1 ms long and cut short by the timer's own millisecond, so half of it in the mean:
-/// a log of 38 variables at 10 ms fills the radio with about 400 packets a second. Its green part,
-/// for ten setpoints received a second, is eight stops below saturation and left out.
+/// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of `ledseq.c` at 016e1e7); link
+/// LED at the front left (M4), red for every packet sent (`radiolinkSyslinkDispatch`,
+/// `radiolink.c`), for a tick of 1 ms that its timer cuts short (`seq_linkup_def` and `runLedseq`,
+/// `ledseq.c`), so half of it in the mean. The reference flight's log of 38 variables in seven
+/// blocks, at 10 ms where the radio keeps up, holds 279 packets a second. At 0.2 m/s they lie 0.7 mm
+/// apart: a faint thin line, as in the team's photograph, which shows no green for the packets
+/// received.
 ///
 /// Assumptions: 20 mcd in every direction (0603 class; the light that a small package and the
 /// white solder mask around it send sideways), at the motor mounts 30 mm out on both axes; the
@@ -48,14 +51,34 @@ pub fn crazyflie() -> Vec<Fixture> {
         pwm_hz: 0.0,
         bitmask_bit: Some(bit),
     };
-    let packets = Drive::Flicker { flashes_hz: 400.0, flash_s: 0.0005 };
+    let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
-    vec![
+    let mut rows = vec![
         on_board("power M2", Drive::Always, [-0.03, -0.03], BLUE, 5),
         on_board("power M3", Drive::Always, [-0.03, 0.03], BLUE, 0),
         on_board("status M1", status, [0.03, -0.03], RED, 4),
         on_board("link M4", packets, [0.03, 0.03], RED, 2),
-    ]
+    ];
+    // That of the link is too faint to see.
+    let glints: Vec<Fixture> = rows[..3].iter().map(off_the_propeller).collect();
+    rows.extend(glints);
+    rows
+}
+
+/// The glint of an LED of the board on the propeller above it.
+///
+/// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
+/// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7 of
+/// saturation, where a tenth of the main strand's own light, which leaks into green, clips. That it
+/// is the propeller which throws it, a centimeter higher up, is an assumption.
+fn off_the_propeller(led: &Fixture) -> Fixture {
+    let [x, y, _] = led.position_body_m;
+    let mut glint = led.clone();
+    glint.name = format!("{} off the propeller", led.name);
+    glint.position_body_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
+    glint.diameter_m = 0.004;
+    glint.dies.iter_mut().for_each(|die| die.intensity_cd *= 0.06);
+    glint
 }
 
 /// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.

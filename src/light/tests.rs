@@ -95,6 +95,18 @@ fn the_default_drone_is_never_dark() {
 }
 
 #[test]
+fn a_led_and_its_glint_on_the_propeller_shine_at_once_14_mm_apart() {
+    let trace = lit(&LightOptions::default(), &["headlights"]);
+    let [led, glint] = ["status M1", "status M1 off the propeller"].map(|name| named(&trace, name));
+    assert!((glint.emitter.intensity_cd / led.emitter.intensity_cd - 0.06).abs() < 1e-9);
+    for (a, b) in led.samples.iter().zip(&glint.samples) {
+        let apart_m = b.position_m - a.position_m;
+        assert_eq!((a.time_s, a.level), (b.time_s, b.level));
+        assert!((apart_m.x.abs() - 0.014).abs() < 1e-3, "{apart_m}");
+    }
+}
+
+#[test]
 fn the_status_led_writes_a_dot_of_50_ms_every_10_cm() {
     let trace = lit(&LightOptions::default(), &["headlights"]);
     let dots: Vec<[LightSample; 2]> = {
@@ -120,10 +132,11 @@ fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
             LightOptions { led_bitmask, deck: Deck::None, fixtures: None, ..Default::default() };
         lit(&options, &[]).lamps.into_iter().map(|lamp| lamp.emitter.name).collect()
     };
-    assert_eq!(names(0).len(), 4, "{:?}", names(0));
+    assert_eq!(names(0).len(), 7, "{:?}", names(0));
     assert_eq!(names(128), Vec::<String>::new());
-    assert_eq!(names(128 | 1 << 4 | 1), ["power M3", "status M1"]);
-    assert_eq!(names(1 << 4).len(), 4, "without bit 7 the firmware rules");
+    let glints = ["power M3 off the propeller", "status M1 off the propeller"];
+    assert_eq!(names(128 | 1 << 4 | 1), [&["power M3", "status M1"][..], &glints].concat());
+    assert_eq!(names(1 << 4).len(), 7, "without bit 7 the firmware rules");
 }
 
 #[test]

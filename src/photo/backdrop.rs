@@ -1,4 +1,4 @@
-//! Backdrop: the light of the room, and a background picture.
+//! Backdrop: the light of the room on its floor and walls, and a background picture.
 
 use std::path::Path;
 
@@ -6,6 +6,7 @@ use super::options::PhotoOptions;
 use super::{Photo, narrow, srgb};
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::expose::{ExposeOptions, Room};
 
 /// The light of room and background, by row, relative to white.
 #[derive(Debug)]
@@ -18,7 +19,12 @@ pub(super) struct Backdrop {
     /// Share of light lost by vignetting per square of the distance from the middle.
     vignetting_px2: f32,
     picture: Option<Picture>,
+    /// Floor and walls, where there are walls.
+    surfaces: Option<(Camera, Room)>,
 }
+
+/// Distance of the columns between which the light of a surface is linear.
+const STEP_PX: usize = 8;
 
 /// A background picture.
 #[derive(Debug)]
@@ -33,7 +39,13 @@ struct Picture {
 }
 
 impl Backdrop {
-    pub(super) fn new(camera: &Camera, options: &PhotoOptions, white_lx_s: f64) -> Result<Self> {
+    pub(super) fn new(
+        camera: &Camera,
+        room: &ExposeOptions,
+        options: &PhotoOptions,
+        white_lx_s: f64,
+    ) -> Result<Self> {
+        let surfaces = room.room_m.map(|_| (camera.clone(), Room::new(room, camera.position_m)));
         let [red, green, blue] = options.ambient_rgb;
         let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
         let room = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
@@ -50,19 +62,25 @@ impl Backdrop {
             center_px,
             vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,
             picture,
+            surfaces,
         })
     }
 
     /// Adds the light to a row.
     pub(super) fn add(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if self.room != [0.0; 3] {
+            let surfaces = self.surfaces(y, rows[0].len());
+            let mut surfaces = surfaces.iter();
             let [red, green, blue] = rows;
             let dy = y as f32 + 0.5 - self.center_px[1];
             let mut dx = 0.5 - self.center_px[0];
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
                 let radius_sq = dy * dy + dx * dx;
                 let cos_sq = self.focal_sq_px2 / (self.focal_sq_px2 + radius_sq);
-                let share = cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
+                let mut share = cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
+                if let Some(surface) = surfaces.next() {
+                    share *= surface;
+                }
                 *r += self.room[0] * share;
                 *g += self.room[1] * share;
                 *b += self.room[2] * share;
@@ -72,6 +90,36 @@ impl Backdrop {
         if let Some(picture) = &self.picture {
             picture.add(y, self.center_px[1], rows);
         }
+    }
+}
+
+impl Backdrop {
+    /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without walls.
+    fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
+        let Some((camera, room)) = &self.surfaces else { return Vec::new() };
+        let seen =
+            |x: f64, y: f64| match camera.world_from_image(x, y).and_then(|ray| room.met(ray)) {
+                Some((on, point_m)) => (Some(on), narrow(room.ambient(on, point_m))),
+                None => (None, 0.0),
+            };
+        // Its upper and its lower edge in turn, so that an edge of the room along the row is seen.
+        let at = |i: usize| seen((i * STEP_PX) as f64, (y + i % 2) as f64);
+        let mut row = Vec::with_capacity(width + STEP_PX);
+        let mut left = at(0);
+        for i in 0..width.div_ceil(STEP_PX) {
+            let right = at(i + 1);
+            for j in 0..STEP_PX {
+                row.push(if left.0 == right.0 {
+                    left.1 + (right.1 - left.1) * ((j as f32 + 0.5) / STEP_PX as f32)
+                } else {
+                    let x = (i * STEP_PX + j) as f64;
+                    let parts = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+                    parts.iter().map(|[dx, dy]| seen(x + dx, y as f64 + dy).1).sum::<f32>() * 0.25
+                });
+            }
+            left = right;
+        }
+        row
     }
 }
 

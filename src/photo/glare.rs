@@ -1,6 +1,6 @@
 //! Veiling glare and halo: the lens scatters a share of all light, in integers.
 //!
-//! The scatter `1 / (1 + (r/r0)²)^1.1` (Harvey) becomes a sum of octaves: bell-shaped blurs of
+//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey) becomes a sum of octaves: bell-shaped blurs of
 //! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
 //! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
 //! scattered within 4 px stays in its pixel. Every count is conserved.
@@ -10,15 +10,13 @@
 use rayon::prelude::*;
 
 use super::TASK_ROWS;
+use super::options::PhotoOptions;
 use super::spread::{Plane, QUADRUPLE};
 use crate::camera::Camera;
 use crate::expose::Film;
 
 /// Edge of the finest cells, and σ of the finest octave.
 pub(super) const CELL_PX: usize = 4;
-
-/// Exponent of the scatter.
-const EXPONENT: f64 = 1.1;
 
 /// One, for shares of light.
 pub(super) const WHOLE: u32 = 1 << 16;
@@ -36,14 +34,9 @@ pub(super) struct Glare {
 
 impl Glare {
     /// Scatters the light of a film; `None` where the scatter is too weak for any pixel.
-    pub(super) fn new(
-        film: &Film,
-        camera: &Camera,
-        glare_frac: f64,
-        radius_m: f64,
-    ) -> Option<Self> {
+    pub(super) fn new(film: &Film, camera: &Camera, options: &PhotoOptions) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
-        let octaves = octaves(size_px, glare_frac, radius_m / camera.pixel_pitch_m());
+        let octaves = octaves(size_px, options, camera.pixel_pitch_m());
         let share: u32 = octaves.iter().sum();
         if share == 0 {
             return None;
@@ -119,10 +112,13 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
 }
 
 /// Shares of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
-fn octaves([width, height]: [usize; 2], glare_frac: f64, radius_px: f64) -> Vec<u32> {
+fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) -> Vec<u32> {
+    let PhotoOptions { glare_frac, glare_radius_m, glare_exponent, .. } = *options;
     // Share of the scatter within r, of all within the picture's diagonal.
-    let within =
-        |r_px: f64| 1.0 - libm::pow(1.0 + (r_px / radius_px) * (r_px / radius_px), 1.0 - EXPONENT);
+    let within = |r_px: f64| {
+        let ratio = r_px * pitch_m / glare_radius_m;
+        1.0 - libm::pow(1.0 + ratio * ratio, 1.0 - glare_exponent)
+    };
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::expose::Film;
+use crate::expose::{ExposeOptions, Film};
 
 pub use animation::Animation;
 pub use metadata::Metadata;
@@ -78,15 +78,22 @@ pub struct Readout {
     pub white_lx_s: f64,
 }
 
-/// Develops a film. The same film, camera, options and seed make the same bytes.
+/// Develops a film that was exposed in a room. The same film, camera, options and seed make the same
+/// bytes.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors of
 /// [`Photo::read`] for the background.
-pub fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
+pub fn develop(
+    film: &Film,
+    camera: &Camera,
+    room: &ExposeOptions,
+    options: &PhotoOptions,
+    seed: u64,
+) -> Result<Photo> {
     let levels = Levels8::new(options.tone);
-    let (_, rgb8) = process(film, camera, options, seed, |rgb| {
+    let (_, rgb8) = process(film, camera, room, options, seed, |rgb| {
         options.tone.mix(rgb).map(|light| levels.level(light))
     })?;
     Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
@@ -100,10 +107,11 @@ pub fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) 
 pub fn read_out(
     film: &Film,
     camera: &Camera,
+    room: &ExposeOptions,
     options: &PhotoOptions,
     seed: u64,
 ) -> Result<Readout> {
-    let (white_lx_s, rgb) = process(film, camera, options, seed, |rgb| rgb)?;
+    let (white_lx_s, rgb) = process(film, camera, room, options, seed, |rgb| rgb)?;
     Ok(Readout { width_px: film.width_px, height_px: film.height_px, rgb, white_lx_s })
 }
 
@@ -138,6 +146,7 @@ const TASK_ROWS: usize = 16;
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,
+    room: &ExposeOptions,
     options: &PhotoOptions,
     seed: u64,
     finish: impl Fn([f32; 3]) -> [T; 3] + Sync,
@@ -149,8 +158,8 @@ fn process<T: Copy + Default + Send>(
         return Err(Error::input("film", found, wanted, "develop with the camera that exposed"));
     }
     let sensor = Sensor::new(camera, options, seed);
-    let backdrop = Backdrop::new(camera, options, sensor.white_lx_s)?;
-    let glare = Glare::new(film, camera, options.glare_frac, options.glare_radius_m);
+    let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
+    let glare = Glare::new(film, camera, options);
     let spikes = match options.aperture_blades {
         0 => Vec::new(),
         blades => {

@@ -3,6 +3,16 @@
 use super::noise::{POISSON, Source, Stream};
 use super::*;
 use crate::camera::CameraOptions;
+use crate::error::Result;
+
+/// Developed and read out in a room without walls.
+fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
+    super::develop(film, camera, &ExposeOptions::default(), options, seed)
+}
+
+fn read_out(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Readout> {
+    super::read_out(film, camera, &ExposeOptions::default(), options, seed)
+}
 
 fn camera(size_px: [u32; 2], change: impl FnOnce(&mut CameraOptions)) -> Camera {
     let mut options = CameraOptions::default();
@@ -107,7 +117,8 @@ fn the_lens_keeps_every_count() {
     for size_px in [[1, 1], [5, 3], [67, 45], [256, 144], [640, 361]] {
         let film = drawing(size_px);
         let camera = camera(size_px, |c| c.f_number = 11.0);
-        let glare = Glare::new(&film, &camera, 0.3, 40e-6);
+        let options = PhotoOptions { glare_frac: 0.3, ..PhotoOptions::default() };
+        let glare = Glare::new(&film, &camera, &options);
         let cells = glare::cells(&film, glare::WHOLE);
         let spikes = starburst::starburst(&film, &camera, 7, &cells, glare::WHOLE);
         assert_eq!(glare.is_some(), size_px[1] >= 8, "{size_px:?}");
@@ -136,23 +147,34 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
     let film = film(size_px, |_, x, y| if (x, y) == (512, 512) { 1 << 31 } else { 0 });
     let camera = camera(size_px, |_| {});
     let radius_px = 2.0;
-    let glare = Glare::new(&film, &camera, 0.05, radius_px * camera.pixel_pitch_m()).unwrap();
-    let lens = Lens { film: &film, glare: Some(glare), spikes: Vec::new() };
-    let (mut scratch, mut row) = (glare::Scratch::default(), vec![0; 1024]);
-    let mut beyond = [0.0; 3];
-    for y in 0..1024 {
-        lens.row(1, y, &mut scratch, &mut row);
-        for (x, count) in row.iter().enumerate() {
-            let r = libm::hypot(x as f64 - 512.0, y as f64 - 512.0);
-            for (sum, radius) in beyond.iter_mut().zip([10.0, 40.0, 160.0]) {
-                *sum += if r > radius { f64::from(*count) / libm::exp2(31.0) } else { 0.0 };
+    for (glare_exponent, off) in [(1.1, 0.1), (1.6, 0.25)] {
+        let glare_radius_m = radius_px * camera.pixel_pitch_m();
+        let options = PhotoOptions {
+            glare_frac: 0.05,
+            glare_radius_m,
+            glare_exponent,
+            ..PhotoOptions::plain()
+        };
+        let glare = Glare::new(&film, &camera, &options).unwrap();
+        let lens = Lens { film: &film, glare: Some(glare), spikes: Vec::new() };
+        let (mut scratch, mut row) = (glare::Scratch::default(), vec![0; 1024]);
+        let mut beyond = [0.0; 3];
+        for y in 0..1024 {
+            lens.row(1, y, &mut scratch, &mut row);
+            for (x, count) in row.iter().enumerate() {
+                let r = libm::hypot(x as f64 - 512.0, y as f64 - 512.0);
+                for (sum, radius) in beyond.iter_mut().zip([10.0, 40.0, 160.0]) {
+                    *sum += if r > radius { f64::from(*count) / libm::exp2(31.0) } else { 0.0 };
+                }
             }
         }
-    }
-    let within = |r: f64| 1.0 - libm::pow(1.0 + r * r / (radius_px * radius_px), -0.1);
-    for (sum, radius) in beyond.into_iter().zip([10.0, 40.0, 160.0]) {
-        let wanted = 0.05 * (1.0 - within(radius) / within(1448.0));
-        assert!((sum / wanted - 1.0).abs() < 0.1, "{sum} beyond {radius} px, wanted {wanted}");
+        let within =
+            |r: f64| 1.0 - libm::pow(1.0 + r * r / (radius_px * radius_px), 1.0 - glare_exponent);
+        for (sum, radius) in beyond.into_iter().zip([10.0, 40.0, 160.0]) {
+            let wanted = 0.05 * (1.0 - within(radius) / within(1448.0));
+            let found = sum / wanted - 1.0;
+            assert!(found.abs() < off, "{sum} beyond {radius} px, wanted {wanted}");
+        }
     }
 }
 
@@ -339,14 +361,40 @@ fn vignetting_dims_the_room_as_it_dims_a_lamp() {
     let light = |change: fn(&mut CameraOptions)| {
         read_out(&dark, &camera([64, 48], change), &options, 0).unwrap().rgb
     };
-    let [clear, dim] = [light(|_| {}), light(|c| c.vignetting = 0.6)];
-    let lens = camera([64, 48], |c| c.vignetting = 0.6);
+    let [clear, dim] = [light(|_| {}), light(|c| c.vignetting = Some(0.6))];
+    let lens = camera([64, 48], |c| c.vignetting = Some(0.6));
     for [x, y] in [[0, 0], [63, 47], [5, 30], [32, 24]] {
         let index = 3 * (y * 64 + x);
         let left = f64::from(dim[index] / clear[index]);
         let wanted = lens.unvignetted(x as f64 + 0.5, y as f64 + 0.5);
         assert!((left - wanted).abs() < 1e-5, "{left} at {x}, {y}, wanted {wanted}");
     }
+}
+
+#[test]
+fn floor_and_walls_differ_in_the_light_of_the_room() {
+    let options =
+        PhotoOptions { ambient_cd_m2: 0.05, ambient_rgb: [1.0; 3], ..PhotoOptions::plain() };
+    let camera = camera([160, 120], |_| {});
+    let dark = film([160, 120], |_, _, _| 0);
+    let bare = ExposeOptions { floor_albedo: 0.2, wall_albedo: 0.4, ..Default::default() };
+    let walls = ExposeOptions { room_m: Some([4.0, 4.0, 2.5]), ..bare.clone() };
+    let [even, found] = [bare, walls.clone()]
+        .map(|room| super::read_out(&dark, &camera, &room, &options, 0).unwrap().rgb);
+    let room = crate::expose::Room::new(&walls, camera.position_m);
+    let mut met = [0; 3];
+    for (x, y) in (0..160).flat_map(|x| (0..120).map(move |y| (x, y))) {
+        let ray = camera.world_from_image(f64::from(x) + 0.5, f64::from(y) + 0.5).unwrap();
+        let (on, point_m) = room.met(ray).unwrap();
+        let index = 3 * (y as usize * 160 + x as usize);
+        let share = f64::from(found[index] / even[index]);
+        let off = (share / room.ambient(on, point_m) - 1.0).abs();
+        met[0] += usize::from(on == 0);
+        met[1] += usize::from(on == 1);
+        met[2] += usize::from(off > 0.02);
+    }
+    assert!(met[0] > 1000 && met[1] > 1000, "floor and back wall: {met:?}");
+    assert!(met[2] < 800, "{} pixels off the edges differ", met[2]);
 }
 
 #[test]

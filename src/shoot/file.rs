@@ -89,7 +89,7 @@ pub(super) fn encode(
 ) -> Result<Vec<u8>> {
     let mut notes = notes(scene.seed, camera, shown);
     let mut out = Cursor::new(Vec::new());
-    let readout = || read_out(film, camera, &scene.photo, scene.seed);
+    let readout = || read_out(film, camera, &scene.expose, &scene.photo, scene.seed);
     let written = match format {
         Format::Png => photo.write_png(&mut out, Some(camera), &notes),
         Format::Png16 => {

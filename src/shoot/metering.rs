@@ -55,6 +55,7 @@ pub(super) fn metered(
     }
     let metered = recommended(trace, camera, options, photo)?;
     (camera.f_number, camera.iso) = (metered.f_number, metered.iso);
+    camera.vignetting = options.vignetting_at(camera.f_number);
     Some(metered)
 }
 
@@ -80,7 +81,9 @@ pub(super) fn recommended(
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
     let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
     let (f_number, iso) = (8.0, 100.0);
-    let camera = Camera { f_number, iso, width_px: WIDTH_PX, height_px, ..camera.clone() };
+    let vignetting = options.vignetting_at(f_number);
+    let width_px = WIDTH_PX;
+    let camera = Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() };
     let readings = meter(trace, &camera).ok()?;
     let trail_stops = readings.iter().map(|reading| reading.median_stops).fold(f64::MIN, f64::max);
     let room_stops = photo.ambient_stops(&camera);

@@ -154,7 +154,8 @@ impl<'a> Growing<'a> {
 
     /// Light of each pixel between two times, without that on the floor.
     fn written(&self, from_s: f64, to_s: f64) -> Result<Vec<u32>> {
-        let options = ExposeOptions { floor_albedo: 0.0, ..self.shot.scene.expose.clone() };
+        let expose = self.shot.scene.expose.clone();
+        let options = ExposeOptions { floor_albedo: 0.0, room_m: None, ..expose };
         let mut counts = self.counts(from_s, to_s, &options)?;
         let green_and_blue = counts.split_off(counts.len() / 3);
         let n_pixels = counts.len();
@@ -169,7 +170,8 @@ impl<'a> Growing<'a> {
     /// The photo so far.
     fn photo(&self) -> Result<Photo> {
         let camera = Camera { shutter_close_s: self.time_s, ..self.camera.clone() };
-        develop(&self.film, &camera, &self.options, self.shot.scene.seed)
+        let scene = &self.shot.scene;
+        develop(&self.film, &camera, &scene.expose, &self.options, scene.seed)
     }
 }
 

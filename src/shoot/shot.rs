@@ -87,7 +87,7 @@ impl Shoot {
                 adapter: "CPU".to_owned(),
             },
         };
-        let mut photo = develop(&exposure.film, &camera, &scene.photo, scene.seed)?;
+        let mut photo = develop(&exposure.film, &camera, &scene.expose, &scene.photo, scene.seed)?;
         self.stop.check()?;
         photo.scene_toml = self.format.map(|_| scene.to_toml());
         let read = || match reader {

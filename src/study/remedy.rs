@@ -176,7 +176,7 @@ mod tests {
         let away = of(|scene| {
             let pose = crate::camera::FixedPose {
                 position_m: [1.5, -3.0, 0.75],
-                target_m: [4.0, 0.0, 0.75],
+                target_m: Some([4.0, 0.0, 0.75]),
                 ..Default::default()
             };
             scene.camera.framing = Framing::Fixed(pose);

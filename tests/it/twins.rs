@@ -33,7 +33,7 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
 }
 
 fn fixed(position_m: [f64; 3], target_m: [f64; 3]) -> Framing {
-    Framing::Fixed(FixedPose { position_m, target_m, ..FixedPose::default() })
+    Framing::Fixed(FixedPose { position_m, target_m: Some(target_m), ..FixedPose::default() })
 }
 
 fn camera(change: impl FnOnce(&mut CameraOptions)) -> Camera {
@@ -65,43 +65,53 @@ fn golden_films_are_the_same_on_both_backends() {
         colors.iter().zip(phases).map(|(rgb, phase)| figure(duration_s, hz, phase, *rgb)).collect()
     };
     let pulses = |t: f64| if (t * 10.0).fract() < 0.5 { 1.0 } else { 0.1 };
-    let scenes: Vec<(&str, Vec<Lamp>, Camera, f64)> = vec![
-        ("merged", one(), usual(), 0.005),
-        ("unmerged", one(), usual(), 0.0),
-        ("coarsely merged", one(), usual(), 0.5),
-        ("three drones", three(8, 250), usual(), 0.005),
-        ("120 s", three(120, 50), usual(), 0.005),
-        ("ramps", vec![leveled(one().remove(0), |t| t / 8.0)], usual(), 0.005),
-        ("decay", vec![leveled(one().remove(0), |t| libm::exp(-t))], usual(), 0.0),
-        ("pulses", vec![leveled(three(8, 250).remove(2), pulses)], usual(), 0.005),
-        ("4K", one(), camera(|c| (c.width_px, c.height_px) = (3840, 2160)), 0.005),
-        ("clipped", one(), camera(|c| c.framing = fixed([0.0, -4.0, 0.0], [1.2, 0.0, 0.6])), 0.005),
-        ("near", one(), camera(|c| c.framing = fixed([0.9, -0.4, 0.2], [0.0; 3])), 0.005),
-        ("out of focus", one(), camera(|c| (c.focus_m, c.f_number) = (Some(0.5), 2.0)), 0.005),
+    let at = |merge_tolerance_px| ExposeOptions { merge_tolerance_px, ..Default::default() };
+    let room = ExposeOptions {
+        floor_z_m: -1.0,
+        floor_roughness: Some(0.3),
+        room_m: Some([4.0, 4.0, 2.5]),
+        ..at(0.005)
+    };
+    let scenes: Vec<(&str, Vec<Lamp>, Camera, ExposeOptions)> = vec![
+        ("merged", one(), usual(), at(0.005)),
+        ("unmerged", one(), usual(), at(0.0)),
+        ("coarsely merged", one(), usual(), at(0.5)),
+        ("three drones", three(8, 250), usual(), at(0.005)),
+        ("120 s", three(120, 50), usual(), at(0.005)),
+        ("ramps", vec![leveled(one().remove(0), |t| t / 8.0)], usual(), at(0.005)),
+        ("decay", vec![leveled(one().remove(0), |t| libm::exp(-t))], usual(), at(0.0)),
+        ("pulses", vec![leveled(three(8, 250).remove(2), pulses)], usual(), at(0.005)),
+        ("4K", one(), camera(|c| (c.width_px, c.height_px) = (3840, 2160)), at(0.005)),
+        (
+            "clipped",
+            one(),
+            camera(|c| c.framing = fixed([0.0, -4.0, 0.0], [1.2, 0.0, 0.6])),
+            at(0.005),
+        ),
+        ("near", one(), camera(|c| c.framing = fixed([0.9, -0.4, 0.2], [0.0; 3])), at(0.005)),
+        ("out of focus", one(), camera(|c| (c.focus_m, c.f_number) = (Some(0.5), 2.0)), at(0.005)),
         (
             "distorted, dark corners",
             one(),
             camera(|c| {
                 let distortion = [-0.2, 0.05, 0.002, -0.001];
                 c.lens = LensModel::Custom(CustomLens { distortion, ..CustomLens::default() });
-                c.vignetting = 0.7;
+                c.vignetting = Some(0.7);
             }),
-            0.005,
+            at(0.005),
         ),
         (
             "a moment",
             one(),
             camera(|c| (c.shutter_open_s, c.shutter_close_s) = (1.0, Some(1.0101))),
-            0.005,
+            at(0.005),
         ),
+        ("a room", one(), camera(|c| c.framing = fixed([0.3, -3.0, 0.2], [0.0; 3])), room),
     ];
     let mut digests = String::new();
-    for (name, lamps, camera, merge_tolerance_px) in scenes {
+    for (name, lamps, camera, options) in scenes {
         let trace = LightTrace { lamps };
-        let on = |backend| {
-            let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
-            expose(&trace, &camera, &options, backend)
-        };
+        let on = |backend| expose(&trace, &camera, &options, backend);
         let on_cpu = on(BackendChoice::Cpu).unwrap().film;
         assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");
         match on(BackendChoice::Wgpu) {
