@@ -62,6 +62,9 @@ settings! {
         ///
         /// Causes the gyroscopic torque, and the yaw torque of a rotor that speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
+        /// Share of its thrust that each motor m1…m4 lacks at every command: a nicked propeller, a worn
+        /// motor.
+        motor_loss_frac: [f64; 4] = [0.0; 4], in 0.0..=1.0;
         /// Ground effect: thrust near the floor over thrust far from it, at the same rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.

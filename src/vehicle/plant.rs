@@ -52,6 +52,8 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
+    /// What each motor gives of the thrust that it is driven to.
+    given: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
     arm_m: f64,
@@ -87,6 +89,7 @@ impl Plant {
             wind_m_s: air.wind_m_s.into(),
             dt_s,
             thrust_per_command_n: vehicle.k_f_n,
+            given: Vector4::from(vehicle.motor_loss_frac).map(|lost| 1.0 - lost),
             full_thrust_n: vehicle.full_thrust_n(),
             short_steps: 0,
             arm_m: vehicle.arm_m,
@@ -197,11 +200,11 @@ impl Plant {
     #[inline(always)]
     fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
-        let Some(battery) = &self.battery else { return thrusts_n };
+        let Some(battery) = &self.battery else { return thrusts_n.component_mul(&self.given) };
         let limit = battery.limit(self.full_thrust_n);
         let wanted_n = thrusts_n * limit.gain;
         self.short_steps += u32::from(wanted_n.max() > limit.max_n);
-        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n))
+        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n)).component_mul(&self.given)
     }
 
     /// Height of the floor at a place.
