@@ -6,13 +6,17 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::outcome::Report;
+use super::outcome::{Report, line};
 use super::output::Output;
 use super::studies::{StudyFlags, counter, open_store};
 use super::table::table;
 use crate::error::Result;
 use crate::report::endurance;
 use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness, robustness_csv};
+
+/// What helps against the radio.
+const ON_BOARD: &str = "outages of the radio do not move a drone that flies a trajectory on board: export \
+     --format compressed, and compare with --set 'radio.setpoints=\"on-board\"'";
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {
@@ -32,7 +36,7 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let options = RobustnessOptions {
         contender: args.study.scene(&args.scene)?,
         words: args.study.words(20)?,
-        usual: args.study.conditions()?,
+        usual: args.study.conditions_or("evening")?,
         times: args.times.clone(),
         seed: args.study.seed,
     };
@@ -45,12 +49,17 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     drop(bar);
     let title = format!("{}: disturbances that break the word", options.contender.name);
     let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
+    let of_radio = found.iter().find(|e| e.factor == Some(Factor::Radio));
+    let advice = match of_radio.and_then(|radio| radio.breaks_at) {
+        Some(_) => line("advice", ON_BOARD),
+        None => String::new(),
+    };
     let files = [
         csv.keep(|out| out.write_all(robustness_csv(&found).as_bytes()))?,
         svg.keep(|out| out.write_all(endurance(&title, &curves).as_bytes()))?,
     ];
     let json = json!({ "factors": found });
-    Ok(Report::new(text(&options, &found) + "\n", json).with_files(&files))
+    Ok(Report::new(text(&options, &found) + &advice + "\n", json).with_files(&files))
 }
 
 fn name(endurance: &Endurance) -> &'static str {
@@ -74,6 +83,10 @@ fn usual(conditions: &Conditions, factor: Option<Factor>) -> String {
         }
         Some(Factor::Gusts) => format!("σ {:.2} m/s", conditions.gust_m_s),
         Some(Factor::LedDelay) => format!("to {:.0} ms", 1e3 * conditions.led_delay_s),
+        Some(Factor::Radio) => format!("{:.0} ms out", 1e3 * conditions.radio_outage_s),
+        Some(Factor::Yaw) => format!("σ {:.2} °/s", conditions.yaw_drift_rad_s.to_degrees()),
+        Some(Factor::Propeller) => format!("to {:.0} %", 100.0 * conditions.motor_loss_frac),
+        Some(Factor::Battery) => format!("to age {:.1}", conditions.battery_age),
     }
 }
 

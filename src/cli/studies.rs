@@ -38,9 +38,10 @@ pub(super) struct StudyFlags {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),
-    /// drone (any drone of its make as well), still (noise alone), or a TOML file
-    #[arg(long, value_name = "NAME|FILE", default_value = "room")]
-    conditions: String,
+    /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
+    /// propeller and battery), still (noise alone), or a TOML file [default: room, robustness evening]
+    #[arg(long, value_name = "NAME|FILE")]
+    conditions: Option<String>,
 }
 
 impl StudyFlags {
@@ -63,9 +64,14 @@ impl StudyFlags {
         Ok(found)
     }
 
-    /// The conditions that were named.
+    /// The conditions that were named, or a room's.
     pub(super) fn conditions(&self) -> Result<Conditions> {
-        Conditions::find(&self.conditions)
+        self.conditions_or("room")
+    }
+
+    /// The conditions that were named, or others by their name.
+    pub(super) fn conditions_or(&self, usual: &str) -> Result<Conditions> {
+        Conditions::find(self.conditions.as_deref().unwrap_or(usual))
     }
 
     /// The words with their numbers of seeds, where none is given a usual one.

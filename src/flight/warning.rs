@@ -13,6 +13,8 @@ pub enum Warning {
     BatteryEmpty,
     /// Fewer than two base stations saw the drone, for so many seconds.
     Unseen(f64),
+    /// The host was silent for so long that the motors stopped, at so many seconds.
+    HostSilent(f64),
     /// Of the file that it is from: what was left out, or taken as what.
     File(String),
 }
@@ -28,6 +30,9 @@ impl fmt::Display for Warning {
             }
             Self::BatteryEmpty => f.write_str("the battery was empty and the motors stopped"),
             Self::Unseen(s) => write!(f, "fewer than two base stations saw the drone for {s:.2} s"),
+            Self::HostSilent(s) => {
+                write!(f, "no setpoint came for 2 s and the motors stopped at {s:.1} s")
+            }
             Self::File(text) => f.write_str(text),
         }
     }

@@ -156,6 +156,25 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     closest
 }
 
+/// The moment of least difference in height of two plans while both fly, one within
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of the
+/// first plan is then `vertical_m` above the other one's, or below it where that is negative.
+#[must_use]
+pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
+    let (mut nearest, mut time_s): (Option<Approach>, f64) = (None, 0.0);
+    while time_s <= a.duration_s().min(b.duration_s()) {
+        let flies = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(|s| !s.on_floor());
+        let apart_m = a.design_m(time_s) - b.design_m(time_s);
+        let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z);
+        let nearer = nearest.is_none_or(|n| vertical_m.abs() < n.vertical_m.abs());
+        if horizontal_m < MIN_HORIZONTAL_M - 1e-9 && nearer && flies(a) && flies(b) {
+            nearest = Some(Approach { time_s, horizontal_m, vertical_m });
+        }
+        time_s += CHECK_STEP_S;
+    }
+    nearest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -38,7 +38,7 @@ mod stroke_ends;
 mod team;
 mod transit;
 
-pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet};
+pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
 pub use lamp::LampTiming;
 pub use light_timing::{Between, time_lights};
 pub use options::{

@@ -98,6 +98,9 @@ pub enum Finding {
     },
     /// The closest approach of two drones that are not above each other; `None`: they always are.
     Separation(Option<Approach>),
+    /// The drone that is planned into the wake of another: its number, from 1, where it is nearest
+    /// below it, and how much farther it flies from where it would be alone, m. `None`: there is none.
+    Wake(Option<(usize, Approach)>, Peak),
     /// The flight does not reach its end: how it is lost.
     Flight(String),
     /// Distance of the flight from the word's plane, m, away from the viewer positive.

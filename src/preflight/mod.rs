@@ -17,10 +17,11 @@ use crate::flight::Flight;
 use crate::geometry::bounds;
 use crate::letters::Strokes;
 use crate::light::{Lamp, LightTrace};
-use crate::plan::Plan;
+use crate::plan::{Approach, Plan};
 use crate::scene::Scene;
 use crate::sensors::coverage;
 use crate::shoot::{Lighting, Problem, Recording, Shoot, ends, writing};
+use crate::vehicle::Downwash;
 
 mod finding;
 mod flown;
@@ -30,6 +31,7 @@ mod profile;
 mod row;
 mod written;
 
+use finding::largest;
 pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
@@ -44,6 +46,10 @@ const PIECE_S: f64 = 0.05;
 
 /// Distance between two places at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
+
+/// Error of a position that letters bear, in cap heights, and their cap height where there is no word.
+const MAX_ERROR_H: f64 = 0.05;
+const CAP_HEIGHT_M: f64 = 0.5;
 
 /// Checks letters, plans, simulated flights, light and base stations against a profile.
 ///
@@ -77,6 +83,7 @@ pub fn of_flights(
     profile: &Profile,
 ) -> Result<Vec<Checked>> {
     let mut findings = check_design(shoot, profile);
+    findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
     let picture = Picture::of(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut found = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
@@ -163,6 +170,31 @@ fn check_flight(
         battery_modeled: scene.battery.capacity_ah > 0.0,
     };
     Ok(check_flown(&flown, profile))
+}
+
+/// What the wakes of other drones cost, where plans lead into them; `None` for a single drone.
+fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Finding> {
+    if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
+        return None;
+    }
+    let most = MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
+    let cost = |([_, lower], nearest): ([usize; 2], Approach)| {
+        let alone = shoot.fly_drone(lower, &mut |_| {});
+        let apart = match (&alone, &flown[lower]) {
+            (Ok(alone), Ok(flown)) => {
+                largest(alone.samples.iter().zip(&flown.samples).map(|(alone, flown)| {
+                    ((alone.position_m - flown.position_m).norm(), flown.time_s)
+                }))
+            }
+            // How it is lost is a finding of its own.
+            _ => (f64::INFINITY, nearest.time_s),
+        };
+        (Some((lower + 1, nearest)), apart)
+    };
+    let costs = shoot.wakes().into_iter().map(cost);
+    let worst = costs.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).unwrap_or_default();
+    let (place, (value, time_s)) = worst;
+    Some(Finding::Wake(place, Peak { value, most, time_s: place.map(|_| time_s) }))
 }
 
 /// What only a preview would show: the word in the picture, while the shutter is open, lit.
@@ -305,4 +337,39 @@ fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Finding> {
         return unchecked("the flight has no width or no height");
     }
     Ok(Finding::Coverage(coverage(&scene.sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Preset;
+
+    #[test]
+    fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {
+        let mut scene = Scene { word: "O".to_owned(), ..Scene::preset(Preset::Cf21) };
+        let lower = Shoot::new(scene.clone()).unwrap().plans.remove(0).plan;
+        let mut upper = lower.clone();
+        for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
+            // Across the word at its middle, and above it.
+            setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
+        }
+        let found = |scene: &Scene, plans: Vec<Plan>| {
+            let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
+            check_wakes(
+                &shoot,
+                &shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok).collect::<Vec<_>>(),
+            )
+        };
+        let wake = found(&scene, vec![upper.clone(), lower.clone()]).unwrap();
+        let Finding::Wake(Some((2, nearest)), peak) = &wake else { panic!("{wake:?}") };
+        assert!((nearest.vertical_m - 0.5).abs() < 1e-6 && peak.value > peak.most, "{wake:?}");
+        assert_eq!(wake.row(&scene.plan).severity, Severity::Warning);
+
+        let mut beside = upper.clone();
+        beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
+        let none = found(&scene, vec![beside, lower.clone()]).unwrap();
+        assert!(matches!(none, Finding::Wake(None, Peak { value: 0.0, .. })), "{none:?}");
+        scene.air.downwash = Downwash::None;
+        assert_eq!(found(&scene, vec![upper, lower]), None, "without a model");
+    }
 }

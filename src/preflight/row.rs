@@ -229,6 +229,25 @@ impl Finding {
                     "let the later drone wait ({plan.floor_wait_s}), or plan with {plan.drones}",
                 )
             }
+            Self::Wake(place, peak @ Peak { value, most, time_s }) => {
+                peak.row("wake", warn_if(value > most)).say(
+                    place.map_or(
+                        "no drone is planned into another's wake".into(),
+                        |(lower, it)| {
+                            format!(
+                                "drone {lower} comes {:.2} m below and {:.2} m beside another at \
+                             {:.1} s; off by up to {value:.3} m{}",
+                                it.vertical_m.abs(),
+                                it.horizontal_m,
+                                it.time_s,
+                                at(*time_s)
+                            )
+                        },
+                    ),
+                    format!("off by up to {most} m, a twentieth of the letters"),
+                    "plan the drones together with {plan.drones}, or fly the lower one before",
+                )
+            }
             Self::Flight(lost) => {
                 let row = Row::of("flight", Severity::Stop, None);
                 let advice = "see the message; tune the controller";

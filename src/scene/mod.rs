@@ -20,7 +20,7 @@ use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
 use crate::sensors::SensorOptions;
 use crate::settings::{Described, settings};
-use crate::sim::{ControllerOptions, ObserverOptions, RateOptions, SimOptions};
+use crate::sim::{ControllerOptions, ObserverOptions, RadioOptions, RateOptions, SimOptions};
 use crate::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 
 mod advice;
@@ -59,6 +59,8 @@ settings! {
         floor: FloorOptions = FloorOptions::default();
         /// Clocks of the simulation.
         rates: RateOptions = RateOptions::default();
+        /// The radio from the host to the drones.
+        radio: RadioOptions = RadioOptions::default();
         /// The controller: motor commands from the estimated state.
         controller: ControllerOptions = ControllerOptions::default();
         /// The estimator: the state from the measurements.
@@ -250,6 +252,7 @@ impl Scene {
             battery: self.battery.clone(),
             air: self.air.clone(),
             floor: self.floor.clone(),
+            radio: self.radio.clone(),
             controller: self.controller.clone(),
             observer: self.observer.clone(),
             sensors: self.sensors.clone(),

@@ -36,6 +36,11 @@ impl Axes {
         Self { sigma: density * half_rate, noise, step, steps, bias: Vector3::zeros() }
     }
 
+    /// The same with a bias from the start.
+    fn biased(self, bias: [f64; 3]) -> Self {
+        Self { bias: bias.into(), ..self }
+    }
+
     fn bias(&mut self) -> Vector3<f64> {
         if self.step > 0.0 {
             self.bias += self.steps.next_three() * self.step;
@@ -53,7 +58,8 @@ impl Imu {
                 rate_hz,
                 noise("gyro"),
                 noise("gyro bias"),
-            ),
+            )
+            .biased(options.gyro_bias_rad_s),
             accelerometer: Axes::new(
                 options.accelerometer_noise_m_s2_sqrt_hz,
                 options.accelerometer_bias_walk_m_s3_sqrt_hz,

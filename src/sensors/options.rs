@@ -75,6 +75,9 @@ settings! {
         gyro_noise_rad_s_sqrt_hz: f64 = 2.44e-4, in 0.0..=1.0;
         /// Noise density of the accelerometer per axis, (m/s²)/√Hz.
         accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
+        /// Steady bias of the gyroscope about body x, y, z: what the firmware's calibration at rest
+        /// leaves, and what the sensor drifts by as it warms.
+        gyro_bias_rad_s: [f64; 3] = [0.0; 3], in -1.0..=1.0;
         /// Random walk of the gyroscope's bias per axis: density of its derivative, (rad/s²)/√Hz.
         ///
         /// The firmware removes the bias at rest before take-off, so that the walk begins at zero.
@@ -338,6 +341,7 @@ impl SensorOptions {
     pub fn ideal() -> Self {
         Self {
             imu: ImuOptions {
+                gyro_bias_rad_s: [0.0; 3],
                 gyro_noise_rad_s_sqrt_hz: 0.0,
                 accelerometer_noise_m_s2_sqrt_hz: 0.0,
                 gyro_bias_walk_rad_s2_sqrt_hz: 0.0,

@@ -30,10 +30,11 @@ use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
 use crate::light::{LightOptions, LightTrace};
 use crate::logs::{self, ImportOptions};
-use crate::plan::Plan;
+use crate::plan::{Approach, Plan, wake};
 use crate::scene::{NamedScene, Scene};
 use crate::score::{Reader, is_judged};
 use crate::sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
+use crate::vehicle::Downwash;
 
 mod exported;
 mod file;
@@ -268,13 +269,30 @@ impl Shoot {
         flights.into_iter().collect()
     }
 
-    /// Whether the drones hear each other.
+    /// Whether the drones hear each other, or fly through each other's wakes.
     #[must_use]
     pub fn in_step(&self) -> bool {
-        self.plans.len() > 1 && self.scene.observer.kind == EstimatorKind::Cooperative
+        self.plans.len() > 1
+            && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
     }
 
-    /// Flies all plans with drones that hear each other.
+    /// Pairs of drones, counted from 0, of which the second is planned into the wake of the first,
+    /// where it is nearest below it.
+    #[must_use]
+    pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
+        if self.scene.air.downwash == Downwash::None {
+            return Vec::new();
+        }
+        let n = self.plans.len();
+        let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
+        let wakes = pairs.filter_map(|[a, b]| {
+            let nearest = wake(&self.plans[a].plan, &self.plans[b].plan)?;
+            Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
+        });
+        wakes.collect()
+    }
+
+    /// Flies all plans with drones that act on each other.
     fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let believed = self.scene.sim();
         let mut fleet = Vec::new();

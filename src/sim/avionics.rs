@@ -5,13 +5,15 @@ use nalgebra::Vector3;
 use super::controller::{Command, Controller, Reference, controller};
 use super::drone::Drone;
 use super::estimator::{AltitudeFilter, Estimator, estimator};
-use super::options::{ControllerKind, EstimatorKind};
+use super::options::{ControllerKind, EstimatorKind, Setpoints};
+use super::radio::Link;
 use super::recorder::Snapshot;
+use crate::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use crate::error::{Error, Result};
 use crate::flight::Warning;
 use crate::plan::Plan;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
-use crate::vehicle::{Plant, RigidBody, State};
+use crate::vehicle::{Plant, RigidBody, State, attitude, velocity};
 
 /// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
@@ -35,7 +37,14 @@ pub(crate) struct Avionics {
     command: Command,
     ticks: u32,
     ticks_per_command: u32,
+    /// The setpoint that is due, and the one that was heard last.
     setpoint: usize,
+    heard: usize,
+    link: Option<Link>,
+    /// Whether setpoints come over the link.
+    streamed: bool,
+    /// When the motors stopped for good, because the host was silent.
+    stopped_s: Option<f64>,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
@@ -63,6 +72,10 @@ impl Avionics {
             ticks: 0,
             ticks_per_command: rate_hz / actual.rates.attitude_hz(),
             setpoint: 0,
+            heard: 0,
+            link: Link::new(&actual.radio, seed, drone.index),
+            streamed: actual.radio.setpoints == Setpoints::Streamed,
+            stopped_s: None,
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
@@ -87,7 +100,11 @@ impl Avionics {
         while due(self.setpoint + 1) {
             self.setpoint += 1;
         }
-        let setpoint = &plan.setpoints[self.setpoint];
+        self.heard = match &mut self.link {
+            None => self.setpoint,
+            Some(link) => link.hear(time_s, self.setpoint),
+        };
+        let setpoint = &plan.setpoints[self.flown()];
 
         let body = plant.body();
         let throttle = self.command.motors.mean() / self.motor_max;
@@ -96,7 +113,11 @@ impl Avionics {
         self.fresh = false;
 
         let place_m = &setpoint.position_m;
-        if place_m.z <= plant.floor_m(place_m.x, place_m.y) {
+        let stands = place_m.z <= plant.floor_m(place_m.x, place_m.y);
+        if !stands && self.silent_s(time_s) > MOTORS_STOP_S {
+            self.stopped_s.get_or_insert(time_s);
+        }
+        if stands || self.stopped_s.is_some() {
             self.estimator.rest();
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
@@ -112,18 +133,42 @@ impl Avionics {
 
     /// Commands the motors by the drone's controller.
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
-        let setpoint = &plan.setpoints[self.setpoint];
-        let reference = Reference::at(setpoint, plan.sent_m(self.setpoint), time_s);
+        let flown = self.flown();
+        let setpoint = &plan.setpoints[flown];
+        // A late setpoint says where to go from when it is heard on, until the next one is due.
+        let design_s = match self.link.as_ref().filter(|_| self.streamed) {
+            None => time_s,
+            Some(link) => {
+                let next_s = plan.setpoints.get(flown + 1).map_or(setpoint.time_s, |s| s.time_s);
+                (setpoint.time_s + (time_s - link.since_s())).min(next_s).max(setpoint.time_s)
+            }
+        };
+        let mut reference = Reference::at(setpoint, plan.sent_m(flown), design_s);
+        let mut estimate = self.estimate;
+        if self.silent_s(time_s) > LEVEL_OUT_S {
+            level_out(&mut estimate, &mut reference);
+        }
         if let Some(filter) = self.estimator.altitude() {
             self.controller.set_thrust_map(filter.thrust_map());
         }
-        self.command = self.controller.command(&self.estimate, &reference);
+        self.command = self.controller.command(&estimate, &reference);
     }
 
     /// Commands the motors m1…m4, which are held within their range; one that is no number stops.
     pub(super) fn command(&mut self, wanted: [f64; 4]) {
         let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
         self.command = Command { motors: motors.into(), saturated: motors != wanted };
+    }
+
+    /// Index of the setpoint that the drone follows.
+    fn flown(&self) -> usize {
+        if self.streamed { self.heard } else { self.setpoint }
+    }
+
+    /// Time since a setpoint was heard; 0 for a trajectory on board.
+    fn silent_s(&self, time_s: f64) -> f64 {
+        let streamed = self.link.as_ref().filter(|_| self.streamed);
+        streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
     /// Ends a tick.
@@ -184,6 +229,7 @@ impl Avionics {
             estimate: self.estimate,
             motors: self.motors(),
             setpoint: self.setpoint,
+            heard: self.heard,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
             battery: plant.battery_v().zip(plant.energy_j()),
             covariance_m2: self.estimator.covariance_m2(),
@@ -215,8 +261,24 @@ impl Avionics {
     pub(super) fn warnings(&self, plant: &Plant) -> Vec<Warning> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let saturated = (saturated_s > 0.0).then_some(Warning::MotorAtLimit(saturated_s));
-        saturated.into_iter().chain(plant.warnings()).chain(self.sensors.warnings()).collect()
+        let silent = self.stopped_s.map(Warning::HostSilent);
+        saturated
+            .into_iter()
+            .chain(silent)
+            .chain(plant.warnings())
+            .chain(self.sensors.warnings())
+            .collect()
     }
+}
+
+/// What the firmware flies without setpoints: level, at the height of the last one, wherever that
+/// takes it. To the controller it looks as if the drone stood at its place in x and y.
+fn level_out(estimate: &mut State, reference: &mut Reference) {
+    let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
+    *reference = Reference::holding(held_m);
+    let world_from_body = attitude(estimate).world_from_body();
+    let rising_m_s = Vector3::z() * (world_from_body * velocity(estimate)).z;
+    estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
 }
 
 /// Keys of the gains and weights of the controller and the estimator that fly.

@@ -17,8 +17,8 @@
 //! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
 //! sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
-//! Not modeled: lag of the radio, lost packets, downwash between drones; whole-number motor commands; filters and offsets of the inertial sensors,
-//! reflections and people in the Lighthouse's light; sliding, bouncing and tipping on the floor.
+//! Not modeled: whole-number motor commands; filters of the inertial sensors; sliding, bouncing and
+//! tipping on the floor.
 
 mod avionics;
 mod controller;
@@ -27,6 +27,7 @@ mod drone;
 mod estimator;
 mod fly;
 mod options;
+mod radio;
 mod recorder;
 mod session;
 
@@ -42,6 +43,6 @@ pub use fly::{fly, fly_fleet};
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
     EkfOptions, EstimatorKind, GeometricOptions, LqrOptions, LuenbergerOptions, MotorLag,
-    ObserverOptions, PidOptions, RateOptions, Share, SimOptions,
+    ObserverOptions, PidOptions, RadioOptions, RateOptions, Setpoints, Share, SimOptions,
 };
 pub use session::Session;

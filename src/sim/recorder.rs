@@ -32,6 +32,8 @@ pub(super) struct Snapshot {
     pub(super) motors: [f64; 4],
     /// Index of the setpoint in force.
     pub(super) setpoint: usize,
+    /// Index of the setpoint whose light command has arrived.
+    pub(super) heard: usize,
     /// Time so far with a motor at its limit.
     pub(super) saturated_s: f64,
     /// Voltage (V) and energy so far (J), where there is a battery.
@@ -59,7 +61,7 @@ impl Recorder {
         let setpoint = &plan.setpoints[snapshot.setpoint];
         self.flight.samples.push(sample(snapshot, setpoint));
         for (column, sent) in self.flight.lights.values_mut().zip(plan.lights.values()) {
-            column.push(on_grid(sent[snapshot.setpoint]));
+            column.push(on_grid(sent[snapshot.heard]));
         }
         self.saturated_s.push(on_grid(snapshot.saturated_s));
         if let Some((volts, joules)) = snapshot.battery {

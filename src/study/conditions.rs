@@ -24,6 +24,9 @@ use crate::vehicle::{GustOptions, Gusts};
 /// has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
+/// Mean time from one outage of the radio to the next.
+const OUTAGE_EVERY_S: f64 = 10.0;
+
 /// Gusts of a ventilated room, to which [`GustOptions::torque_sigma_n_m`] belongs.
 const ROOM_GUST_M_S: f64 = 0.08;
 
@@ -71,6 +74,20 @@ settings! {
         /// Charge that the battery lacks, uniform from 0 to this share, where the scene has a
         /// battery.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
+        /// Mean duration of an outage of the radio, one in 10 s (`[radio]`), s. 0: none. An evening's:
+        /// six in a minute then have a longest of 0.73 s, as the log of the reference flight has.
+        radio_outage_s: f64 = 0.0, in 0.0..=100.0;
+        /// Drift of the heading by the gyroscope, σ, rad/s, which nothing corrects without a magnetometer
+        /// or a deck that sees directions. An evening's: 0.015 °/s/K (data sheet of the BMI088) times 10 K
+        /// from calibration to flight.
+        yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
+        /// Thrust that one motor lacks, uniform from 0 to this share. An evening's: a millimeter off
+        /// one of two blades of 23 mm takes `(1 − (22/23)³) / 2` by blade element theory.
+        motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
+        /// Age of the battery, uniform from 0 to this; at 1 it has 80 % of its capacity and twice its
+        /// resistance, where cells are retired (USABC, Electric Vehicle Battery Test Procedures
+        /// Manual, 1996, and common practice since).
+        battery_age: f64 = 0.0, in 0.0..=5.0;
     }
 }
 
@@ -92,11 +109,19 @@ pub enum Factor {
     Gusts,
     /// Delay of the lamps.
     LedDelay,
+    /// Outages of the radio.
+    Radio,
+    /// Drift of the heading.
+    Yaw,
+    /// A damaged propeller.
+    Propeller,
+    /// An old battery.
+    Battery,
 }
 
 impl Factor {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 11] = [
         Self::Mass,
         Self::CenterOfMass,
         Self::MotorLag,
@@ -104,6 +129,10 @@ impl Factor {
         Self::AirspeedMoment,
         Self::Gusts,
         Self::LedDelay,
+        Self::Radio,
+        Self::Yaw,
+        Self::Propeller,
+        Self::Battery,
     ];
 
     /// Its name in tables.
@@ -117,6 +146,10 @@ impl Factor {
             Self::AirspeedMoment => "airspeed moment",
             Self::Gusts => "gusts",
             Self::LedDelay => "LED delay",
+            Self::Radio => "radio",
+            Self::Yaw => "yaw drift",
+            Self::Propeller => "propeller",
+            Self::Battery => "old battery",
         }
     }
 }
@@ -129,7 +162,20 @@ impl Conditions {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
 
-    /// Conditions by their name, `room`, `drone` or `still`, or of a TOML file.
+    /// An evening among people with worn drones: an ordinary room, and the faults of radio, heading,
+    /// propellers and batteries.
+    #[must_use]
+    pub fn evening() -> Self {
+        Self {
+            radio_outage_s: 0.3,
+            yaw_drift_rad_s: 2.6e-3,
+            motor_loss_frac: 0.06,
+            battery_age: 1.0,
+            ..Self::default()
+        }
+    }
+
+    /// Conditions by their name, `room`, `drone`, `evening` or `still`, or of a TOML file.
     ///
     /// # Errors
     ///
@@ -138,6 +184,7 @@ impl Conditions {
         match named {
             "room" => Ok(Self::default()),
             "drone" => Ok(Self::any_drone()),
+            "evening" => Ok(Self::evening()),
             "still" => Ok(Self::still()),
             file if Path::new(file).exists() => {
                 let hint = "leave out what is no condition";
@@ -145,11 +192,11 @@ impl Conditions {
                 Self::parse(&limit.read_text(file.as_ref())?, file)
             }
             name => {
-                let hint = match similar(name, ["room", "drone", "still"]) {
+                let hint = match similar(name, ["room", "drone", "evening", "still"]) {
                     Some(similar) => format!("did you mean {similar}?"),
                     None => "name a file that exists".into(),
                 };
-                let wanted = "room, drone, still, or a TOML file";
+                let wanted = "room, drone, evening, still, or a TOML file";
                 Err(Error::input("conditions", name, wanted, hint))
             }
         }
@@ -175,6 +222,10 @@ impl Conditions {
             gust_m_s: self.gust_m_s * times,
             led_delay_s: self.led_delay_s * times,
             charge_used_frac: (self.charge_used_frac * times).min(1.0),
+            radio_outage_s: self.radio_outage_s * times,
+            yaw_drift_rad_s: self.yaw_drift_rad_s * times,
+            motor_loss_frac: (self.motor_loss_frac * times).min(1.0),
+            battery_age: self.battery_age * times,
         }
     }
 
@@ -196,6 +247,10 @@ impl Conditions {
             Factor::AirspeedMoment => Self { airspeed_moment_n_s: all.airspeed_moment_n_s, ..none },
             Factor::Gusts => Self { gust_m_s: all.gust_m_s, ..none },
             Factor::LedDelay => Self { led_delay_s: all.led_delay_s, ..none },
+            Factor::Radio => Self { radio_outage_s: all.radio_outage_s, ..none },
+            Factor::Yaw => Self { yaw_drift_rad_s: all.yaw_drift_rad_s, ..none },
+            Factor::Propeller => Self { motor_loss_frac: all.motor_loss_frac, ..none },
+            Factor::Battery => Self { battery_age: all.battery_age, ..none },
         }
     }
 
@@ -285,6 +340,24 @@ impl Conditions {
         }
         let used_frac = self.charge_used_frac * chance("charge").uniform();
         sim.battery.charge_frac = (sim.battery.charge_frac - used_frac).max(0.0);
+        let age = self.battery_age * chance("battery age").uniform();
+        sim.battery.resistance_ohm *= 1.0 + age;
+        sim.battery.capacity_ah *= (1.0 - 0.2 * age).max(0.05);
+        let mut propeller = chance("propeller");
+        let lost_frac = self.motor_loss_frac * propeller.uniform();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
+        let motor = (4.0 * propeller.uniform()) as usize;
+        let own = &mut sim.vehicle.motor_loss_frac[motor];
+        *own = 1.0 - (1.0 - *own) * (1.0 - lost_frac);
+        sim.sensors.imu.gyro_bias_rad_s[2] += self.yaw_drift_rad_s * chance("yaw drift").normal();
+        if self.radio_outage_s > 0.0 {
+            let radio = &mut sim.radio;
+            radio.drones = radio.drones.max(1);
+            if radio.outage_every_s == 0.0 {
+                (radio.outage_every_s, radio.outage_s) = (OUTAGE_EVERY_S, 0.0);
+            }
+            radio.outage_s += self.radio_outage_s;
+        }
         light.radio_delay_s += self.led_delay_s * chance("led delay").uniform();
         Actual { sim, light }
     }

@@ -238,7 +238,8 @@ mod tests {
 
     #[test]
     fn drydens_gusts_have_the_densities_of_the_specification() {
-        let options = AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0] };
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
         let found = spectra(&options);
         // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
@@ -254,7 +255,8 @@ mod tests {
 
     #[test]
     fn gusts_have_their_variance_from_the_start() {
-        let options = AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0] };
+        let options =
+            AirOptions { gusts: Gusts::Dryden, wind_m_s: [0.0, 2.0, 0.0], ..Default::default() };
         let n = 20_000_u32;
         let mut square = Vector3::zeros();
         for seed in 0..n {

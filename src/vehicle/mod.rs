@@ -11,8 +11,7 @@
 //! Sources: equations of the reference flight (AE483, 2022); each option names the rest.
 //!
 //! Not modeled: blade flapping, lift and inflow of moving air, vortex ring state, ceiling and
-//! walls, downwash between drones, recovery of a resting battery, its temperature; sliding,
-//! bouncing and tipping on the floor.
+//! walls, recovery of a resting battery, its temperature; sliding, bouncing and tipping on the floor.
 
 mod battery;
 mod body;
@@ -24,6 +23,7 @@ mod model;
 mod options;
 mod plant;
 mod rotors;
+mod wake;
 
 pub use self::body::RigidBody;
 pub use self::floor::{FloorOptions, FloorStep};
@@ -32,6 +32,8 @@ pub(crate) use self::model::{
     Motion, State, Vehicle, Wrench, at, attitude, motion_derivative, position, rate, velocity,
 };
 pub use self::options::{
-    AirOptions, BatteryOptions, Compensation, GroundEffect, GustOptions, Gusts, VehicleOptions,
+    AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
+    VehicleOptions,
 };
 pub use self::plant::{Plant, PlantOptions};
+pub(crate) use self::wake::Wake;

@@ -7,6 +7,7 @@ use super::body::{Inertia, RigidBody, Row};
 use super::ground_effect::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
+use super::wake::Wake;
 use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::flight::Warning;
@@ -51,8 +52,13 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
+    /// What each motor gives of the thrust that it is driven to.
+    given: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
+    arm_m: f64,
+    /// What the rotors lose in the wakes of other drones, if they stand in any.
+    lost: Option<Load>,
 }
 
 impl Plant {
@@ -83,9 +89,27 @@ impl Plant {
             wind_m_s: air.wind_m_s.into(),
             dt_s,
             thrust_per_command_n: vehicle.k_f_n,
+            given: Vector4::from(vehicle.motor_loss_frac).map(|lost| 1.0 - lost),
             full_thrust_n: vehicle.full_thrust_n(),
             short_steps: 0,
+            arm_m: vehicle.arm_m,
+            lost: None,
         }
+    }
+
+    /// The stream of air below the drone.
+    pub(crate) fn wake(&self) -> Wake {
+        let size_m = std::f64::consts::SQRT_2 * self.arm_m;
+        Wake::new(&self.body(), self.rotors.thrust_n(), size_m)
+    }
+
+    /// Puts the drone into the wakes of others, until it is put into the next ones.
+    pub(crate) fn enter<'a>(&mut self, wakes: impl Iterator<Item = &'a Wake>) {
+        let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
+        let lost_n: Vector4<f64> = wakes.map(|wake| wake.lost_n(&body, thrust_n, self.arm_m)).sum();
+        // No sum of wakes turns a rotor's thrust around.
+        let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
+        self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost(&lost_n));
     }
 
     /// One step under motor commands m1…m4, each from 0 to the largest.
@@ -101,6 +125,9 @@ impl Plant {
             let gust = self.wind.advance();
             self.wind_m_s = gust.wind_m_s;
             loads.iter_mut().for_each(|load| load.torque_n_m += gust.torque_n_m);
+        }
+        if let Some(lost) = &self.lost {
+            loads.iter_mut().for_each(|load| *load = load.less(lost));
         }
         if let Some(battery) = &mut self.battery {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
@@ -144,7 +171,10 @@ impl Plant {
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
-        let load = self.rotors.load(self.floor.thrust_ratio(height_m));
+        let mut load = self.rotors.load(self.floor.thrust_ratio(height_m));
+        if let Some(lost) = &self.lost {
+            load = load.less(lost);
+        }
         if self.rests(&load) {
             return Vector3::z() * GRAVITY_M_S2;
         }
@@ -170,11 +200,11 @@ impl Plant {
     #[inline(always)]
     fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
-        let Some(battery) = &self.battery else { return thrusts_n };
+        let Some(battery) = &self.battery else { return thrusts_n.component_mul(&self.given) };
         let limit = battery.limit(self.full_thrust_n);
         let wanted_n = thrusts_n * limit.gain;
         self.short_steps += u32::from(wanted_n.max() > limit.max_n);
-        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n))
+        wanted_n.map(|wanted_n| wanted_n.min(limit.max_n)).component_mul(&self.given)
     }
 
     /// Height of the floor at a place.

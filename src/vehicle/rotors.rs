@@ -18,6 +18,18 @@ pub(super) struct Load {
     pub(super) spin_n_m_s: f64,
 }
 
+impl Load {
+    /// The load less the thrust, and its torque, of another one.
+    #[inline(always)]
+    pub(super) fn less(&self, lost: &Self) -> Self {
+        Self {
+            thrust_n: self.thrust_n - lost.thrust_n,
+            torque_n_m: self.torque_n_m - lost.torque_n_m,
+            ..*self
+        }
+    }
+}
+
 /// Rotor speeds with the constants that advance them by one step.
 #[derive(Clone, Debug)]
 pub(super) struct Rotors {
@@ -123,6 +135,18 @@ impl Rotors {
             drag_n_s_m: self.drag_n_s2_m * speed.sum(),
             spin_n_m_s: self.inertia_kg_m2 * spin,
         }
+    }
+
+    /// The load of thrusts that the rotors lose at their speeds, which costs no torque about z.
+    pub(super) fn lost(&self, lost_n: &Vector4<f64>) -> Load {
+        let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
+        let [x, y] = self.center_of_mass_m;
+        let torque_n_m = Vector3::new(
+            self.lever_m * roll - y * thrust_n,
+            self.lever_m * pitch + x * thrust_n,
+            0.0,
+        );
+        Load { thrust_n, torque_n_m, ..Load::default() }
     }
 }
 

@@ -32,6 +32,12 @@ impl Reference {
         }
     }
 
+    /// A place that is held.
+    pub(in crate::sim) fn holding(place_m: Vector3<f64>) -> Self {
+        let still = Vector3::zeros();
+        Self { held_m: place_m, position_m: place_m, velocity_m_s: still, acceleration_m_s2: still }
+    }
+
     /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the
     /// design without any error: a quadrotor is differentially flat (Mellinger, Kumar, ICRA 2011).
     ///

@@ -4,6 +4,7 @@
 mod altitude;
 mod controller;
 mod observer;
+mod radio;
 
 pub use self::altitude::AltitudeOptions;
 pub use self::controller::{
@@ -13,6 +14,7 @@ pub use self::controller::{
 pub use self::observer::{
     CooperativeOptions, EkfOptions, EstimatorKind, LuenbergerOptions, ObserverOptions, Share,
 };
+pub use self::radio::{RadioOptions, Setpoints};
 use crate::error::{Error, Result};
 use crate::sensors::SensorOptions;
 use crate::settings::{Described, settings};
@@ -31,6 +33,8 @@ settings! {
         air: AirOptions = AirOptions::default();
         /// The floor below it.
         floor: FloorOptions = FloorOptions::default();
+        /// The radio.
+        radio: RadioOptions = RadioOptions::default();
         /// The controller: motor commands from the estimate.
         controller: ControllerOptions = ControllerOptions::default();
         /// The estimator: the estimate from the measurements.

@@ -1,0 +1,147 @@
+//! The radio link of one drone: which setpoint it has heard last, and when.
+//!
+//! The host offers its newest setpoint at every turn of the drone, so that a late one overtakes what it
+//! replaces. Turns fail by chance, each on its own, and in outages, one after the other.
+//!
+//! Not modeled: signal strength and its dependence on the place; broadcasts; a host that blocks while
+//! its queue is full (cflib's holds one packet).
+
+use super::options::RadioOptions;
+use crate::random::Noise;
+
+/// Time of a packet with its answer, and of the switch to another drone's address
+/// (`crazyradio2-firmware` issue 9).
+const PACKET_S: f64 = 0.7e-3;
+const SWITCH_S: f64 = 2.5e-3;
+
+/// What a drone hears of its host.
+#[derive(Debug)]
+pub(super) struct Link {
+    loss_frac: f64,
+    every_s: f64,
+    outage_s: f64,
+    chance: Noise,
+    outages: Noise,
+    /// From when to when the present outage lasts, or the next one.
+    outage: [f64; 2],
+    turn_s: f64,
+    round_s: f64,
+    /// Index of the last setpoint that was heard, and when last.
+    heard: (usize, f64),
+    /// When that setpoint was heard first.
+    since_s: f64,
+}
+
+impl Link {
+    /// The link of the drone `index`; `None` where commands arrive at once.
+    pub(super) fn new(options: &RadioOptions, seed: u64, index: u64) -> Option<Self> {
+        if options.drones == 0 {
+            return None;
+        }
+        let n = f64::from(options.drones);
+        let switch_s = if options.drones > 1 { SWITCH_S } else { 0.0 };
+        #[expect(clippy::cast_precision_loss, reason = "a few drones")]
+        let place = (index % u64::from(options.drones)) as f64;
+        let mut link = Self {
+            loss_frac: options.loss_frac,
+            every_s: options.outage_every_s,
+            outage_s: options.outage_s,
+            chance: Noise::new(seed, index, "radio"),
+            // Other senders disturb all drones alike.
+            outages: Noise::new(seed, 0, "radio outages"),
+            outage: [f64::INFINITY; 2],
+            turn_s: place * (PACKET_S + switch_s),
+            round_s: n * (PACKET_S + switch_s),
+            heard: (0, 0.0),
+            since_s: 0.0,
+        };
+        if link.every_s > 0.0 {
+            link.outage = [0.0; 2];
+            link.next_outage();
+        }
+        Some(link)
+    }
+
+    /// The setpoint that the drone has heard by `time_s`, where the host has come to `newest`.
+    pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
+        while self.turn_s <= time_s {
+            while self.turn_s >= self.outage[1] {
+                self.next_outage();
+            }
+            let lost = self.chance.uniform() < self.loss_frac || self.turn_s >= self.outage[0];
+            if !lost {
+                if self.heard.0 != newest {
+                    self.since_s = self.turn_s;
+                }
+                self.heard = (newest, self.turn_s);
+            }
+            self.turn_s += self.round_s;
+        }
+        self.heard.0
+    }
+
+    /// When the setpoint that the drone follows was heard first.
+    pub(super) fn since_s(&self) -> f64 {
+        self.since_s
+    }
+
+    /// Time since the drone heard a setpoint.
+    pub(super) fn silent_s(&self, time_s: f64) -> f64 {
+        time_s - self.heard.1
+    }
+
+    fn next_outage(&mut self) {
+        let [after_s, lasts_s] = [self.every_s, self.outage_s]
+            .map(|mean_s| -mean_s * libm::log(1.0 - self.outages.uniform()));
+        let from_s = self.outage[1] + after_s;
+        // A turn at least passes, so that the search for the next outage ends.
+        self.outage = [from_s, from_s + lasts_s.max(self.round_s)];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn link(drones: u32, loss_frac: f64, outage_every_s: f64, outage_s: f64, index: u64) -> Link {
+        let options =
+            RadioOptions { drones, loss_frac, outage_every_s, outage_s, ..Default::default() };
+        Link::new(&options, 3, index).unwrap()
+    }
+
+    /// The longest silence of each 10 ms.
+    fn silences_s(link: &mut Link, ticks: u32) -> Vec<f64> {
+        let silence_s = |tick| {
+            let time_s = f64::from(tick) * 0.01;
+            link.hear(time_s, tick as usize);
+            link.silent_s(time_s)
+        };
+        (0..ticks).map(silence_s).collect()
+    }
+
+    #[test]
+    fn drones_take_turns_of_the_radio() {
+        let mut alone = link(1, 0.0, 0.0, 0.1, 0);
+        assert!(silences_s(&mut alone, 500).iter().all(|s| *s <= 0.7e-3 + 1e-9));
+        let mut eighth = link(8, 0.0, 0.0, 0.1, 7);
+        assert_eq!(eighth.hear(0.02, 5), 0, "seven turns of 3.2 ms come first");
+        assert_eq!(eighth.hear(0.0225, 6), 6);
+        let late_s = silences_s(&mut eighth, 500).iter().skip(5).copied().fold(0.0, f64::max);
+        assert!((0.02..0.0256).contains(&late_s), "{late_s} s of a round of 25.6 ms");
+        assert!(Link::new(&RadioOptions::default(), 3, 0).is_none(), "commands arrive at once");
+    }
+
+    #[test]
+    fn losses_and_outages_have_their_shares_and_outages_are_common_to_all() {
+        // Lost packets in a row: a share p² of the turns is the second in a row.
+        let mut lossy = link(1, 0.5, 0.0, 0.1, 0);
+        let late = silences_s(&mut lossy, 20_000).iter().filter(|s| **s > 1.4e-3).count();
+        assert!((late as f64 / 20_000.0 - 0.25).abs() < 0.02, "{late} of 20000");
+        let silent = |index| silences_s(&mut link(1, 0.0, 10.0, 0.5, index), 200_000);
+        let [one, other] = [silent(0), silent(1)];
+        let share = one.iter().filter(|s| **s > 0.01).count() as f64 / 200_000.0;
+        assert!((share / (0.49 / 10.5) - 1.0).abs() < 0.2, "{share}");
+        let both = one.iter().zip(&other).filter(|(a, b)| (**a > 0.02) != (**b > 0.02)).count();
+        assert_eq!(both, 0, "one band");
+    }
+}
