@@ -120,6 +120,7 @@ mod tests {
     #[test]
     fn bias_walks_with_its_density() {
         let options = ImuOptions {
+            gyro_bias_rad_s: [0.0; 3],
             gyro_bias_walk_rad_s2_sqrt_hz: 1e-4,
             accelerometer_bias_walk_m_s3_sqrt_hz: 2e-3,
             gyro_noise_rad_s_sqrt_hz: 0.0,
