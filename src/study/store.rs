@@ -5,7 +5,8 @@
 //! one line, so a killed program leaves at worst half a line at the end, which the next one takes
 //! off. One program at a time has the folder (`lock`).
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -69,40 +70,23 @@ pub struct Store {
     _lock: File,
 }
 
-/// Outcomes by the scene and the seed of their flight. A study has few scenes and many seeds.
-#[derive(Debug, Default)]
-struct Known {
-    scenes: HashMap<String, u32>,
-    places: HashMap<(u32, u64), u32>,
-    outcomes: Vec<Outcome>,
-}
+/// Outcomes by the scene and the seed of their flight.
+type Known = BTreeMap<String, BTreeMap<u64, Outcome>>;
 
-impl Known {
-    fn get(&self, scene: &str, seed: u64) -> Option<&Outcome> {
-        let place = self.places.get(&(*self.scenes.get(scene)?, seed))?;
-        self.outcomes.get(*place as usize)
-    }
-
-    /// Adds the outcome of a file's flight; whether it is the first one. Another one is refused.
-    fn add(&mut self, record: Record, path: &Path) -> Result<bool> {
-        let Record { scene, seed, outcome, word, .. } = record;
-        match self.get(&scene, seed) {
-            Some(known) if *known == outcome => return Ok(false),
-            Some(_) => {
-                let (place, wanted) = (path.display().to_string(), "one outcome of each flight");
-                let found = format!("two outcomes of {word} with seed {seed}");
-                let hint = "take out the line that is wrong, or name another folder";
-                return Err(Error::input(place, found, wanted, hint));
-            }
-            None => {}
+/// Adds the outcome of a file's flight; whether it is the first one. Another one is refused.
+fn add(known: &mut Known, record: Record, path: &Path) -> Result<bool> {
+    let Record { scene, seed, outcome, word, .. } = record;
+    match known.entry(scene).or_default().entry(seed) {
+        Entry::Vacant(place) => place.insert(outcome),
+        Entry::Occupied(known) if *known.get() == outcome => return Ok(false),
+        Entry::Occupied(_) => {
+            let (place, wanted) = (path.display().to_string(), "one outcome of each flight");
+            let found = format!("two outcomes of {word} with seed {seed}");
+            let hint = "take out the line that is wrong, or name another folder";
+            return Err(Error::input(place, found, wanted, hint));
         }
-        let number = |n: usize| u32::try_from(n).expect("there are at most 500,000");
-        let n_scenes = number(self.scenes.len());
-        let scene = *self.scenes.entry(scene).or_insert(n_scenes);
-        self.places.insert((scene, seed), number(self.outcomes.len()));
-        self.outcomes.push(outcome);
-        Ok(true)
-    }
+    };
+    Ok(true)
 }
 
 /// The end of `flights.jsonl`.
@@ -140,7 +124,7 @@ impl Store {
         let (mut known, mut n_flights) = (Known::default(), 0);
         let length = each_line(&file, &path, |record| {
             n_flights += 1;
-            known.add(record, &path).map(|_is_new| ())
+            add(&mut known, record, &path).map(|_is_new| ())
         })?;
         if file.metadata().map_err(unwritable)?.len() > length {
             file.set_len(length).map_err(unwritable)?;
@@ -153,7 +137,7 @@ impl Store {
     /// The outcome of a flight that was stored before the store was opened, or taken over.
     #[must_use]
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
-        self.known.get(scene, seed).cloned()
+        self.known.get(scene)?.get(&seed).cloned()
     }
 
     /// Takes over the flights of another file that it lacks, such as a shard's.
@@ -163,14 +147,14 @@ impl Store {
     /// As [`Self::read`] and [`Self::put`]; [`Error::Input`] where a flight has another outcome there.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
-            if self.known.add(record.clone(), path)? { self.put(&record) } else { Ok(()) }
+            if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
         })
     }
 
     /// Flights that were there when it was opened, and those that were taken over.
     #[must_use]
     pub fn n_known(&self) -> usize {
-        self.known.outcomes.len()
+        self.known.values().map(BTreeMap::len).sum()
     }
 
     /// Appends a flight, by one write of one whole line.
