@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
-use noctograph::expose::{BackendChoice, Film};
+use noctograph::expose::{BackendChoice, ExposeOptions, Film};
 use noctograph::photo::exr::Precision;
 use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::{Preset, Scene};
@@ -30,7 +30,7 @@ fn noor() -> (Film, Camera) {
 
 fn photo(c: &mut Criterion) {
     let (film, camera) = noor();
-    let plain = PhotoOptions::plain;
+    let (plain, bare) = (PhotoOptions::plain, ExposeOptions::default());
     let all = PhotoOptions::default();
     let room = all.ambient_cd_m2;
     let cases = [
@@ -50,13 +50,13 @@ fn photo(c: &mut Criterion) {
     let mut develops = c.benchmark_group("develop");
     for (name, options) in &cases {
         develops.bench_function(*name, |b| {
-            b.iter(|| develop(black_box(&film), &camera, options, 0).unwrap());
+            b.iter(|| develop(black_box(&film), &camera, &bare, options, 0).unwrap());
         });
     }
     develops.finish();
 
-    let photo = develop(&film, &camera, &all, 0).unwrap();
-    let readout = read_out(&film, &camera, &all, 0).unwrap();
+    let photo = develop(&film, &camera, &bare, &all, 0).unwrap();
+    let readout = read_out(&film, &camera, &bare, &all, 0).unwrap();
     let mut encodes = c.benchmark_group("encode");
     encodes.bench_function("png 8", |b| {
         b.iter(|| photo.write_png(std::io::Cursor::new(Vec::new()), Some(&camera), &[]).unwrap());
