@@ -15,6 +15,7 @@ mod layout;
 mod options;
 mod outline;
 mod shape;
+mod shaping;
 mod smooth;
 mod stroke_font;
 mod tables;
