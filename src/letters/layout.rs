@@ -4,7 +4,7 @@ use super::font::Font;
 use super::options::{Align, LetterOptions};
 use super::shape::{Fit, Shape};
 use super::shaping::is_shaped;
-use super::{Cell, Glyph, StrokeOrder, Strokes};
+use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
@@ -147,7 +147,8 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    Strokes { word, font: Some(font.clone()), glyphs, order: StrokeOrder::Free, colors: Vec::new() }
+    let (font, order) = (Some(font.clone()), StrokeOrder::Free);
+    Strokes { word, font, glyphs, order, colors: Vec::new(), left_out: LeftOut::default() }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

@@ -81,3 +81,101 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     }
     Ok(placed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Trace;
+    use super::super::tables::face;
+    use super::super::typeface::Typeface;
+    use super::*;
+
+    fn words(numbers: &[u16]) -> Vec<u8> {
+        numbers.iter().flat_map(|n| n.to_be_bytes()).collect()
+    }
+
+    /// A glyph of one rectangle.
+    fn rectangle([left, right, top]: [i16; 3]) -> Vec<u8> {
+        let numbers = [1, left, 0, right, top, 3, 0, 0x0101, 0x0101];
+        let steps = [left, right - left, 0, left - right, 0, 0, top, 0];
+        numbers.into_iter().chain(steps).flat_map(i16::to_be_bytes).collect()
+    }
+
+    /// A face of H, two Hebrew letters, and two Arabic ones that reach for each other where they join.
+    fn small_face() -> Vec<u8> {
+        let outlines = [
+            [0, 100, 700],   // 1: H
+            [100, 300, 100], // 2: noon
+            [0, 400, 100],   // 3: noon, initial
+            [100, 300, 100], // 4: reh
+            [100, 400, 100], // 5: reh, final
+            [100, 200, 700], // 6: alef
+            [100, 300, 100], // 7: resh
+        ];
+        let (mut glyf, mut loca) = (Vec::new(), vec![0_u32, 0]);
+        for outline in outlines {
+            glyf.extend(rectangle(outline));
+            loca.push(u32::try_from(glyf.len()).unwrap());
+        }
+        let map = [('H', 1), ('\u{5d0}', 6), ('\u{5e8}', 7), ('\u{631}', 4), ('\u{646}', 2)];
+        let mut cmap = words(&[0, 1, 3, 10, 0, 12, 12, 0, 0, 16 + 12 * 5, 0, 0, 0, 5]);
+        for (character, glyph) in map {
+            let code = u32::from(character);
+            cmap.extend([code, code, glyph].into_iter().flat_map(u32::to_be_bytes));
+        }
+        let mut head = vec![0; 54];
+        head[18..20].copy_from_slice(&1000_u16.to_be_bytes());
+        head[51] = 1;
+        let mut hhea = vec![0; 36];
+        hhea[1] = 1;
+        hhea[35] = 8;
+        let single = |glyph| [1, 0, 1, 8, 1, 6, 1, 1, 1, glyph];
+        let scripts = [&tag("arab")[..], &[8, 4, 0, 0, 0xffff, 2, 0, 1]].concat();
+        let features =
+            [&[2], &tag("fina")[..], &[14], &tag("init"), &[20, 0, 1, 0, 0, 1, 1]].concat();
+        let lookups = [&[2, 6, 26][..], &single(4), &single(2)].concat();
+        let at = [10, 10 + 2 + 2 * scripts.len(), 12 + 2 * (scripts.len() + features.len())];
+        let at = at.map(|at| u16::try_from(at).unwrap());
+        let gsub = [&[1, 0, at[0], at[1], at[2], 1][..], &scripts, &features, &lookups].concat();
+        face(&[
+            (b"GSUB", words(&gsub)),
+            (b"cmap", cmap),
+            (b"glyf", glyf),
+            (b"head", head),
+            (b"hhea", hhea),
+            (b"hmtx", words(&[400, 0].repeat(8))),
+            (b"loca", loca.into_iter().flat_map(u32::to_be_bytes).collect()),
+            (b"maxp", vec![0, 0, 0x50, 0, 0, 8]),
+        ])
+    }
+
+    fn tag(text: &str) -> [u16; 2] {
+        let bytes = text.as_bytes();
+        [0, 2].map(|at| u16::from_be_bytes([bytes[at], bytes[at + 1]]))
+    }
+
+    #[test]
+    fn letters_that_join_are_one_stroke_and_run_from_right_to_left() {
+        let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
+        let arabic = face.line("نر", 0.5).unwrap();
+        assert_eq!((arabic.len(), arabic[0].0), (1, 0), "joined");
+        assert_eq!(arabic[0].2.runs.len(), 1, "a stroke through both: {:?}", arabic[0].2);
+        let apart = face.line("ر ن", 0.5).unwrap();
+        assert_eq!(apart.iter().map(|letter| letter.0).collect::<Vec<_>>(), [3, 0], "no joins");
+        let hebrew = face.line("אר H", 0.5).unwrap();
+        let bytes: Vec<usize> = hebrew.iter().map(|letter| letter.0).collect();
+        assert_eq!(bytes, [5, 2, 0], "the first letter stands on the right");
+        assert!(hebrew.windows(2).all(|pair| pair[0].1 < pair[1].1), "from left to right");
+        assert_eq!(face.line("אx", 0.5).unwrap_err(), 2, "the byte of what is missing");
+    }
+
+    #[test]
+    fn only_what_cannot_stand_side_by_side_is_shaped() {
+        for text in ["نور", "नूर", "אור", "x\u{301}", "\u{1f44d}\u{1f3fd}", "ไทย"]
+        {
+            assert!(is_shaped(text), "{text}");
+        }
+        for text in ["Grüße", "Tiếng Việt", "ΝΟΟΡ", "漢字", "I ♥ NY!"] {
+            assert!(!is_shaped(text), "{text}");
+        }
+    }
+}

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use ab_glyph::{Font as _, FontVec, GlyphId};
+use ab_glyph::{Font as _, FontRef, FontVec, GlyphId};
 use kurbo::{Affine, BezPath};
 
 use super::Trace;
@@ -131,7 +131,8 @@ impl Typeface {
 
     /// Its characters in the Basic Multilingual Plane, and emoji.
     pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        let all = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
+        let all =
+            ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
         all.filter(|c| self.face.glyph_id(*c).0 != 0)
     }
 
@@ -278,6 +279,13 @@ impl Typeface {
         contours.retain(|contour| contour.len() > 2);
         (!contours.is_empty()).then_some(contours)
     }
+}
+
+/// Whether the first face of a file has an outline of a character.
+pub(crate) fn has_outline(file: &[u8], character: char) -> bool {
+    let Ok(face) = FontRef::try_from_slice(file) else { return false };
+    let id = face.glyph_id(character);
+    id.0 != 0 && face.outline(id).is_some()
 }
 
 /// Largest coordinate of a path.
