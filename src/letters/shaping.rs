@@ -67,7 +67,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
                 buffer.push_str(word);
                 buffer.set_direction(direction);
                 buffer.guess_segment_properties();
-                shape(&face, &mut buffer, ShapeOptions::new()).map_err(|_| start)?;
+                shape(&face, &mut buffer, ShapeOptions::new()).map_err(|_unshaped| start)?;
                 let steps = buffer.glyph_infos().iter().zip(buffer.glyph_positions());
                 for (info, step) in steps {
                     let byte = start + info.cluster as usize;
