@@ -3,6 +3,7 @@
 
 use clap::Command;
 
+use super::typefaces;
 use crate::error::Error;
 use crate::scene::{Change, Scene};
 use crate::settings::{Described, Setting, Shape};
@@ -73,7 +74,7 @@ const FLAGS: [(&str, &str, &str); 16] = [
 
 /// Flags and keys that mend an error of a verb.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    let Error::Input { place, .. } = error else { return Vec::new() };
+    let Error::Input { place, found, .. } = error else { return Vec::new() };
     let key = place.rsplit(": ").next().unwrap_or(place);
     let path = key.split('[').next().unwrap_or(key);
     // `word, position 3`: a letter that the font lacks.
@@ -85,6 +86,14 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag));
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
+    // The letter stands with its code: 'ế' (U+1EBF).
+    let code = found.rsplit_once("(U+").and_then(|(_, code)| code.strip_suffix(')'));
+    let letter = code.and_then(|code| u32::from_str_radix(code, 16).ok()).and_then(char::from_u32);
+    if let Some(letter) = letter.filter(|_| path == "a letter of the word" && has("font"))
+        && let Some(file) = typefaces::with(letter)
+    {
+        advice.push(format!("`--font {}` has {letter}", file.display()));
+    }
     if exists(path, Scene::SHAPE.settings()) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"

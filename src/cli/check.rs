@@ -6,6 +6,7 @@ use serde_json::json;
 use super::findings;
 use super::flags::{ProfileFlags, StandFlag, SubjectFlags};
 use super::outcome::{Outcome, Report};
+use super::show;
 use crate::error::Result;
 use crate::preflight::{Checked, Profile, Severity, preflight};
 
@@ -24,11 +25,15 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
     let found = preflight(&shoot, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
-    let json = json!({
+    let mut json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
         "findings": found.iter().map(findings::json).collect::<Vec<_>>(),
     });
-    let text = findings::table(&found) + "\n" + &conclusion(&found, stops, &profile);
+    let mut text = findings::table(&found) + "\n";
+    if let Some(strokes) = &shoot.strokes {
+        show::add_drawing(strokes, &mut text, &mut json);
+    }
+    text += &conclusion(&found, stops, &profile);
     let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };
     Ok(Report::new(text, json).with_outcome(outcome))
 }

@@ -10,10 +10,15 @@ pub(super) struct LetterFlags {
     /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
-    /// Drawing instead of a word: *.svg, a picture of lines *.png or *.jpg, or handwriting as *.json or
+    /// Drawing instead of a word: *.svg, a picture *.png or *.jpg (lines on paper, a
+    /// logo, a photograph), or handwriting as *.json or
     /// *.inkml; the color LED deck and the ring write in its colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
+    /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default: 1; 0.5 for
+    /// a photograph]
+    #[arg(long, value_name = "0..1")]
+    detail: Option<f64>,
     /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes
     /// (the ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
@@ -79,6 +84,8 @@ impl LetterFlags {
             [("letters.drawing", file.as_str()), ("letters.drawing_sha256", ""), ("word", "")]
         });
         let mut settings = owned(font.chain(drawing));
+        settings
+            .extend(self.detail.map(|detail| ("letters.detail".to_owned(), detail.to_string())));
         if !self.color.is_empty() {
             let colors = self.color.iter().map(|[r, g, b]| format!("[0, {r}, {g}, {b}]"));
             let colors = format!("[{}]", colors.collect::<Vec<_>>().join(", "));

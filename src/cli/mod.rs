@@ -57,6 +57,7 @@ mod square_on;
 mod studies;
 mod table;
 mod tune;
+mod typefaces;
 
 pub(crate) use self::outcome::Report;
 #[cfg(feature = "python")]

@@ -8,6 +8,7 @@ use clap::Args;
 use super::flags::{DesignFlags, FlightFlags, set_word};
 use super::outcome::{Report, line};
 use super::output::{Output, Outputs, is_svg};
+use super::show;
 use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
@@ -58,7 +59,9 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
             vec![file.keep(|out| out.write_all(plan_view(&plans, title).as_bytes()))?]
         }
     };
-    Ok(Report::new(table(title, &planned), json(title, &planned)).with_files(&files))
+    let (mut text, mut json) = (table(title, &planned), json(title, &planned));
+    show::add_drawing(&strokes, &mut text, &mut json);
+    Ok(Report::new(text, json).with_files(&files))
 }
 
 enum Sink {

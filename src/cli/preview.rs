@@ -113,6 +113,9 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();
     text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
+    if let Some(strokes) = &shot.strokes {
+        show::add_drawing(strokes, &mut text, &mut json);
+    }
     text.extend(figures.iter().map(FlightFigures::text));
     text += &show::camera_line(&shot);
     let mut drawings = Vec::new();

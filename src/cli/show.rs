@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
+use crate::letters::Strokes;
 use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::Shot;
 
@@ -93,6 +94,23 @@ pub(super) struct FlightFigures<'a> {
     flight: &'a Flight,
     tracking: Result<Tracking>,
     sha256: String,
+}
+
+/// Adds the strokes of a drawing, and what its detail leaves out.
+pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value) {
+    if strokes.font.is_some() {
+        return;
+    }
+    let (n, length_m, left_out) = (strokes.n_strokes(), strokes.length_m(), strokes.left_out);
+    let mut found = format!("{n} strokes, {length_m:.2} m");
+    if left_out.strokes > 0 {
+        let share = 100.0 * left_out.share;
+        found +=
+            &format!("; left out: {} short ones, {share:.1} % of the length", left_out.strokes);
+    }
+    *text += &line("drawing", &found);
+    let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
+    json["drawing"] = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
 }
 
 impl<'a> FlightFigures<'a> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::shape::{Fit, Shape};
 use super::stroke_font::StrokeFont;
-use super::typeface::Typeface;
+use super::typeface::{Line, Typeface};
 use super::{Cell, Glyph, Trace};
 use crate::error::{Error, Result};
 use crate::files::Limit;
@@ -121,6 +121,15 @@ impl Font {
         match &*self.face {
             Face::Strokes(font) => font.shape(character),
             Face::Outlines(face) => face.shape(character),
+        }
+    }
+
+    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none. Where it
+    /// fails, the byte of a character that the font lacks.
+    pub(super) fn line(&self, line: &str, space: f64) -> Option<Line> {
+        match &*self.face {
+            Face::Strokes(_) => None,
+            Face::Outlines(face) => Some(face.line(line, space)),
         }
     }
 

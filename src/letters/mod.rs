@@ -15,20 +15,23 @@ mod layout;
 mod options;
 mod outline;
 mod shape;
+mod shaping;
 mod smooth;
 mod stroke_font;
 mod tables;
 mod typeface;
 mod vector;
 
+pub(crate) use typeface::has_outline;
+
 use crate::digest::Digest;
-use crate::geometry::bounds;
+use crate::geometry::{bounds, distance};
 
 pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;
-pub use options::{Align, LetterOptions, Pace, Trace};
+pub use options::{Align, LetterOptions, Pace, Picture, Trace};
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
@@ -45,6 +48,17 @@ pub struct Strokes {
     pub order: StrokeOrder,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
+    /// What the detail of a drawing leaves out ([`LetterOptions::detail`]).
+    pub left_out: LeftOut,
+}
+
+/// Strokes of a drawing that are not drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// Their number.
+    pub strokes: usize,
+    /// Their share of the length of all strokes, 0 to 1.
+    pub share: f64,
 }
 
 /// Whether strokes may be reordered.
@@ -109,6 +123,23 @@ impl Strokes {
             digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit]);
         }
         digest.hex()
+    }
+
+    /// Number of its strokes: lit moves without a way in the dark between them.
+    #[must_use]
+    pub fn n_strokes(&self) -> usize {
+        let runs = |glyph: &Glyph| {
+            let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
+            runs.filter(|run| run[0].lit).count()
+        };
+        self.glyphs.iter().map(runs).sum()
+    }
+
+    /// Length of its strokes.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        let lit = self.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+        lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
     /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the

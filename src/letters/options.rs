@@ -21,6 +21,12 @@ settings! {
         /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
         /// The scene that a command writes has it.
         drawing_sha256: String = String::new(), for "letters.drawing";
+        /// What a picture `*.png` or `*.jpg` is.
+        picture: Picture = Picture::Auto, for "letters.drawing";
+        /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go on in
+        /// one direction become one, short ones are left out, and all are smoother; 0 is a sketch of
+        /// the longest. By default 1, and 0.5 of a photograph.
+        detail: Option<f64> = None, in 0.0..=1.0, for "letters.drawing";
         /// Largest distance of straight strokes from a drawing's curves.
         tolerance_m: f64 = 0.001, in 1e-4..=1.0;
         /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
@@ -56,6 +62,17 @@ settings! {
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
+    }
+
+    /// What a picture is.
+    pub enum Picture {
+        /// As it looks: a photograph where what would be its paper has texture, or else a drawing. A
+        /// photograph of few tones, such as a skyline before an even sky, looks like a drawing.
+        "auto" => Auto,
+        /// Lines on paper or a logo: ink is drawn.
+        "drawing" => Drawing,
+        /// A photograph: long edges are drawn.
+        "photograph" => Photograph,
     }
 
     /// Speed along the strokes of handwriting.

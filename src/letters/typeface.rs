@@ -4,12 +4,14 @@
 //! between the center lines of a horizontal stroke at the top and one at the bottom: these are a cap
 //! height apart, the lower one on the baseline.
 //!
-//! Not read: ligatures, scripts that need shaping, kerning outside the table `kern`, variations.
+//! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs that
+//! touch are traced together, so that joined letters are one line. Not read: variations, and in text that
+//! is not shaped ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use ab_glyph::{Font as _, FontVec};
+use ab_glyph::{Font as _, FontRef, FontVec, GlyphId};
 use kurbo::{Affine, BezPath};
 
 use super::Trace;
@@ -19,6 +21,7 @@ use super::composites::points;
 use super::curves::{glyph_outline, polylines};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
+use super::shaping::{Placed, shaped};
 use super::tables::{table, u16_at, without_variations};
 use crate::error::{Error, Result};
 use crate::files::Budget;
@@ -35,6 +38,9 @@ const MAX_SUBTABLES: u16 = 64;
 /// two strokes.
 const OUTLINE: [usize; 2] = [20_000, 100];
 const NEAREST: usize = 5;
+
+/// Most characters that are searched for an outline in a face without letters that are known.
+const SEARCHED: usize = 300;
 
 /// Largest coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;
@@ -55,17 +61,37 @@ pub(super) struct Typeface {
     traced: Mutex<Traced>,
 }
 
-/// The characters traced so far, and the work that is left to the others.
+/// The glyphs traced so far, alone and together, and the work that is left to the others.
 struct Traced {
-    shapes: BTreeMap<char, Option<Arc<Shape>>>,
+    shapes: BTreeMap<Vec<Part>, Option<Arc<Shape>>>,
     budget: Budget,
 }
+
+/// A glyph, and its place in font units.
+type Part = (u16, [i32; 2]);
+
+/// Letters that touch, as one shape: the byte of its first character in the line, its left edge and its
+/// strokes, in cap heights.
+pub(super) type Joined = (usize, f64, Arc<Shape>);
+
+/// Letters of a line, or the byte of a character that the face lacks.
+pub(super) type Line = std::result::Result<Vec<Joined>, usize>;
+
+/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some faces
+/// meet at a common edge.
+const TOUCHING: f64 = 0.005;
+
+/// Characters whose height is that of capitals; the first that a face has counts.
+const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
+
+/// Characters whose strokes are as wide as those of the others.
+const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 
 impl Typeface {
     /// Reads a face; `file` is its name in messages. Of a collection it is the first.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let refuse = |found: String| {
-            let wanted = "a TrueType or OpenType face with Latin letters";
+            let wanted = "a TrueType or OpenType face with outlines";
             let hint = "name another font file";
             Error::input(file, found, wanted, hint)
         };
@@ -82,16 +108,18 @@ impl Typeface {
             .map_err(|invalid| refuse(invalid.to_string()))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let mut typeface = Self { face, points, trace, cap: 1.0, half_width: 0.0, traced };
-        let known = ['H', 'I', 'E', 'x', 'o'].into_iter();
-        let known = known.filter_map(|c| typeface.outline(c, &typeface.traced().budget)).next();
+        // Of a face without any of them, such as one of emoji, it is the first that has an outline.
+        let outline = |c| typeface.outline(typeface.face.glyph_id(c), &typeface.traced().budget);
+        let known = CAPITALS.chars().chain(typeface.characters().take(SEARCHED)).find_map(outline);
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refuse("no letters".into()));
         }
         if trace == Trace::CenterLine {
             let traced = typeface.traced();
-            let stems = ['H', 'I', 'l', 'x', 'o'].into_iter();
-            let stems = stems.filter_map(|c| typeface.contours(c, &traced.budget));
+            let part = |c| [(typeface.face.glyph_id(c).0, [0; 2])];
+            let stems = STEMS.chars().chain(typeface.characters().take(SEARCHED));
+            let stems = stems.filter_map(|c| typeface.contours(&part(c), &traced.budget));
             let widths = stems.map(|contours| center_lines(&contours, &traced.budget).half_width);
             let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
             traced.budget.check()?;
@@ -101,17 +129,73 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// Its characters in the Basic Multilingual Plane.
+    /// Its characters in the Basic Multilingual Plane, and emoji.
     pub(super) fn characters(&self) -> impl Iterator<Item = char> {
-        let all = ('!'..='\u{ffff}').filter(|c| !c.is_whitespace());
+        let all =
+            ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
         all.filter(|c| self.face.glyph_id(*c).0 != 0)
     }
 
     /// A character's strokes; `None` where the face lacks it.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
+        let id = self.face.glyph_id(character);
+        if id.0 == 0 {
+            return None;
+        }
+        if character.is_whitespace() {
+            let advance = self.advance(self.face.h_advance_unscaled(id));
+            return Some(Arc::new(Shape { advance, ..Shape::default() }));
+        }
+        self.joined(&[(id.0, [0; 2])])
+    }
+
+    /// The strokes of glyphs together.
+    fn joined(&self, parts: &[Part]) -> Option<Arc<Shape>> {
         let Traced { shapes, budget } = &mut *self.traced();
-        let shape = || self.draw(character, budget).filter(|_| budget.check().is_ok());
-        shapes.entry(character).or_insert_with(|| shape().map(Arc::new)).clone()
+        let shape = || self.draw(parts, budget).filter(|_| budget.check().is_ok());
+        shapes.entry(parts.to_vec()).or_insert_with(|| shape().map(Arc::new)).clone()
+    }
+
+    /// A line of letters that are shaped, from left to right.
+    ///
+    /// # Errors
+    ///
+    /// The byte of a character that the face lacks.
+    pub(super) fn line(&self, line: &str, space: f64) -> Line {
+        let face = harfrust::Font::new(self.face.as_slice().to_vec(), 0).ok_or(0_usize)?;
+        let unit = self.advance(1.0);
+        let [space] = [self.face.glyph_id(' ')].map(|id| match id.0 {
+            0 => space / unit,
+            _ => f64::from(self.face.h_advance_unscaled(id)),
+        });
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let mut glyphs = shaped(&face, line, space as i32)?;
+        let side = |placed: &Placed| {
+            let path = self.outline(GlyphId(placed.glyph), &self.traced().budget)?;
+            let bounds = path.control_box();
+            Some([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.at[0])))
+        };
+        let mut sided: Vec<([f64; 2], Placed)> =
+            glyphs.drain(..).filter_map(|placed| Some((side(&placed)?, placed))).collect();
+        sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
+        for ([left, right], placed) in sided {
+            match groups.last_mut().filter(|(end, _)| left <= *end + TOUCHING / unit) {
+                Some((end, group)) => {
+                    *end = end.max(right);
+                    group.push(placed);
+                }
+                None => groups.push((right, vec![placed])),
+            }
+        }
+        let joined = groups.iter().map(|(_, group)| {
+            let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
+            let start = group[0].at[0];
+            let part = |placed: &Placed| (placed.glyph, [placed.at[0] - start, placed.at[1]]);
+            let shape = self.joined(&group.iter().map(part).collect::<Vec<_>>()).ok_or(byte)?;
+            Ok((byte, unit * f64::from(start), shape))
+        });
+        joined.collect()
     }
 
     /// Checks that all characters so far were traced within the face's budget.
@@ -129,19 +213,12 @@ impl Typeface {
         self.advance(self.face.kern_unscaled(ids[0], ids[1]))
     }
 
-    fn draw(&self, character: char, budget: &Budget) -> Option<Shape> {
-        let id = self.face.glyph_id(character);
-        if id.0 == 0 {
-            return None;
-        }
-        let advance = self.advance(self.face.h_advance_unscaled(id));
+    fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
+        let advance = self.advance(self.face.h_advance_unscaled(GlyphId(parts[0].0)));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
-        if character.is_whitespace() {
-            return Some(Shape { advance, ..Shape::default() });
-        }
-        let contours = self.contours(character, budget)?;
+        let contours = self.contours(parts, budget)?;
         let mut lost = 0.0;
         let lines = match self.trace {
             Trace::CenterLine => {
@@ -161,9 +238,8 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
-    /// A character's curves in font units.
-    fn outline(&self, character: char, budget: &Budget) -> Option<BezPath> {
-        let id = self.face.glyph_id(character);
+    /// A glyph's curves in font units.
+    fn outline(&self, id: GlyphId, budget: &Budget) -> Option<BezPath> {
         let points = self.points.as_ref().and_then(|points| points.get(usize::from(id.0)));
         let points = points.map_or(0, |n| *n as usize);
         if id.0 == 0 || points > MAX_POINTS {
@@ -180,9 +256,16 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// A character's outline in cap heights; `None` where it has none.
-    fn contours(&self, character: char, budget: &Budget) -> Option<Vec<Contour>> {
-        let mut path = self.outline(character, budget)?;
+    /// The outline of glyphs in cap heights; `None` where they have none.
+    fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
+        let mut path = BezPath::new();
+        for (id, at) in parts {
+            let mut part = self.outline(GlyphId(*id), budget)?;
+            if *at != [0; 2] {
+                part.apply_affine(Affine::translate((at[0].into(), at[1].into())));
+            }
+            path.extend(part);
+        }
         path.apply_affine(Affine::scale(1.0 / self.cap));
         if size(&path) > MAX_COORDINATE {
             return None;
@@ -196,6 +279,13 @@ impl Typeface {
         contours.retain(|contour| contour.len() > 2);
         (!contours.is_empty()).then_some(contours)
     }
+}
+
+/// Whether the first face of a file has an outline of a character.
+pub(crate) fn has_outline(file: &[u8], character: char) -> bool {
+    let Ok(face) = FontRef::try_from_slice(file) else { return false };
+    let id = face.glyph_id(character);
+    id.0 != 0 && face.outline(id).is_some()
 }
 
 /// Largest coordinate of a path.
@@ -284,7 +374,7 @@ mod tests {
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
             let budget = Budget::of("Roboto-Thin.ttf", "none");
             let ink = super::super::outline::Ink::new(
-                &face.contours(character, &budget).unwrap(),
+                &face.contours(&[(face.face.glyph_id(character).0, [0; 2])], &budget).unwrap(),
                 &budget,
             );
             let shape = face.shape(character).unwrap();

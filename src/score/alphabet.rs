@@ -4,6 +4,8 @@
 //! of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and Cyrillic and Greek
 //! letters of the shape of a Latin one.
 
+use unicode_normalization::UnicodeNormalization;
+
 use super::net::N_CLASSES;
 
 /// The net's characters, from class 1 on.
@@ -49,8 +51,14 @@ const SHAPES: [&str; 24] = [
     "ZŹŻŽΖ",
 ];
 
-/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B (Unicode).
-const LATIN_WITH_MARKS: core::ops::RangeInclusive<char> = '\u{c0}'..='\u{24f}';
+/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, and the composed letters of Latin
+/// Extended Additional, Vietnamese ones among them (Unicode).
+const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
+    ['\u{c0}'..='\u{24f}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
+
+fn has_mark(character: char) -> bool {
+    LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
+}
 
 /// Sharp s, small and capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
@@ -68,7 +76,11 @@ pub(super) fn latin(character: char) -> Option<char> {
         return Some('B');
     }
     let capital = character.to_uppercase().next()?;
-    let shape = SHAPES.iter().find(|shape| shape.contains(capital))?.chars().next()?;
+    let Some(shape) = SHAPES.iter().find(|shape| shape.contains(capital)) else {
+        let base = has_mark(character).then(|| character.nfd().next())??;
+        return base.is_ascii_alphabetic().then_some(base);
+    };
+    let shape = shape.chars().next()?;
     Some(if character.is_lowercase() { shape.to_ascii_lowercase() } else { shape })
 }
 
@@ -80,7 +92,7 @@ pub(super) fn class_of(character: char) -> Option<usize> {
 /// The classes that count as a character; `None` for one that the net does not know. A letter with a
 /// mark may also be no letter to the net: it was trained without marks.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
-    let mark = if LATIN_WITH_MARKS.contains(&character) { NO_LETTER } else { 0 };
+    let mark = if has_mark(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
         // Who does not know the sharp s takes it for one of these.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
@@ -129,7 +141,7 @@ pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classe
 /// aside. A small l has the shape of an I, and is the small letter of L.
 pub(super) fn spells(reading: &str, word: &str) -> bool {
     let shape = |character: char| {
-        let mark = if LATIN_WITH_MARKS.contains(&character) { NO_LETTER } else { 0 };
+        let mark = if has_mark(character) { NO_LETTER } else { 0 };
         mark | match latin(character) {
             Some(_) if SHARP_S.contains(&character) => set_of("B38"),
             Some('O' | 'o' | '0') => set_of("O"),
@@ -173,6 +185,8 @@ mod tests {
             assert_eq!(classes_of(foreign), None, "{foreign}");
         }
         assert_eq!((latin('é'), latin('ν'), latin('Ø')), (Some('e'), Some('v'), Some('O')));
+        assert_eq!((latin('ế'), latin('Ợ'), latin('ư')), (Some('e'), Some('O'), Some('u')));
+        assert_eq!((latin('ן'), latin('ə')), (None, None));
     }
 
     #[test]

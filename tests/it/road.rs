@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use noctograph::expose::{BackendChoice, Film};
+use noctograph::letters::{LetterOptions, write};
 use noctograph::light::RingEffect;
 use noctograph::photo::{Noise, SensorNoise};
 use noctograph::plan::PlanOptions;
@@ -182,6 +183,38 @@ fn a_few_clean_previews_are_legible_and_read_without_being_told() {
             assert!(probability >= 0.7 && read == word, "{font} {word}: {probability}, {read}");
         }
     }
+}
+
+/// A word on paper, photographed, flown and photographed again.
+#[test]
+fn a_word_on_paper_is_read_in_the_photo_of_its_flight() {
+    let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+    let strokes = write("HELLO", &options).unwrap();
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let px_per_m = 300.0;
+    let size = [right - left, top - bottom].map(|side_m| (px_per_m * (side_m + 0.2)) as u32);
+    let mut paper = image::GrayImage::from_pixel(size[0], size[1], image::Luma([235]));
+    for step in strokes.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit) {
+        for share in (0..=200).map(|k| f64::from(k) / 200.0) {
+            let [x, y] = [0, 1].map(|i| step.from_m[i] + share * (step.to_m[i] - step.from_m[i]));
+            let at = [px_per_m * (x - left + 0.1), px_per_m * (top + 0.1 - y)].map(|px| px as u32);
+            for (dx, dy) in (0..5).flat_map(|dx| (0..5).map(move |dy| (dx, dy))) {
+                paper.put_pixel(at[0] + dx - 2, at[1] + dy - 2, image::Luma([40]));
+            }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("word.jpg");
+    paper.save(&path).unwrap();
+    let change = |scene: &mut Scene| {
+        scene.letters.drawing = path.display().to_string();
+        scene.letters.canvas_m = Some([3.0, 0.5]);
+        scene.plan = PlanOptions::even();
+        (scene.camera.width_px, scene.camera.height_px) = (960, 540);
+    };
+    let Taken(shot) = on_cpu("", change);
+    assert!(shot.verdict.is_none(), "a drawing is no word");
+    assert_eq!(score::read(&shot.photo).text, "HELLO");
 }
 
 /// All of them: `cargo test --release --test it previews -- --ignored --nocapture` prints each.

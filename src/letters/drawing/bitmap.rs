@@ -4,20 +4,22 @@
 //! paper's brightness is estimated block by block, so that shadows are none. The threshold is Otsu's
 //! (IEEE Trans. SMC 9, 1979); contours lie between pixels, by marching squares. Each patch of ink with
 //! its holes is traced as a typeface's characters are ([`center_lines`]), or along its outline where it
-//! is too thick for a pen. A line has the hue of its ink where that is not gray.
+//! is too thick for a pen. A line has the hue of its ink where that is not gray. A photograph, whose paper
+//! would have texture, is drawn by its edges ([`super::photograph`]).
 
-use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, imageops};
 
+use super::levels::{contours, softened};
+use super::photograph::edges;
 use super::{ColoredLine, MAX_POINTS};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry::{bounds, distance};
 use crate::letters::center_line::{center_lines, outlines};
-use crate::letters::options::Trace;
+use crate::letters::options::{LetterOptions, Picture, Trace};
 use crate::letters::outline::{Contour, Ink, mean_stroke_width};
 
 /// Pixels of the longer side to which a picture is made smaller.
@@ -30,7 +32,8 @@ const STEPS: usize = 8;
 const BLOCKS: usize = 24;
 /// Share of a block's pixels that are darker than its paper.
 const PAPER: f64 = 0.75;
-/// Paper is brighter than this share of the brightest block; what is darker is a patch of ink.
+/// Paper is brighter than this share of paper beside it, from the brightest block on, so that a shadow with
+/// a soft edge may be as dark as it likes; what is darker is a patch of ink.
 const SHADOW: f64 = 0.45;
 /// Least difference of ink and paper, as a share of the paper's brightness.
 const FAINT: f64 = 0.12;
@@ -38,24 +41,42 @@ const FAINT: f64 = 0.12;
 /// the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
+/// Standard deviation of the paper, by the contrast of ink, beyond which a picture is a photograph. It was
+/// 0.03 to 0.16 of drawings, pages of print and logos, and 0.20 to 0.27 of six photographs of scikit-image
+/// (astronaut, coffee, cat, motorcycle, grass, tissue).
+const TEXTURE: f64 = 0.175;
+/// Detail of a photograph where none is given.
+const PHOTOGRAPH: f64 = 0.5;
 /// Mean width of a patch that is outlined, by the drawing's larger side.
 const THICK: f64 = 0.1;
 /// Least chroma of a colored ink, by its brightness.
 const CHROMA: f64 = 0.35;
 
 /// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size` gives the
-/// size of a pixel in cap heights from the bounds of the ink.
+/// size of a pixel in cap heights from the bounds of the ink. The detail in which they are drawn.
 pub(super) fn read(
     bytes: &[u8],
-    trace: Trace,
+    options: &LetterOptions,
     size: impl Fn([f64; 4]) -> Result<f64>,
     file: &str,
-) -> Result<Vec<ColoredLine>> {
+) -> Result<(Vec<ColoredLine>, f64)> {
     let hint = "photograph the drawing in even light, or draw with a darker pen";
     let budget = Budget::of(file, "make the picture smaller, or draw less");
     let picture = upright(bytes, &budget, file)?;
     let field = Field::of(&picture);
-    let Some((threshold, strong)) = field.thresholds() else {
+    let thresholds = field.thresholds();
+    let is_photograph = match options.picture {
+        Picture::Auto => {
+            thresholds.is_some_and(|(threshold, _)| field.texture(threshold) > TEXTURE)
+        }
+        Picture::Drawing => false,
+        Picture::Photograph => true,
+    };
+    if is_photograph {
+        let edges = edges(&picture).into_iter().map(|line| (line, [0; 3]));
+        return Ok((edges.collect(), options.detail.unwrap_or(PHOTOGRAPH)));
+    }
+    let Some((threshold, strong)) = thresholds else {
         let found = "a picture without lines that stand out from its paper";
         return Err(Error::input(file, found, "a drawing, handwriting or a logo", hint));
     };
@@ -68,7 +89,7 @@ pub(super) fn read(
         let patch: Vec<Contour> =
             patch.iter().map(|c| c.iter().map(|p| p.map(|x| x * scale)).collect()).collect();
         let is_thick = mean_stroke_width(&patch) > THICK * larger * scale;
-        let drawn = match trace {
+        let drawn = match options.trace {
             Trace::CenterLine if !is_thick => center_lines(&patch, &budget).lines,
             Trace::CenterLine | Trace::Outline => outlines(&patch, &budget),
         };
@@ -83,7 +104,7 @@ pub(super) fn read(
         let color = field.color(&picture, &line, threshold);
         (line, color)
     });
-    Ok(colored.collect())
+    Ok((colored.collect(), options.detail.unwrap_or(1.0)))
 }
 
 /// The picture in upright position, on white where it is transparent, and at most as large as needed.
@@ -176,11 +197,21 @@ impl Field {
         (apart > FAINT).then_some(thresholds)
     }
 
+    /// Standard deviation of what is paper by a threshold, by the contrast of ink.
+    fn texture(&self, threshold: f64) -> f64 {
+        let (paper, ink): (Vec<f64>, Vec<f64>) =
+            self.ink.iter().partition(|ink| **ink <= threshold);
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
+        let (paper_mean, ink_mean) = (mean(&paper), mean(&ink));
+        let squares: Vec<f64> = paper.iter().map(|x| (x - paper_mean) * (x - paper_mean)).collect();
+        libm::sqrt(mean(&squares)) / (ink_mean - paper_mean)
+    }
+
     /// Patches of ink, each a contour with its holes; without specks, what is nowhere strong, and what
     /// stands around the paper.
     fn patches(&self, threshold: f64, strong: f64) -> Vec<Vec<Contour>> {
         let side = self.width.max(self.height) as f64;
-        let contours = self.contours(threshold);
+        let contours = contours(&self.ink, [self.width, self.height], threshold);
         let least = (SPECK * side * SPECK * side).max(2.0);
         // Half a pixel within a contour there is a pixel of its ink.
         let is_strong = |contour: &Contour| {
@@ -228,53 +259,6 @@ impl Field {
         legs.filter(|(a, b)| at_rim(**a) && at_rim(**b)).map(|(a, b)| distance(*a, *b)).sum()
     }
 
-    /// Closed contours of a level, y up, with the ink to their left: around a patch counterclockwise,
-    /// around a hole clockwise.
-    fn contours(&self, threshold: f64) -> Vec<Contour> {
-        let value = |x: usize, y: usize| self.ink[y * self.width + x] - threshold;
-        // Where a contour crosses an edge of the grid, and at which edge it goes on. An edge has the
-        // number of its upper or left pixel, and whether it runs downward.
-        let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
-        for y in 0..self.height - 1 {
-            for x in 0..self.width - 1 {
-                let corners = [value(x, y), value(x + 1, y), value(x + 1, y + 1), value(x, y + 1)];
-                let case = corners.map(|value| value > 0.0);
-                if case == [false; 4] || case == [true; 4] {
-                    continue;
-                }
-                let at = y * self.width + x;
-                let edges = [(at, false), (at + 1, true), (at + self.width, false), (at, true)];
-                // Going clockwise around the cell, a contour enters before a corner with ink and leaves
-                // after one, so that ink is to its left. Two corners with ink that face each other are
-                // joined where the middle has ink.
-                let joined = corners.iter().sum::<f64>() > 0.0;
-                for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
-                    let turn = |step: usize| (enter + if joined { 4 - step } else { step }) % 4;
-                    let leave = (1..4).map(turn).find(|k| case[*k] && !case[(k + 1) % 4]);
-                    next.extend(leave.map(|leave| (edges[enter], edges[leave])));
-                }
-            }
-        }
-        let place = |(at, down): (usize, bool)| {
-            let (x, y) = (at % self.width, at / self.width);
-            let to = if down { value(x, y + 1) } else { value(x + 1, y) };
-            let share = value(x, y) / (value(x, y) - to);
-            let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
-            [x as f64 + dx, -(y as f64 + dy)]
-        };
-        let mut contours = Vec::new();
-        while let Some((first, mut edge)) = next.pop_first() {
-            let mut contour = vec![place(first)];
-            while edge != first {
-                contour.push(place(edge));
-                let Some(onward) = next.remove(&edge) else { break };
-                edge = onward;
-            }
-            contours.push(contour);
-        }
-        contours
-    }
-
     /// The hue of the ink along a line at full saturation; black where it is gray.
     fn color(&self, picture: &RgbImage, line: &[[f64; 2]], threshold: f64) -> [u8; 3] {
         let mut sum = [0.0; 3];
@@ -317,8 +301,17 @@ impl Paper {
         let mut levels: Vec<f64> =
             counts.iter().map(|counts| (quantile(counts, PAPER) as f64).max(1.0)).collect();
         let brightest = levels.iter().copied().fold(0.0, f64::max);
-        // Blocks in the middle of a patch have the paper of their neighbors.
         let mut known: Vec<bool> = levels.iter().map(|paper| *paper > SHADOW * brightest).collect();
+        let mut grown: Vec<usize> = (0..levels.len()).filter(|at| known[*at]).collect();
+        while let Some(from) = grown.pop() {
+            for at in near(from, columns, rows) {
+                if !known[at] && levels[at] > SHADOW * levels[from] {
+                    known[at] = true;
+                    grown.push(at);
+                }
+            }
+        }
+        // Blocks in the middle of a patch have the paper of their neighbors.
         while known.contains(&false) {
             let before = known.clone();
             for at in (0..levels.len()).filter(|at| !before[*at]) {
@@ -364,20 +357,6 @@ fn near(at: usize, columns: usize, rows: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (at % columns, at / columns);
     let around = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
     around(y, rows).flat_map(move |y| around(x, columns).map(move |x| y * columns + x))
-}
-
-/// Each pixel averaged with its neighbors, 1 2 1 in both directions: noise has no contours.
-fn softened(values: &[f64], width: usize) -> Vec<f64> {
-    let pass = |values: &[f64], step: usize, n: usize| -> Vec<f64> {
-        let mean = |at: usize| {
-            let place = at / step % n;
-            let before = if place > 0 { values[at - step] } else { values[at] };
-            let after = if place + 1 < n { values[at + step] } else { values[at] };
-            0.25 * (before + after) + 0.5 * values[at]
-        };
-        (0..values.len()).map(mean).collect()
-    };
-    pass(&pass(values, 1, width), width, values.len() / width)
 }
 
 /// The area within a closed contour, negative where it runs clockwise.

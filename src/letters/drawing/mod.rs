@@ -10,15 +10,19 @@ use super::center_line::ring;
 use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
-use super::{Cell, Glyph, Move, StrokeOrder, Strokes};
+use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, distance, simplify};
+use detail::reduced;
 
 mod bitmap;
 mod css;
+mod detail;
 mod handwriting;
 mod inkml;
+mod levels;
+mod photograph;
 mod plain;
 mod svg;
 mod xml;
@@ -77,8 +81,9 @@ type ColoredLine = (Vec<[f64; 2]>, [u8; 3]);
 ///
 /// Every visible path of an SVG file is drawn: strokes along their line, fills along their rim. A
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
-/// center and patches along their rim ([`LetterOptions::trace`]). A path has the color of its stroke, or else of its
-/// fill; a gradient is black. Clips, masks, filters, patterns, pictures, markers on
+/// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
+/// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
+/// or else of its fill; a gradient has the color of its middle stop. Clips, masks, filters, patterns, pictures, markers on
 /// markers and text are not drawn. Handwriting keeps its order and direction, is smoothed by at most
 /// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
 ///
@@ -96,14 +101,20 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let paths = svg::read(&LIMIT.read(path)?, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
-            by_color(lines, &placing, ink, &file)
+            let detail = options.detail.unwrap_or(1.0);
+            by_color(reduced(lines, detail, placing.size(), &file)?, &placing, ink, &file)
         }
         Some("png" | "jpg" | "jpeg") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
-            let lines = bitmap::read(&LIMIT.read(path)?, options.trace, size, &file)?;
-            let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
-            by_color(lines.clone(), &placing(bounds(points))?, ink, &file)
+            let (lines, detail) = bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
+            let extent = |lines: &[ColoredLine]| {
+                bounds(lines.iter().flat_map(|(line, _)| line.iter().copied()))
+            };
+            let larger = placing(extent(&lines))?.size();
+            let drawn = reduced(lines, detail, larger, &file)?;
+            let placing = placing(extent(&drawn.0))?;
+            by_color(drawn, &placing, ink, &file)
         }
         Some("json") => {
             write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
@@ -119,7 +130,12 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
 }
 
 /// Lines of a picture: one glyph, or one of each color.
-fn by_color(lines: Vec<ColoredLine>, placing: &Placing, ink: Ink, file: &str) -> Result<Strokes> {
+fn by_color(
+    (lines, left_out): (Vec<ColoredLine>, LeftOut),
+    placing: &Placing,
+    ink: Ink,
+    file: &str,
+) -> Result<Strokes> {
     let mut colors: Vec<[u8; 3]> = Vec::new();
     let mut glyphs: Vec<Vec<Run>> = Vec::new();
     for (line, color) in lines {
@@ -139,7 +155,7 @@ fn by_color(lines: Vec<ColoredLine>, placing: &Placing, ink: Ink, file: &str) ->
     if ink == Ink::Alike {
         colors.clear();
     }
-    Ok(Strokes { colors, ..placing.strokes(glyphs, StrokeOrder::Free) })
+    Ok(Strokes { colors, left_out, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// Handwriting placed and smoothed.
@@ -258,6 +274,11 @@ impl Placing {
         Ok(Self { left, bottom, scale, left_m, bottom_m: options.baseline_m, width_m, height_m })
     }
 
+    /// The larger side in the drawing's own units.
+    fn size(&self) -> f64 {
+        self.width_m.max(self.height_m) / self.scale
+    }
+
     fn run(&self, line: &[[f64; 2]]) -> Run {
         let place = |[x, y]: [f64; 2]| {
             let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
@@ -284,7 +305,8 @@ impl Placing {
             Glyph { character: DRAWING, cell, moves }
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
-        Strokes { word: String::new(), font: None, glyphs, order, colors: Vec::new() }
+        let (colors, left_out) = (Vec::new(), LeftOut::default());
+        Strokes { word: String::new(), font: None, glyphs, order, colors, left_out }
     }
 }
 

@@ -1,8 +1,8 @@
 //! An SVG file reduced to what is drawn, so that reading it costs bounded work.
 //!
 //! Clips, masks and filters become `defs`: they are not drawn, but elements within them may be used
-//! elsewhere. Gradients and patterns become gradients of one stop: only whether there is paint
-//! matters. What is left grows by `use` and by markers alone, which are counted here; a marker
+//! elsewhere. Gradients and patterns become gradients of one stop: a line has one color, the gradient's
+//! middle stop's. What is left grows by `use` and by markers alone, which are counted here; a marker
 //! within a marker is not drawn.
 
 use std::collections::HashMap;
@@ -23,12 +23,15 @@ pub(super) const MAX_DEPTH: usize = 128;
 /// its box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become more of them.
 const MAX_CURVES: f64 = 1e9;
 
+/// Most stops of a gradient that are looked at.
+const MAX_STOPS: usize = 16;
+
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
 /// Style sheet that turns off what is not drawn.
 pub(super) const STYLE: &str = "*{clip-path:none!important;mask:none!important;\
-    filter:none!important}marker *{marker:none!important}";
+    filter:none!important}marker *{marker:none!important}stop{stop-opacity:1!important}";
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
@@ -61,7 +64,7 @@ pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> 
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
     let mut text = String::new();
-    write_element(document.root_element(), &mut text);
+    write_element(document.root_element(), &counting.ids, &mut text);
     Ok((text, elements))
 }
 
@@ -78,8 +81,11 @@ struct Size {
     curves: f64,
 }
 
+/// Elements by their names.
+type Ids<'a, 'input> = HashMap<&'a str, Node<'a, 'input>>;
+
 struct Counting<'a, 'input> {
-    ids: HashMap<&'a str, Node<'a, 'input>>,
+    ids: Ids<'a, 'input>,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
@@ -179,7 +185,7 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
 }
 
 /// Writes an element as it is drawn.
-fn write_element(node: Node<'_, '_>, text: &mut String) {
+fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
     let name = node.tag_name().name();
     if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
         return;
@@ -189,7 +195,13 @@ fn write_element(node: Node<'_, '_>, text: &mut String) {
             if let Some(id) = node.attribute("id") {
                 text.push_str("<linearGradient id=\"");
                 escape(id, text);
-                text.push_str("\"><stop/></linearGradient>");
+                text.push_str("\"><stop");
+                for (name, value) in middle_stop(node, ids) {
+                    let _ = write!(text, " {name}=\"");
+                    escape(value, text);
+                    text.push('"');
+                }
+                text.push_str("/></linearGradient>");
             }
             "defs"
         }
@@ -216,11 +228,31 @@ fn write_element(node: Node<'_, '_>, text: &mut String) {
     for child in node.children() {
         match child.text().filter(|_| child.is_text()) {
             Some(content) => escape(content, text),
-            None if child.is_element() => write_element(child, text),
+            None if child.is_element() => write_element(child, ids, text),
             None => {}
         }
     }
     let _ = write!(text, "</{tag}>");
+}
+
+/// What colors the middle stop of a gradient, or of the one that it refers to.
+fn middle_stop<'a>(
+    gradient: Node<'a, '_>,
+    ids: &Ids<'a, '_>,
+) -> impl Iterator<Item = (&'static str, &'a str)> {
+    let stops = |node: Node<'a, '_>| -> Vec<Node<'a, '_>> {
+        node.children().filter(|child| child.tag_name().name() == "stop").take(MAX_STOPS).collect()
+    };
+    let mut found = stops(gradient);
+    if found.is_empty() {
+        let links = gradient.attributes().filter(|attribute| attribute.name() == "href");
+        let other = links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next();
+        found = other.map_or_else(Vec::new, |other| stops(*other));
+    }
+    let middle = found.get(found.len() / 2).copied();
+    ["stop-color", "style", "class"]
+        .into_iter()
+        .filter_map(move |name| Some((name, middle?.attribute(name)?)))
 }
 
 fn escape(value: &str, text: &mut String) {

@@ -96,7 +96,7 @@ pub(super) fn flatten(paths: &[Drawn], tolerance: f64, file: &str) -> Result<Vec
     Ok(lines)
 }
 
-/// The color of a stroke, or else of a fill; black for a gradient.
+/// The color of a stroke, or else of a fill; gradients have one ([`plain`]).
 fn color(path: &usvg::Path) -> [u8; 3] {
     let fill = || path.fill().map(usvg::Fill::paint);
     match path.stroke().map(usvg::Stroke::paint).or_else(fill) {

@@ -1,3 +1,4 @@
+use super::super::options::Picture;
 use super::*;
 
 /// Writes a file and draws it.
@@ -428,6 +429,14 @@ fn shadow(picture: &mut image::RgbImage) {
     });
 }
 
+/// A quarter of the light.
+fn dark_shadow(picture: &mut image::RgbImage) {
+    change(picture, |x, y, value| {
+        let edge = 1.0 / (1.0 + libm::exp((x - 0.6 * y - 180.0) / 15.0));
+        value * (0.25 + 0.75 * edge)
+    });
+}
+
 fn noise(picture: &mut image::RgbImage) {
     change(picture, |x, y, value| {
         let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
@@ -482,6 +491,8 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         Drawn { lines: NOOR, pen_px: 6.0, taken: shadow },
         Drawn { lines: NOOR, pen_px: 4.0, taken: chalk },
         Drawn { lines: NOOR, pen_px: 5.0, taken: squares },
+        Drawn { lines: HOUSE, pen_px: 5.0, taken: dark_shadow },
+        Drawn { lines: NOOR, pen_px: 3.0, taken: dark_shadow },
     ];
     for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {
         let clean = sheet(lines, pen_px);
@@ -491,7 +502,7 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
         picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
         let size = |_: [f64; 4]| Ok(1.0 / f64::from(SIZE[1]));
-        let found = bitmap::read(&file, super::super::Trace::CenterLine, size, "a").unwrap();
+        let (found, _) = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap();
         let mut flown = Vec::new();
         for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
             let n = distance(leg[0], leg[1]).ceil().max(1.0);
@@ -542,4 +553,66 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
     blank.save(&path).unwrap();
     let refused = draw(&path, &LetterOptions::default(), Ink::Alike).unwrap_err().to_string();
     assert!(refused.contains("stand out"), "{refused}");
+}
+
+/// Smooth tones behind a bright disc, a dark tower and a star, with the grain of a camera.
+fn photograph() -> image::RgbImage {
+    let mut picture = image::RgbImage::new(480, 320);
+    change(&mut picture, |x, y, _| {
+        let hills = 60.0 + 40.0 * libm::sin(0.03 * x) * libm::cos(0.05 * y) + 0.2 * x;
+        let disc = libm::hypot(x - 150.0, y - 150.0) < 80.0;
+        let tower = (330.0..390.0).contains(&x) && y > 60.0;
+        let star = libm::hypot(x - 250.0, y - 40.0) < 5.0;
+        let light = [(disc, 90.0), (tower, -60.0), (star, 120.0)];
+        let light = light.into_iter().filter(|(is, _)| *is).map(|(_, light)| light).sum::<f64>();
+        (hills + light).clamp(0.0, 255.0)
+    });
+    noise(&mut picture);
+    picture
+}
+
+#[test]
+fn a_photograph_is_drawn_by_its_long_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    photograph().save(&path).unwrap();
+    let options = |detail, picture| LetterOptions { detail, picture, ..on_canvas(4.8, 3.2) };
+    let drawn = |options: &LetterOptions| draw(&path, options, Ink::Alike).unwrap();
+    let auto = drawn(&options(None, Picture::Auto));
+    assert_eq!(auto, drawn(&options(Some(0.5), Picture::Photograph)), "recognized");
+    // The disc, and three sides of the tower, which is 260 pixels high.
+    let [_, bottom, _, top] = auto.bounds_m();
+    let edges_m = (top - bottom) / 260.0 * (std::f64::consts::TAU * 80.0 + 60.0 + 2.0 * 260.0);
+    let length = auto.length_m() / edges_m;
+    assert!((0.93..1.07).contains(&length) && auto.n_strokes() == 2, "{length}");
+    assert!(auto.left_out.strokes == 1 && auto.left_out.share < 0.05, "{:?}", auto.left_out);
+    let all = drawn(&options(Some(1.0), Picture::Photograph));
+    assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0), "the star");
+    let ink = drawn(&options(None, Picture::Drawing));
+    assert_ne!(ink, auto, "the kind can be given");
+}
+
+#[test]
+fn a_gradient_has_the_color_of_its_middle_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.svg");
+    let body = "<linearGradient id='stops'><stop stop-color='red'/><stop offset='1' \
+                style='stop-color:#0000ff;stop-opacity:0'/></linearGradient>\
+                <linearGradient id='a' xlink:href='#stops'/>\
+                <radialGradient id='b'><stop stop-color='lime'/></radialGradient>\
+                <path d='M0 0 h50' stroke='url(#a)'/><path d='M0 9 h50 v9 z' fill='url(#b)'/>";
+    std::fs::write(&path, svg(body)).unwrap();
+    let strokes = draw(&path, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
+    assert_eq!(strokes.colors, [[0, 0, 255], [0, 255, 0]]);
+}
+
+#[test]
+fn an_svg_with_less_detail_has_fewer_strokes() {
+    let body = "<path d='M0 50 h98' stroke='red'/><path d='M200 50 h-101' stroke='red'/>
+        <path d='M0 20 h4' stroke='red'/>";
+    let of = |detail| LetterOptions { detail: Some(detail), ..on_canvas(2.0, 1.0) };
+    let [all, some] = [1.0, 0.5].map(|detail| drawn("a.svg", &svg(body), &of(detail)).unwrap());
+    assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0));
+    assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));
+    assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
 }

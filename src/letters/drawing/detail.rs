@@ -1,0 +1,138 @@
+//! Detail: a drawing in fewer, longer and smoother strokes.
+
+use super::super::smooth::{simplified, smooth};
+use super::super::vector::{direction, dot};
+use super::ColoredLine;
+use crate::error::Result;
+use crate::files::Budget;
+use crate::geometry::{distance, polyline_length_m};
+use crate::letters::LeftOut;
+
+/// Of the roughest drawing, by its larger side: the shortest stroke that is drawn, the largest gap between
+/// two strokes that become one, and the largest distance by which smoothing moves a line.
+const SHORTEST: f64 = 0.25;
+const GAP: f64 = 0.03;
+const BEND: f64 = 0.01;
+
+/// Strokes become one where they go on within 60° of straight.
+const STRAIGHT: f64 = 0.5;
+
+/// Points that are smoothed, along the larger side.
+const POINTS: f64 = 200.0;
+
+/// Steps of comparing two ends, and of smoothing a point.
+const STEPS: [usize; 2] = [10, 500];
+
+/// Lines of a drawing with less detail, 0 to 1, and what is left out of it. `size` is its larger side.
+pub(super) fn reduced(
+    lines: Vec<ColoredLine>,
+    detail: f64,
+    size: f64,
+    file: &str,
+) -> Result<(Vec<ColoredLine>, LeftOut)> {
+    let rough = (1.0 - detail) * size;
+    if rough <= 0.0 {
+        return Ok((lines, LeftOut::default()));
+    }
+    let length = |line: &ColoredLine| polyline_length_m(&line.0);
+    let all: f64 = lines.iter().map(length).sum();
+    let budget = Budget::of(file, "draw less, or raise letters.detail");
+    budget.steps(STEPS[0].saturating_mul(lines.len().saturating_mul(lines.len())))?;
+    let lines = joined(lines, GAP * rough);
+    let longest = lines.iter().map(length).fold(0.0, f64::max);
+    let (mut lines, short): (Vec<_>, Vec<_>) =
+        lines.into_iter().partition(|line| length(line) >= (SHORTEST * rough).min(longest));
+    let dropped: f64 = short.iter().map(length).sum();
+    for (line, _) in &mut lines {
+        budget.steps(STEPS[1] * line.len())?;
+        *line = simplified(&smooth(line, size / POINTS, BEND * rough), 0.1 * BEND * rough);
+    }
+    let share = if all > 0.0 { dropped / all } else { 0.0 };
+    Ok((lines, LeftOut { strokes: short.len(), share }))
+}
+
+/// Lines whose ends are nearer than a gap, and go on in their direction, as one.
+fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
+    let mut left: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
+    let mut joined = Vec::new();
+    for start in 0..left.len() {
+        let Some((mut line, color)) = left[start].take() else { continue };
+        // On from its end, then from its beginning.
+        for _ in 0..2 {
+            while line[0] != line[line.len() - 1]
+                && let Some((index, backward)) = onward(&line, color, &left, gap)
+            {
+                let (mut next, _) = left[index].take().expect("it was found");
+                if backward {
+                    next.reverse();
+                }
+                line.extend(next);
+            }
+            line.reverse();
+        }
+        joined.push((line, color));
+    }
+    joined
+}
+
+/// The nearest line that goes on from the end of another, and whether it does so backward.
+fn onward(
+    line: &[[f64; 2]],
+    color: [u8; 3],
+    left: &[Option<ColoredLine>],
+    gap: f64,
+) -> Option<(usize, bool)> {
+    let end = line[line.len() - 1];
+    let ahead = direction(line[line.len() - 2], end);
+    let mut best = None;
+    let mut nearest = gap;
+    for (index, next) in left.iter().enumerate() {
+        let Some((next, _)) = next.as_ref().filter(|(_, of)| *of == color) else { continue };
+        let last = next.len() - 1;
+        for (backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
+            let [at, then] = ends.map(|end| next[end]);
+            let is_open = next[0] != next[last];
+            let far = distance(end, at);
+            if is_open && far < nearest && dot(ahead, direction(at, then)) > STRAIGHT {
+                (best, nearest) = (Some((index, backward)), far);
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(points: &[[f64; 2]]) -> ColoredLine {
+        (points.to_vec(), [0; 3])
+    }
+
+    #[test]
+    fn strokes_in_line_become_one_and_short_ones_are_left_out_and_counted() {
+        let lines = vec![
+            line(&[[0.0, 0.0], [40.0, 0.0]]),
+            line(&[[100.0, 0.0], [41.0, 0.0]]),
+            line(&[[41.0, 0.5], [41.0, 50.0]]),
+            line(&[[60.0, 60.0], [62.0, 60.0]]),
+        ];
+        let (all, nothing) = reduced(lines.clone(), 1.0, 100.0, "a").unwrap();
+        assert_eq!((all, nothing), (lines.clone(), LeftOut::default()));
+        let (some, left_out) = reduced(lines.clone(), 0.5, 100.0, "a").unwrap();
+        let ends: Vec<_> = some.iter().map(|(line, _)| (line[0], line[line.len() - 1])).collect();
+        assert_eq!(ends, [([0.0, 0.0], [100.0, 0.0]), ([41.0, 0.5], [41.0, 50.0])]);
+        let whole = 40.0 + 1.0 + 59.0 + 49.5 + 2.0;
+        assert!(left_out.strokes == 1 && (left_out.share - 2.0 / (whole - 1.0)).abs() < 1e-12);
+        let (few, left_out) = reduced(lines, 0.0, 400.0, "a").unwrap();
+        assert_eq!((few.len(), left_out.strokes), (1, 2), "the longest stays");
+    }
+
+    #[test]
+    fn less_detail_is_smoother() {
+        let wobble = |k: i32| [f64::from(k), if k % 2 == 0 { 0.3 } else { -0.3 }];
+        let wobbly = line(&(0..100).map(wobble).collect::<Vec<_>>());
+        let n = |detail| reduced(vec![wobbly.clone()], detail, 100.0, "a").unwrap().0[0].0.len();
+        assert!(n(1.0) == 100 && n(0.2) < 20, "{}", n(0.2));
+    }
+}

@@ -1,0 +1,70 @@
+//! Levels of a picture: values pixel by pixel, averaged, and the contours of one of them.
+
+use std::collections::BTreeMap;
+
+use crate::letters::outline::Contour;
+
+/// Closed contours of a level, y up, with the ink to their left: around a patch counterclockwise,
+/// around a hole clockwise.
+pub(super) fn contours(
+    values: &[f64],
+    [width, height]: [usize; 2],
+    threshold: f64,
+) -> Vec<Contour> {
+    let value = |x: usize, y: usize| values[y * width + x] - threshold;
+    // Where a contour crosses an edge of the grid, and at which edge it goes on. An edge has the
+    // number of its upper or left pixel, and whether it runs downward.
+    let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
+    for y in 0..height - 1 {
+        for x in 0..width - 1 {
+            let corners = [value(x, y), value(x + 1, y), value(x + 1, y + 1), value(x, y + 1)];
+            let case = corners.map(|value| value > 0.0);
+            if case == [false; 4] || case == [true; 4] {
+                continue;
+            }
+            let at = y * width + x;
+            let edges = [(at, false), (at + 1, true), (at + width, false), (at, true)];
+            // Going clockwise around the cell, a contour enters before a corner with ink and leaves
+            // after one, so that ink is to its left. Two corners with ink that face each other are
+            // joined where the middle has ink.
+            let joined = corners.iter().sum::<f64>() > 0.0;
+            for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
+                let turn = |step: usize| (enter + if joined { 4 - step } else { step }) % 4;
+                let leave = (1..4).map(turn).find(|k| case[*k] && !case[(k + 1) % 4]);
+                next.extend(leave.map(|leave| (edges[enter], edges[leave])));
+            }
+        }
+    }
+    let place = |(at, down): (usize, bool)| {
+        let (x, y) = (at % width, at / width);
+        let to = if down { value(x, y + 1) } else { value(x + 1, y) };
+        let share = value(x, y) / (value(x, y) - to);
+        let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
+        [x as f64 + dx, -(y as f64 + dy)]
+    };
+    let mut contours = Vec::new();
+    while let Some((first, mut edge)) = next.pop_first() {
+        let mut contour = vec![place(first)];
+        while edge != first {
+            contour.push(place(edge));
+            let Some(onward) = next.remove(&edge) else { break };
+            edge = onward;
+        }
+        contours.push(contour);
+    }
+    contours
+}
+
+/// Each pixel averaged with its neighbors, 1 2 1 in both directions: noise has no contours.
+pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
+    let pass = |values: &[f64], step: usize, n: usize| -> Vec<f64> {
+        let mean = |at: usize| {
+            let place = at / step % n;
+            let before = if place > 0 { values[at - step] } else { values[at] };
+            let after = if place + 1 < n { values[at + step] } else { values[at] };
+            0.25 * (before + after) + 0.5 * values[at]
+        };
+        (0..values.len()).map(mean).collect()
+    };
+    pass(&pass(values, 1, width), width, values.len() / width)
+}
