@@ -12,7 +12,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use noctograph::camera::Camera;
 use noctograph::expose::{BackendChoice, ExposeOptions, Film};
 use noctograph::photo::exr::Precision;
-use noctograph::photo::{Noise, PhotoOptions, Tone, develop, read_out};
+use noctograph::photo::{Metadata, Noise, PhotoOptions, Tone, develop, read_out};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
@@ -59,11 +59,14 @@ fn photo(c: &mut Criterion) {
     let readout = read_out(&film, &camera, &bare, &all, 0).unwrap();
     let mut encodes = c.benchmark_group("encode");
     encodes.bench_function("png 8", |b| {
-        b.iter(|| photo.write_png(std::io::Cursor::new(Vec::new()), Some(&camera), &[]).unwrap());
+        b.iter(|| {
+            let metadata = Metadata::new(&camera, &photo.rgb8);
+            photo.write_png(std::io::Cursor::new(Vec::new()), Some(&metadata), &[]).unwrap()
+        });
     });
     encodes.bench_function("png 16", |b| {
         let out = || std::io::Cursor::new(Vec::new());
-        b.iter(|| readout.write_png16(out(), all.tone, &camera, &[], None).unwrap());
+        b.iter(|| readout.write_png16(out(), all.tone, (&camera, None), &[], None).unwrap());
     });
     encodes.bench_function("exr 32", |b| {
         let out = || std::io::Cursor::new(Vec::new());

@@ -9,9 +9,12 @@ settings! {
     /// Camera body.
     ///
     /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide; Sony DSC-RX100M7, 1-inch type:
-    /// 13.2 mm; Canon EOS 2000D: 22.3 mm; a phone's 1/1.56-inch type: 8.2 mm). Full wells are 2500 electrons per µm² of
-    /// pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
+    /// 13.2 mm; Canon EOS 2000D: 22.3 mm; a phone's 1/1.56-inch type: 8.2 mm; the Pixel 8 Pro's,
+    /// 9.8 mm, and the iPhone 15 Pro's, 4032 pixels of 2.44 µm). Full wells are 2500 electrons per
+    /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
+    ///
+    /// Telephones have a lens of their own, the main camera's ([`FixedLens`]).
     pub enum BodyModel tagged {
         /// Any body, by its sensor.
         "custom" => Custom(CustomBody),
@@ -23,8 +26,14 @@ settings! {
         "canon-eos-2000d" => CanonEos2000D,
         /// A compact camera with a sensor of the 1-inch type.
         "one-inch" => OneInch,
-        /// Main camera of a telephone.
+        /// Main camera of a telephone, with its lens: that of most, as the Galaxy S24's.
         "phone" => Phone,
+        /// Main camera of the iPhone 15 Pro, with its lens.
+        "iphone-15-pro" => IPhone15Pro,
+        /// Main camera of the Pixel 8 Pro, with its lens.
+        "pixel-8-pro" => Pixel8Pro,
+        /// Main camera of the Galaxy S24, with its lens.
+        "galaxy-s24" => GalaxyS24,
     }
 
     /// A body, by its sensor.
@@ -57,7 +66,43 @@ settings! {
     }
 }
 
+/// A lens that cannot be changed or stopped down, and the limits of what is left to set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedLens {
+    /// Focal length.
+    pub focal_length_m: f64,
+    /// Aperture number.
+    pub f_number: f64,
+    /// Least and greatest sensitivity.
+    pub iso: [f64; 2],
+    /// Longest exposure.
+    pub longest_s: f64,
+}
+
 impl BodyModel {
+    /// The lens that comes with the body; `None` where it can be changed.
+    ///
+    /// Focal lengths are those that see the maker's angle over the sensor's diagonal (4:3).
+    #[must_use]
+    pub fn fixed_lens(&self) -> Option<FixedLens> {
+        let lens = |focal_length_m, f_number, iso, longest_s| {
+            Some(FixedLens { focal_length_m, f_number, iso, longest_s })
+        };
+        match self {
+            // 24 mm equivalent, f/1.78, night mode up to 30 s on a tripod (ijunkie.com, "How to use
+            // Night mode on iPhone 11"). Its camera sets ISO itself; the range is an assumption.
+            Self::IPhone15Pro => lens(0.0068, 1.78, [50.0, 3200.0], 30.0),
+            // 82°, f/1.68 (dpreview.com, "Google Pixel 8 and Pixel 8 Pro: Camera deep-dive"), 16 s
+            // (androidauthority.com/google-pixel-pro-camera-controls-3374272); ISO as Samsung's, an
+            // assumption.
+            Self::Pixel8Pro => lens(0.007_06, 1.68, [50.0, 3200.0], 16.0),
+            // 85°, f/1.8 (androidauthority.com/samsung-galaxy-s24-cameras-3403863); ISO 50 to 3200
+            // and 30 s in Pro mode (r2.community.samsung.com, "Samsung's Pro Mode explained").
+            Self::Phone | Self::GalaxyS24 => lens(0.0056, 1.8, [50.0, 3200.0], 30.0),
+            _ => None,
+        }
+    }
+
     /// The body of a model name in EXIF.
     #[must_use]
     pub fn from_exif_model(model: &str) -> Option<Self> {
@@ -80,7 +125,18 @@ impl BodyModel {
             Self::A6400 => 0.0235,
             Self::CanonEos2000D => 0.0223,
             Self::OneInch => 0.0132,
-            Self::Phone => 0.0082,
+            Self::Phone | Self::GalaxyS24 => 0.0082,
+            Self::IPhone15Pro | Self::Pixel8Pro => 0.0098,
+        }
+    }
+
+    /// Pixels of the sensor along its width, as its pictures have them by default.
+    #[must_use]
+    pub fn width_px(&self) -> f64 {
+        match self {
+            Self::Custom(_) | Self::FullFrame24Mp | Self::A6400 | Self::CanonEos2000D => 6000.0,
+            Self::OneInch => 5472.0,
+            Self::Phone | Self::IPhone15Pro | Self::Pixel8Pro | Self::GalaxyS24 => 4000.0,
         }
     }
 
@@ -93,7 +149,8 @@ impl BodyModel {
             Self::A6400 => Some([38_000.0, 3.0]),
             Self::CanonEos2000D => Some([34_500.0, 3.0]),
             Self::OneInch => Some([14_500.0, 2.5]),
-            Self::Phone => Some([10_000.0, 2.0]),
+            Self::Phone | Self::GalaxyS24 => Some([10_000.0, 2.0]),
+            Self::IPhone15Pro | Self::Pixel8Pro => Some([15_000.0, 2.0]),
         }
     }
 }

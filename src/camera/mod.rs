@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-pub use bodies::{BodyModel, CustomBody, CustomLens, LensModel};
+pub use bodies::{BodyModel, CustomBody, CustomLens, FixedLens, LensModel};
 pub(crate) use options::check_size;
 pub use options::{
     CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering, TrailMetering, WordFraming,

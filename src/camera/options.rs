@@ -13,6 +13,9 @@ const MAX_SIDE_PX: u32 = 16_384;
 /// Most pixels of a picture: 768 MiB of film at 12 bytes a pixel.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
+/// Width of a full-frame sensor.
+const FULL_FRAME_WIDTH_M: f64 = 0.036;
+
 settings! {
     /// The camera.
     ///
@@ -26,6 +29,9 @@ settings! {
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
+        /// Dots per inch of the print that the picture is for, which its file notes; none if left
+        /// out.
+        dots_per_inch: Option<f64> = None, in 1.0..=10_000.0;
         /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
         /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
@@ -40,7 +46,8 @@ settings! {
         /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and with
         /// a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
-        /// Standard deviation of the blur of the lens on the sensor, without diffraction.
+        /// Standard deviation of the blur of the lens on the sensor, without diffraction; a
+        /// telephone's lens has it in proportion to its sensor, on full frame.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
         /// Share of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
@@ -114,7 +121,7 @@ impl CameraOptions {
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
         let least = self.lens.min_f_number();
-        if self.f_number < least {
+        if self.body.fixed_lens().is_none() && self.f_number < least {
             let hint = "stop the lens down, or choose a faster one";
             let wanted = format!("at least {least} with this lens");
             return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
@@ -142,6 +149,12 @@ impl CameraOptions {
         self.vignetting.unwrap_or_else(|| self.lens.vignetting(f_number, corner_m))
     }
 
+    /// Focal length of the lens.
+    #[must_use]
+    pub fn focal_length_m(&self) -> f64 {
+        self.body.fixed_lens().map_or(self.lens.focal_length_m(), |lens| lens.focal_length_m)
+    }
+
     /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
     /// word) and a flight that ends at `end_s`.
     ///
@@ -150,13 +163,14 @@ impl CameraOptions {
     /// [`Error::Input`] with the key that is out of range.
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
+        let fixed = self.body.fixed_lens();
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = match &self.framing {
             Framing::Word(framing) => {
                 let aspect = f64::from(self.width_px) / f64::from(self.height_px);
                 let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
-                let distance_m = width_m * self.lens.focal_length_m() / self.body.sensor_width_m();
+                let distance_m = width_m * self.focal_length_m() / self.body.sensor_width_m();
                 let position_m = middle - Vector3::y() * distance_m;
                 (position_m, camera_from_world(middle - position_m))
             }
@@ -167,17 +181,18 @@ impl CameraOptions {
         Ok(Camera {
             position_m,
             camera_from_world,
-            focal_length_m: self.lens.focal_length_m(),
+            focal_length_m: self.focal_length_m(),
             sensor_width_m: self.body.sensor_width_m(),
             focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
-            distortion: self.lens.distortion(),
+            distortion: fixed.map_or(self.lens.distortion(), |_| [0.0; 4]),
             vignetting: self.vignetting_at(self.f_number),
             white_balance: self.white_balance.gains(),
-            f_number: self.f_number,
+            f_number: fixed.map_or(self.f_number, |lens| lens.f_number),
             transmission: self.transmission,
-            blur_m: self.blur_m,
+            blur_m: self.blur_m
+                * fixed.map_or(1.0, |_| self.body.sensor_width_m() / FULL_FRAME_WIDTH_M),
             iso: self.iso,
-            base_iso: self.base_iso,
+            base_iso: fixed.map_or(self.base_iso, |lens| lens.iso[0]),
             shutter_open_s: self.shutter_open_s,
             shutter_close_s: self.shutter_close_s.unwrap_or(end_s).max(self.shutter_open_s),
             width_px: self.width_px,
@@ -226,7 +241,7 @@ pub(crate) fn check_size(width_px: u32, height_px: u32) -> Result<()> {
         "camera.width_px and camera.height_px",
         format!("{width_px}x{height_px}"),
         format!("sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels"),
-        "choose a size such as 1920x1080; a film takes 12 bytes a pixel",
+        "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
     ))
 }
 
@@ -313,6 +328,29 @@ mod tests {
         assert!(lost(LensModel::Normal50, 3.5) < 1.0, "less than a stop from f/3.5 on");
         let natural = lost(LensModel::default(), 8.0);
         assert!((lost(LensModel::Normal35, 8.0) - natural).abs() < 0.06, "gone at f/8");
+    }
+
+    #[test]
+    fn a_telephone_has_its_makers_angle_of_view_and_aperture() {
+        let of = |body| {
+            let options =
+                CameraOptions { body, f_number: 5.0, height_px: 1440, ..Default::default() };
+            options.camera(NOOR_M, 1.0).unwrap()
+        };
+        for (body, degrees, f_number) in [
+            (BodyModel::IPhone15Pro, 84.0, 1.78),
+            (BodyModel::Pixel8Pro, 82.0, 1.68),
+            (BodyModel::GalaxyS24, 85.0, 1.8),
+        ] {
+            let camera = of(body);
+            // The picture is 4:3: its diagonal is 5/4 of its width.
+            let found = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
+            assert!((found.to_degrees() - degrees).abs() < 0.7, "{:.1}°", found.to_degrees());
+            assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));
+        }
+        let [phone, full] = [BodyModel::Phone, BodyModel::FullFrame24Mp].map(of);
+        let share = |camera: &Camera| camera.blur_m / camera.sensor_width_m;
+        assert!((share(&phone) / share(&full) - 1.0).abs() < 1e-12, "as sharp for its sensor");
     }
 
     #[test]

@@ -5,10 +5,10 @@ use serde_json::json;
 
 use super::findings;
 use super::flags::{ProfileFlags, StandFlag, SubjectFlags};
-use super::outcome::{Outcome, Report};
+use super::outcome::{Outcome, Report, wrapped};
 use super::show;
 use crate::error::Result;
-use crate::preflight::{Checked, Profile, Severity, preflight};
+use crate::preflight::{Checked, Profile, Severity, flown, of_flights, placement};
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
@@ -23,7 +23,9 @@ pub(super) struct CheckArgs {
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let profile = args.profile.profile(&args.subject);
     let shoot = args.subject.shoot(|scene| args.stand.apply(scene))?;
-    let found = preflight(&shoot, &profile)?;
+    let flights = flown(&shoot)?;
+    let placement = placement(&shoot, &flights, &profile)?;
+    let found = of_flights(&shoot, flights, &profile)?;
     let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
     let mut json = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
@@ -32,6 +34,13 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let mut text = findings::table(&found) + "\n";
     if let Some(strokes) = &shoot.strokes {
         show::add_drawing(strokes, &mut text, &mut json);
+    }
+    if let Some(placement) = placement {
+        json["placement"] = json!(placement);
+        for [what, place] in placement.rows() {
+            text += &wrapped(&format!("{what:22} "), &place);
+        }
+        text.push('\n');
     }
     text += &conclusion(&found, stops, &profile);
     let outcome = if stops { Outcome::NotSafe } else { Outcome::Done };

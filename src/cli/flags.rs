@@ -15,8 +15,9 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use crate::flight::Flight;
 use crate::logs::{self, Damaged, ImportOptions, OnClock, PositionSource};
+use crate::photo::Noise;
 use crate::plan::{Plan, Style};
-use crate::preflight::Profile;
+use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Preset, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
@@ -170,7 +171,19 @@ impl DesignFlags {
 
     fn named(&self, more: &[Setting]) -> Result<NamedScene> {
         let settings = [self.letters.settings(), self.plan.settings(), more.to_vec()];
-        self.scene.named(&settings.concat())
+        let mut settings = settings.concat();
+        // A height that was typed is meant.
+        let meant = self.scene.sets("letters.cap_height_m");
+        settings.retain(|(key, _)| !meant || key != "letters.fit");
+        let mut found = self.scene.named(&settings)?;
+        if let Some(room_m) = self.letters.room_m() {
+            let usual = Scene::preset(found.scene.preset).sensors.lighthouse.stations;
+            let stations = &mut found.scene.sensors.lighthouse.stations;
+            if *stations == usual {
+                *stations = Profile::indoor().in_room(room_m).stations().into();
+            }
+        }
+        Ok(found)
     }
 }
 
@@ -233,6 +246,9 @@ impl SubjectFlags {
                 let found = inputs.join(" ");
                 return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
             }
+        }
+        if let Some(room_m) = self.room_m() {
+            frame_within(&mut named.scene, room_m)?;
         }
         Shoot::named(named)
     }
@@ -346,9 +362,11 @@ pub(super) struct PictureFlags {
     camera: CameraFlags,
     #[command(flatten)]
     stand: StandFlag,
-    /// Size of the picture in pixels, such as 1920x1080
-    #[arg(long, value_name = "WxH", value_parser = size)]
-    size: Option<(u32, u32)>,
+    /// Size of the picture: in pixels, such as 1920x1080, or of a print, such as A2@150 or
+    /// 600x400mm@150: its paper, across, and its dots per inch. A print has the noise of the
+    /// camera's sensor, resampled to its dots
+    #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
+    size: Option<Size>,
     /// Device that computes the exposure; the result is the same, bit for bit
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
     pub(super) backend: BackendChoice,
@@ -359,19 +377,65 @@ impl PictureFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
-        if let Some((width_px, height_px)) = self.size {
-            scene.camera.width_px = width_px;
-            scene.camera.height_px = height_px;
+        if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
+            let Scene { camera, photo, .. } = scene;
+            if let Noise::Emva1288(noise) = &mut photo.noise
+                && dots_per_inch.is_some()
+            {
+                // The noise of a print's scene is that of its dots already.
+                let before_px = match camera.dots_per_inch {
+                    Some(_) => f64::from(camera.width_px),
+                    None => camera.body.width_px(),
+                };
+                let across = before_px / f64::from(width_px);
+                *noise = noise.resampled(across * across);
+            }
+            (camera.width_px, camera.height_px) = (width_px, height_px);
+            camera.dots_per_inch = dots_per_inch;
             scene.camera.check()?;
         }
         Ok(())
     }
 }
 
-fn size(text: &str) -> std::result::Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X', '×']);
-    let sides = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    sides.ok_or_else(|| "wanted WIDTHxHEIGHT in pixels, such as 1920x1080".to_owned())
+/// Size of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Size {
+    px: [u32; 2],
+    /// Of a print.
+    dots_per_inch: Option<f64>,
+}
+
+/// Longer side of paper A0 to A5 (ISO 216); each one's shorter side is the next one's longer.
+const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
+
+fn size(text: &str) -> std::result::Result<Size, String> {
+    let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
+                  WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
+    let sides = |text: &str| -> Option<[f64; 2]> {
+        let (w, h) = text.split_once(['x', 'X', '×'])?;
+        Some([w.parse().ok()?, h.parse().ok()?])
+    };
+    let print = |paper: &str, dots: &str| -> Option<Size> {
+        let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
+        let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
+        let mm = match number.filter(|n: &usize| *n < 6) {
+            Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
+            None => sides(paper.strip_suffix("mm")?)?,
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
+        Some(Size { px, dots_per_inch: Some(dots) })
+    };
+    let found = match text.split_once('@') {
+        Some((paper, dots)) => print(paper, dots),
+        None => {
+            let sides = text.split_once(['x', 'X', '×']);
+            let px = sides.and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+            px.map(|px| Size { px, dots_per_inch: None })
+        }
+    };
+    found.ok_or_else(|| wanted.to_owned())
 }
 
 /// Flights from files: flights of ours, or logs of real ones.
@@ -487,4 +551,52 @@ pub(super) fn set_word(scene: &mut Scene, word: &str) -> Result<()> {
     }
     scene.set_word(&word.replace("\\n", "\n"));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_is_pixels_or_a_print() {
+        let print = |px, dots| Ok(Size { px, dots_per_inch: Some(dots) });
+        assert_eq!(size("1920x1080"), Ok(Size { px: [1920, 1080], dots_per_inch: None }));
+        // 594 mm by 420 mm (ISO 216), 25.4 mm an inch.
+        assert_eq!(size("A2@150"), print([3508, 2480], 150.0));
+        assert_eq!(size("a5@300"), print([2480, 1748], 300.0));
+        assert_eq!(size("254x127mm@100"), print([1000, 500], 100.0));
+        assert_eq!(size("1e99x10mm@100"), print([u32::MAX, 39], 100.0), "refused by its pixels");
+        for wrong in ["A6@150", "A2", "A2@0", "A2@nan", "-1x5mm", "594x420@150", "x", "A2@150dpi"] {
+            assert!(size(wrong).is_err_and(|wanted| wanted.contains("A2@150")), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_print_has_its_sensors_noise_however_often_it_is_resized() {
+        let on = |sizes: &[&str]| {
+            let mut scene = Scene::preset(Preset::default());
+            for text in sizes {
+                PictureFlags {
+                    camera: CameraFlags { camera: None, camera_from: None },
+                    stand: StandFlag { camera_at: None },
+                    size: Some(size(text).unwrap()),
+                    backend: BackendChoice::Auto,
+                }
+                .apply(&mut scene)
+                .unwrap();
+            }
+            scene
+        };
+        let Noise::Emva1288(poster) = on(&["A2@150"]).photo.noise else { panic!("a sensor") };
+        // 6000 photosites across 3508 dots.
+        let n = (6000.0_f64 / 3508.0).powi(2);
+        assert!((poster.full_well_e / 50_000.0 / n - 1.0).abs() < 1e-12, "{poster:?}");
+        let Noise::Emva1288(twice) = on(&["A4@150", "A2@150"]).photo.noise else { panic!() };
+        assert!((twice.full_well_e / poster.full_well_e - 1.0).abs() < 1e-12, "{twice:?}");
+        assert_eq!(on(&["640x360"]).photo, Scene::preset(Preset::default()).photo);
+        let mut large = Scene::preset(Preset::default());
+        (large.camera.width_px, large.camera.height_px) = (14_043, 9933);
+        let error = large.check().unwrap_err();
+        assert!(error.hint().contains("dots per inch"), "A0@300: {error}");
+    }
 }

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::set::{Setting, owned};
+use crate::preflight::Profile;
 
 /// The word as it is drawn.
 #[derive(Debug, Args)]
@@ -23,9 +24,10 @@ pub(super) struct LetterFlags {
     /// (the ring writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 3]>,
-    /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a word
-    /// is fitted to it, half a meter from the walls and 0.3 m below the ceiling, and safety checks
-    /// keep any plan 0.2 m from them
+    /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
+    /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling and
+    /// within the 4 m that two Lighthouse stations serve; these hang in its corners where no scene
+    /// places them, and safety checks keep any plan 0.2 m from its walls
     #[arg(long, value_name = "WxDxH", value_parser = room)]
     room: Option<[f64; 3]>,
 }
@@ -57,9 +59,14 @@ fn color(text: &str) -> Result<[u8; 3], String> {
     }
 }
 
-/// Least distance of the word from the walls, and from the ceiling.
-const FROM_WALL_M: f64 = 0.5;
-const FROM_CEILING_M: f64 = 0.3;
+/// Least distance of the word from the sides of the volume that a drone may fly in, and from its
+/// top: a base station 0.1 m higher then sees the word's top from as far as it reaches, 6 m.
+const FROM_SIDES_M: f64 = 0.3;
+const FROM_TOP_M: f64 = 0.5;
+
+/// Width that two base stations serve (Bitcraze, "Getting started with the Lighthouse system":
+/// about 4 m by 4 m).
+const SERVED_M: f64 = 4.0;
 
 fn room(text: &str) -> Result<[f64; 3], String> {
     let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
@@ -93,14 +100,23 @@ impl LetterFlags {
             let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
             settings.extend(owned(lamp.into_iter()));
         }
-        if let Some(room_m @ [width_m, _, height_m]) = self.room {
+        if let Some(room_m) = self.room {
             settings.push(("expose.room_m".to_owned(), format!("{room_m:?}")));
-            let wide_m = width_m - 2.0 * FROM_WALL_M;
+            let [low, high] = Profile::indoor().in_room(room_m).volume_m;
+            let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
             // A low room has the word nearer to its floor.
-            let baseline_m = (0.25 * height_m).min(0.5);
-            let high_m = height_m - FROM_CEILING_M - baseline_m;
-            settings.push(("letters.canvas_m".to_owned(), format!("[{wide_m}, {high_m}]")));
-            settings.push(("letters.baseline_m".to_owned(), baseline_m.to_string()));
+            let baseline_m = (0.25 * room_m[2]).min(0.5);
+            let high_m = high[2] - FROM_TOP_M - baseline_m;
+            let key = |(key, value): (&str, String)| (format!("letters.{key}"), value);
+            settings.extend(
+                [
+                    ("canvas_m", format!("[{wide_m}, {high_m}]")),
+                    ("baseline_m", baseline_m.to_string()),
+                    ("fit", "fill".to_owned()),
+                    ("align", "center".to_owned()),
+                ]
+                .map(key),
+            );
         }
         settings
     }

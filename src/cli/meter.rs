@@ -59,6 +59,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         target_stops: args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0),
         recommended: recommended.filter(|_| args.target_stops.is_none()),
         camera: lighting.camera,
+        fixed_aperture: scene.camera.body.fixed_lens().is_some(),
         readings,
     };
     Ok(Report::new(text_of(&found), json(&found)))
@@ -68,6 +69,8 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
 struct Found {
     camera: Camera,
     readings: Vec<LampReading>,
+    /// Whether the aperture cannot be set.
+    fixed_aperture: bool,
     /// What the light meter recommends; `None` where another exposure is wanted.
     recommended: Option<Metered>,
     /// Exposure that is wanted in the middle of a trail, stops over saturation.
@@ -111,7 +114,11 @@ fn text_of(found: &Found) -> String {
         let ExposureAdvice { f_number, iso, level } = reading.advice(camera, *target_stops);
         let iso = iso.map_or("-".to_owned(), |iso| format!("{iso:.0}"));
         let level = level.map_or("-".to_owned(), |level| format!("{level:.3}"));
-        format!("{}\tf/{f_number:.1}\t{iso}\t{level}", cut(&reading.name))
+        let aperture = match found.fixed_aperture {
+            true => "-".to_owned(),
+            false => format!("f/{f_number:.1}"),
+        };
+        format!("{}\t{aperture}\t{iso}\t{level}", cut(&reading.name))
     };
     text += &table("lamp<18|aperture>10|ISO>10|level times>14", readings.iter().map(row));
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (r, spot)));
@@ -146,29 +153,37 @@ fn in_one_sentence(found: &Found) -> String {
     };
     let (name, camera) = (&lamp.name, &found.camera);
     let now = in_stops(lamp.median_stops);
-    if let Some(Metered { f_number, iso, trail_stops, room_stops, gave_way }) = found.recommended {
+    if let Some(metered) = found.recommended {
+        let Metered { f_number, iso, trail_stops, room_stops, gave_way, .. } = metered;
         let room = room_stops.map_or_else(|| "dark".to_owned(), in_stops);
         let gave_way =
             if gave_way { ": darker than wanted, so that the room stays dark" } else { "" };
         let trail = in_stops(trail_stops);
+        let help = metered.help().map_or_else(String::new, |help| format!(" Besides, {help}."));
         if (f_number, iso) == (camera.f_number, camera.iso) {
+            let right = if metered.filter_stops > 0 { "the nearest it has" } else { "right" };
             return format!(
-                "f/{f_number} and ISO {iso} are right: the room is {room}, the brightest trail ({name}) \
-                 {trail}{gave_way}."
+                "f/{f_number} and ISO {iso} are {right}: the room is {room}, the brightest trail \
+                 ({name}) {trail}{gave_way}.{help}"
             );
         }
         return format!(
             "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The room is then \
-             {room}, the trail {trail}{gave_way}."
+             {room}, the trail {trail}{gave_way}.{help}"
         );
     }
     let wanted = in_stops(found.target_stops);
     let advice = lamp.advice(camera, found.target_stops);
-    let iso = advice.iso.map_or(String::new(), |iso| format!(" or ISO {iso:.0}"));
-    format!(
-        "The brightest trail ({name}) is {now}: set f/{:.1}{iso} for {wanted}.",
-        advice.f_number
-    )
+    let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
+    let aperture = (!found.fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
+    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
+    match ways.is_empty() {
+        true => format!("The brightest trail ({name}) is {now}: it takes a neutral filter."),
+        false => format!(
+            "The brightest trail ({name}) is {now}: set {} for {wanted}.",
+            ways.join(" or ")
+        ),
+    }
 }
 
 /// The readings with the LEDs of a ring as one row, that of the brightest.
@@ -197,11 +212,22 @@ fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
 const MOST_SPOTS: usize = 20;
 
 fn json(found: &Found) -> Value {
-    let Found { camera, recommended, target_stops, ambient_stops, floor_stops, readings } = found;
+    let Found {
+        camera,
+        recommended,
+        target_stops,
+        ambient_stops,
+        floor_stops,
+        readings,
+        fixed_aperture,
+    } = found;
     let lamp = |reading: &LampReading| {
         let mut lamp = json!(reading);
         lamp["evenness_stops"] = reading.evenness_stops().into();
         lamp["advice"] = json!(reading.advice(camera, *target_stops));
+        if *fixed_aperture {
+            lamp["advice"]["f_number"] = Value::Null;
+        }
         lamp
     };
     json!({

@@ -21,7 +21,7 @@ use super::{findings, movie, show, warn};
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::export::{Form, Length};
-use crate::preflight::{inspect, of_flights};
+use crate::preflight::{inspect, of_flights, place};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
@@ -109,6 +109,15 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         true => of_flights(&before, shot.flights.iter().cloned().map(Ok).collect(), &profile)?,
         false => inspect(&before, &shot.flights, &profile)?,
     };
+    let placement = place(&before, &shot.trace, shot.camera.shutter_close_s, &profile)?;
+    let own = placement.iter().filter_map(|it| it.cameras.first());
+    warn(own.filter(|own| own.tripod_m.is_none()).map(|own| {
+        let why = own.sentence();
+        format!(
+            "the camera stands {} (see `check --room`)",
+            why.replacen(": ", " in the room: ", 1)
+        )
+    }));
     let stops = findings::stops(&findings);
     json["obstacles"] = obstacles.into();
     json["stops"] = stops.clone().into();
@@ -131,6 +140,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
             lead: &verdict.map_or_else(String::new, show::verdict_sentence),
             printed: &text,
             findings: &findings,
+            placement: placement.as_ref(),
             remedies: &remedies,
             typed: &mentioned,
             command: &command(),

@@ -185,7 +185,8 @@ pub(super) fn camera_line(shot: &Shot) -> String {
             ""
         };
         let trail = in_stops(metered.trail_stops);
-        format!("; metered: room {room}, trail {trail}{gave_way}")
+        let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
+        format!("; metered: room {room}, trail {trail}{gave_way}{help}")
     });
     line("camera", &format!("f/{f_number}, ISO {iso}{metered}"))
 }
@@ -203,6 +204,8 @@ pub(super) fn camera_json(shot: &Shot) -> Value {
             "trail_stops": metered.trail_stops,
             "room_stops": metered.room_stops,
             "gave_way": metered.gave_way,
+            "filter_stops": metered.filter_stops,
+            "longest_s": metered.longest_s,
         })
     });
     let Camera { f_number, iso, .. } = shot.camera;

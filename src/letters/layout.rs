@@ -1,7 +1,7 @@
 //! Layout: characters side by side, lines below each other.
 
 use super::font::Font;
-use super::options::{Align, LetterOptions};
+use super::options::{Align, Fitting, LetterOptions};
 use super::shape::{Fit, Shape};
 use super::shaping::is_shaped;
 use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
@@ -45,13 +45,17 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     let strokes = lay_out(&word, &font, options);
     let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
     let scale = fitting(&strokes, canvas_m);
-    if scale >= 1.0 {
+    let most = match options.fit {
+        Fitting::Shrink => 1.0,
+        Fitting::Fill => f64::INFINITY,
+    };
+    if scale >= most {
         return Ok(strokes);
     }
     // Fewer lines first: more of them have to leave the letters larger.
     let (mut best, mut best_scale) = (word.clone(), scale);
     for broken in (1..=word.matches(' ').count()).map(|breaks| broken(&word, breaks)) {
-        let scale = fitting(&lay_out(&broken, &font, options), canvas_m).min(1.0);
+        let scale = fitting(&lay_out(&broken, &font, options), canvas_m).min(most);
         if scale > best_scale {
             (best, best_scale) = (broken, scale);
         }
@@ -328,6 +332,26 @@ mod tests {
         let exact = LetterOptions { canvas_m: Some([1.5, 0.5]), ..LetterOptions::default() };
         let noor = write("NOOR", &exact).unwrap();
         assert_eq!(noor, write("NOOR", &LetterOptions::default()).unwrap(), "it fits already");
+    }
+
+    #[test]
+    fn a_text_that_fills_its_canvas_is_as_large_as_fits() {
+        for canvas_m in [[3.0, 9.0], [9.0, 1.5], [0.2, 0.2]] {
+            let options =
+                LetterOptions { canvas_m: Some(canvas_m), fit: Fitting::Fill, ..simplex() };
+            for text in ["I", "NOOR", "HELLO WORLD"] {
+                let [left, bottom, right, top] = write(text, &options).unwrap().bounds_m();
+                let shares = [(right - left) / canvas_m[0], (top - bottom) / canvas_m[1]];
+                assert!((shares[0].max(shares[1]) - 1.0).abs() < 1e-9, "{text}: {shares:?}");
+            }
+        }
+        let wide = LetterOptions { canvas_m: Some([9.0, 1.5]), fit: Fitting::Fill, ..simplex() };
+        let gap = LetterOptions { spacing_m: 0.5, ..wide.clone() };
+        let cap_m = |options| write("NO", options).unwrap().glyphs[0].cell.cap_height_m;
+        assert!((cap_m(&wide) - cap_m(&gap)).abs() < 1e-9, "as high as the canvas");
+        let of = |canvas_m| LetterOptions { canvas_m: Some(canvas_m), ..wide.clone() };
+        assert_eq!(write("HELLO WORLD", &of([3.0, 1.6])).unwrap().word, "HELLO\nWORLD");
+        assert_eq!(write("HELLO WORLD", &of([9.0, 1.6])).unwrap().word, "HELLO WORLD");
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;
-pub use options::{Align, LetterOptions, Pace, Picture, Trace};
+pub use options::{Align, Fitting, LetterOptions, Pace, Picture, Trace};
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.

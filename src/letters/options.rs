@@ -53,6 +53,16 @@ settings! {
         /// leaves it larger, and scaled down, gaps and all. A drawing fills the canvas; without
         /// one, a drawing fills four cap heights by one.
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
+        /// Size of a text on that canvas.
+        fit: Fitting = Fitting::Shrink, for "letters.canvas_m", unless "letters.drawing";
+    }
+
+    /// Size of a text on a canvas.
+    pub enum Fitting {
+        /// Its own, or what fits the canvas if that is less.
+        "shrink" => Shrink,
+        /// As large as fits.
+        "fill" => Fill,
     }
 
     /// Lines that are drawn of a typeface or a picture.

@@ -22,6 +22,8 @@ pub struct Metadata {
     pub focal_length_m: f64,
     /// Width of the sensor.
     pub sensor_width_m: f64,
+    /// Dots per inch of the print that the picture is for.
+    pub dots_per_inch: Option<f64>,
     /// 128 bits of the SHA-256 of the picture, in hexadecimal.
     pub unique_id: String,
 }
@@ -39,8 +41,14 @@ impl Metadata {
             iso: camera.iso,
             focal_length_m: camera.focal_length_m,
             sensor_width_m: camera.sensor_width_m,
+            dots_per_inch: None,
             unique_id: sha256(picture)[..32].to_owned(),
         }
+    }
+
+    /// Pixels per meter of the print.
+    pub(super) fn pixels_per_m(&self) -> Option<u32> {
+        self.dots_per_inch.map(|dots| whole(dots / 0.0254))
     }
 
     /// As an EXIF block: `TIFF` header and fields.

@@ -29,8 +29,8 @@ settings! {
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Color of the light of the room, linear sRGB; its luminance is scaled to 1.
         ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75], in 1e-3..=1e3, for "photo.ambient_cd_m2";
-        /// PNG picture behind the light, relative to the current folder; it covers the photo and is
-        /// cut to its aspect. Empty for none.
+        /// Picture (PNG or JPEG) behind the light, relative to the current folder; it covers the
+        /// photo and is cut to its aspect. Empty for none.
         background: String = String::new();
         /// Exposure of the background in stops; at 0 its white saturates the sensor.
         background_stops: f64 = 0.0, in -20.0..=20.0, for "photo.background";
@@ -70,6 +70,23 @@ settings! {
         hot_pixel_e_s: f64 = 100.0, in 0.0..=1e6;
         /// Which photosites are hot: a number for each camera, the same in all of its pictures.
         hot_pixel_seed: u64 = 0, in 0.0..=9e15;
+    }
+}
+
+impl SensorNoise {
+    /// The noise of a picture whose pixels each have the area of `n` of this sensor's: the sums of
+    /// photosites that are independent of each other. Enlarged pixels (n below 1) share the noise
+    /// of an area, as those of a finer sensor do.
+    #[must_use]
+    pub fn resampled(&self, n: f64) -> Self {
+        Self {
+            full_well_e: (self.full_well_e * n).clamp(100.0, 1e9),
+            read_noise_e: (self.read_noise_e * n.sqrt()).min(1e4),
+            dark_current_e_s: (self.dark_current_e_s * n).min(1e4),
+            prnu_frac: (self.prnu_frac / n.sqrt()).min(0.2),
+            hot_pixel_frac: (self.hot_pixel_frac * n).min(0.01),
+            ..self.clone()
+        }
     }
 }
 

@@ -37,8 +37,8 @@ pub(super) const LIMIT: Limit =
 impl Photo {
     /// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
     ///
-    /// `notes`, pairs of keyword and text, and the scene become text chunks. With a camera, the file
-    /// has its EXIF and XMP.
+    /// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
+    /// file has EXIF and XMP, and the size of its print.
     ///
     /// # Errors
     ///
@@ -46,14 +46,13 @@ impl Photo {
     pub fn write_png(
         &self,
         out: impl Write,
-        camera: Option<&Camera>,
+        metadata: Option<&Metadata>,
         notes: &[(&str, String)],
     ) -> std::io::Result<()> {
-        let metadata = camera.map(|camera| Metadata::new(camera, &self.rgb8));
         let size_px = [self.width_px, self.height_px];
         let scene = self.scene_toml.as_deref();
         let levels = (png::BitDepth::Eight, &*self.rgb8);
-        write(out, size_px, levels, metadata.as_ref(), notes, scene)
+        write(out, size_px, levels, metadata, notes, scene)
     }
 
     /// Reads the bytes of a PNG file, and its texts where they are wanted.
@@ -180,8 +179,8 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at 8;
-    /// the rest as [`Photo::write_png`].
+    /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at
+    /// 8; the rest as [`Photo::write_png`].
     ///
     /// # Errors
     ///
@@ -190,14 +189,14 @@ impl Readout {
         &self,
         out: impl Write,
         tone: Tone,
-        camera: &Camera,
+        (camera, dots_per_inch): (&Camera, Option<f64>),
         notes: &[(&str, String)],
         scene_toml: Option<&str>,
     ) -> std::io::Result<()> {
         // The levels are given back before the encoder takes as much memory again.
         let bytes: Vec<u8> =
             self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
-        let metadata = Metadata::new(camera, &bytes);
+        let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
         let size_px = [self.width_px, self.height_px];
         let levels = (png::BitDepth::Sixteen, &*bytes);
         write(out, size_px, levels, Some(&metadata), notes, scene_toml)
@@ -215,6 +214,11 @@ fn write(
     let mut info = png::Info::with_size(width_px, height_px);
     (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
     info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
+    info.pixel_dims = metadata.and_then(Metadata::pixels_per_m).map(|per_m| png::PixelDimensions {
+        xppu: per_m,
+        yppu: per_m,
+        unit: png::Unit::Meter,
+    });
     let mut encoder = png::Encoder::with_info(out, info)?;
     encoder.set_compression(png::Compression::Fastest);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
@@ -260,13 +264,19 @@ mod tests {
     fn exif_and_xmp_are_in_files_of_8_and_16_bits() {
         let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
         let mut eight = Vec::new();
-        photo().write_png(&mut eight, Some(&camera), &[]).unwrap();
+        let print = Some(150.0);
+        let metadata = Metadata { dots_per_inch: print, ..Metadata::new(&camera, &photo().rgb8) };
+        photo().write_png(&mut eight, Some(&metadata), &[]).unwrap();
         let rgb = (0..5 * 4 * 3).map(|i| i as f32 / 59.0).collect();
         let readout = Readout { width_px: 5, height_px: 4, rgb, white_lx_s: 0.78 };
         let mut sixteen = Vec::new();
-        readout.write_png16(&mut sixteen, Tone::Linear, &camera, &[], Some("seed = 7")).unwrap();
+        let linear = Tone::Linear;
+        readout.write_png16(&mut sixteen, linear, (&camera, print), &[], Some("seed = 7")).unwrap();
         for file in [eight, sixteen] {
             let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
+            // 150 dots in 25.4 mm.
+            let dims = reader.info().pixel_dims.unwrap();
+            assert_eq!((dims.xppu, dims.yppu, dims.unit), (5906, 5906, png::Unit::Meter));
             let exif = reader.info().exif_metadata.clone().unwrap();
             let exif = exif::Reader::new().read_raw(exif.into_owned()).unwrap();
             let exposure = exif.get_field(exif::Tag::ExposureTime, exif::In::PRIMARY).unwrap();

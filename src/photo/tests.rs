@@ -335,6 +335,42 @@ fn hot_photosites_have_their_density_and_mean() {
     assert!((sum / number - 2100.0).abs() < 4.0 * 2000.0 / number.sqrt(), "{}", sum / number);
 }
 
+/// Four photosites of a sensor against one pixel of a print: the same mean and variance, whether
+/// photons, reading, dark current, uneven gain or hot photosites dominate.
+#[test]
+fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
+    let sensor = SensorNoise {
+        read_noise_e: 30.0,
+        dark_current_e_s: 20.0,
+        prnu_frac: 0.02,
+        hot_pixel_frac: 2e-3,
+        ..SensorNoise::default()
+    };
+    let mean_and_variance = |side: u32, noise: &SensorNoise, light: f64| {
+        let (size_px, block) = ([side; 2], side as usize / 200);
+        let options =
+            PhotoOptions { noise: Noise::Emva1288(noise.clone()), ..PhotoOptions::plain() };
+        let film = film(size_px, |_, _, _| count(light));
+        let rgb = read_out(&film, &camera(size_px, |_| {}), &options, 1).unwrap().rgb;
+        let side = side as usize;
+        let mean_of = |i: usize| {
+            let (x, y) = (block * (i % 200), block * (i / 200));
+            let pixels = (0..block * block).map(|j| 3 * ((y + j / block) * side + x + j % block));
+            pixels.map(|at| f64::from(rgb[at + 1])).sum::<f64>() / (block * block) as f64
+        };
+        let blocks: Vec<f64> = (0..40_000).map(mean_of).collect();
+        let mean = blocks.iter().sum::<f64>() / 4e4;
+        (mean, blocks.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / 4e4)
+    };
+    for light in [0.0, 0.02, 0.5] {
+        let (mean, variance) = mean_and_variance(400, &sensor, light);
+        let (print, spread) = mean_and_variance(200, &sensor.resampled(4.0), light);
+        assert!((mean - print).abs() < 0.02 * variance.sqrt() + 1e-4, "{light}: {mean}, {print}");
+        assert!((spread / variance - 1.0).abs() < 0.08, "{light}: {spread} and {variance}");
+    }
+    assert_eq!(sensor.resampled(1.0), sensor);
+}
+
 #[test]
 fn room_light_follows_luminance_time_and_aperture() {
     let options =

@@ -26,6 +26,7 @@ use crate::vehicle::Downwash;
 mod finding;
 mod flown;
 mod letters;
+mod placement;
 mod plans;
 mod profile;
 mod row;
@@ -35,6 +36,7 @@ use finding::largest;
 pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
+pub use placement::{CameraPlace, Placement, frame_within, place};
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row};
@@ -57,8 +59,17 @@ const CAP_HEIGHT_M: f64 = 0.5;
 ///
 /// Those of the stages, except that of an infeasible flight: it is a finding.
 pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
+    of_flights(shoot, flown(shoot)?, profile)
+}
+
+/// Flies every plan, for [`of_flights`].
+///
+/// # Errors
+///
+/// As [`preflight`]; an infeasible flight's is in its place.
+pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let n = shoot.plans.len();
-    let flown: Vec<Result<Flight>> = match shoot.in_step() {
+    Ok(match shoot.in_step() {
         false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
         true => match shoot.fly(&|_, _| {}) {
             Ok(flights) => flights.into_iter().map(Ok).collect(),
@@ -68,8 +79,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Vec<Checked>> {
             }
             Err(error) => return Err(error),
         },
-    };
-    of_flights(shoot, flown, profile)
+    })
 }
 
 /// The same of flights that were flown already.
@@ -244,6 +254,31 @@ fn check_led_memory(shoot: &Shoot, drone: usize) -> Finding {
     }
 }
 
+/// Lamps and camera of flights; `None` where one of them fails.
+fn lighting(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Result<Lighting>> {
+    let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
+    let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
+    Some(Shoot { recordings, ..shoot.clone() }.lighting(&|_, _| {}))
+}
+
+/// Where things stand in the profile's room, for flights; `None` without a room or a picture.
+///
+/// # Errors
+///
+/// As [`place`].
+pub fn placement(
+    shoot: &Shoot,
+    flown: &[Result<Flight>],
+    profile: &Profile,
+) -> Result<Option<Placement>> {
+    match lighting(shoot, flown).filter(|_| profile.room_m.is_some()) {
+        Some(Ok(Lighting { trace, camera, .. })) => {
+            place(shoot, &trace, camera.shutter_close_s, profile)
+        }
+        _ => Ok(None),
+    }
+}
+
 /// What the light of all drones leaves in the picture.
 struct Picture {
     /// Of the lamps that write.
@@ -254,10 +289,7 @@ struct Picture {
 impl Picture {
     /// The picture of flights; `None` where one of them fails.
     fn of(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
-        let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
-        let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
-        let shoot = Shoot { recordings, ..shoot.clone() };
-        Some(match shoot.lighting(&|_, _| {}) {
+        Some(match lighting(shoot, flown)? {
             Ok(Lighting { trace, camera, writing, problems, .. }) => {
                 let mut readings = meter(&trace, &camera).unwrap_or_default();
                 readings.retain(|reading| writing.contains(&reading.name));

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::sensors::{Generation, Station};
+
 /// The limits of a place and a drone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
@@ -24,9 +26,13 @@ pub struct Profile {
     pub flight_time_s: f64,
 }
 
-/// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which a
-/// flight may stray from its design.
+/// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
+/// a flight may stray from its design.
 const ROOM_MARGIN_M: f64 = 0.2;
+
+/// Greatest distance of a base station from the middle of a wide room, to the side and in depth:
+/// the other end of a word of 4 m is then within the 6 m that a station reaches.
+const STATION_M: f64 = 2.5;
 
 impl Profile {
     /// The same within a room of a width, depth and height, its floor's middle at the origin.
@@ -43,6 +49,20 @@ impl Profile {
         }
         self.room_m = Some(room_m);
         self
+    }
+
+    /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that
+    /// look at the volume's middle. Bitcraze (tutorial "Getting started with the Lighthouse
+    /// system"): two serve about 4 m by 4 m, and hang at least 0.4 m above the flight.
+    #[must_use]
+    pub fn stations(&self) -> [Station; 2] {
+        let [low, high] = self.volume_m;
+        let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let z_m = high[2] + 0.5 * ROOM_MARGIN_M;
+        let aside = |side_m: f64| side_m.signum() * (side_m.abs() + ROOM_MARGIN_M).min(STATION_M);
+        let near_m = [aside(low[0]), aside(low[1]), z_m];
+        let far_m = [aside(high[0]), aside(high[1]), z_m];
+        [near_m, far_m].map(|place_m| Station::looking(Generation::V2, place_m, middle_m))
     }
 
     /// The volume in words.

@@ -2,6 +2,7 @@
 //! scale.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use crate::preflight::Placement;
 use crate::sensors::Positioning;
 use crate::shoot::Shot;
 
@@ -9,20 +10,22 @@ use crate::shoot::Shot;
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Distance of the audience behind the camera, an assumption: room for who works it.
+/// Distance of the audience behind the camera where no room is known, an assumption: place for who
+/// works it.
 const AUDIENCE_M: f64 = 1.0;
 const BLACK: Rgb = [0; 3];
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
 const CAMERA: Rgb = [0, 114, 178];
+const TRIPOD: Rgb = [86, 180, 233];
 const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
 /// The shot plan from above (x to the right, y away from the camera) and from the left (y to the
 /// right, z up). SVG. Lengths in meters; the word's plane is y = 0.
 #[must_use]
-pub(super) fn shot_plan(shot: &Shot) -> [String; 2] {
-    let things = things(shot);
+pub(super) fn shot_plan(shot: &Shot, placement: Option<&Placement>) -> [String; 2] {
+    let things = things(shot, placement);
     [
         view(&things, "from above", [0, 1], ["x", "y"]),
         view(&things, "from the side", [1, 2], ["y", "z"]),
@@ -36,9 +39,13 @@ struct Thing {
     places_m: Vec<[f64; 3]>,
 }
 
-fn things(shot: &Shot) -> Vec<Thing> {
+fn things(shot: &Shot, placement: Option<&Placement>) -> Vec<Thing> {
     let thing = |name: String, color, places_m| Thing { name, color, places_m };
     let mut things = Vec::new();
+    if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
+        let corners = vec![[-0.5 * w, -0.5 * d, 0.0], [0.5 * w, 0.5 * d, h]];
+        things.push(thing(format!("room, {w} x {d} x {h} m"), BLACK, corners));
+    }
     if let Some(strokes) = &shot.strokes {
         let [left, bottom, right, top] = strokes.bounds_m();
         let corners = vec![[left, 0.0, bottom], [right, 0.0, top]];
@@ -58,12 +65,33 @@ fn things(shot: &Shot) -> Vec<Thing> {
     let [x, y, z] = rounded(shot.camera.position_m.into());
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
     things.push(thing(name, CAMERA, vec![[x, y, z]]));
-    let behind = y - AUDIENCE_M;
-    things.push(thing(
-        "audience, behind the camera".into(),
-        GRAY,
-        vec![[-1.0, behind, 0.0], [1.0, behind, 1.7]],
-    ));
+    let audience = |name: &str, from: [f64; 2], to: [f64; 2]| {
+        let [low, high] = [[from[0], from[1], 0.0], [to[0], to[1], 1.7]];
+        thing(name.to_owned(), GRAY, vec![low, high])
+    };
+    match placement {
+        None => {
+            let behind = y - AUDIENCE_M;
+            things.push(audience("audience, behind the camera", [-1.0, behind], [1.0, behind]));
+        }
+        Some(Placement { room_m: [w, d, _], audience_y_m, cameras, .. }) => {
+            if let Some(audience_y_m) = audience_y_m {
+                let wall = [-0.5 * w, -0.5 * d];
+                things.push(audience("audience", wall, [0.5 * w, *audience_y_m]));
+            }
+            let mut tripods: Vec<([f64; 3], usize)> = Vec::new();
+            for at in cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded)) {
+                match tripods.iter_mut().find(|(place, _)| *place == at) {
+                    Some((_, n)) => *n += 1,
+                    None => tripods.push((at, 1)),
+                }
+            }
+            for ([x, y, z], n) in tripods {
+                let name = format!("tripod ({x:.2}, {y:.2}), {z:.2} m high: {n} of the cameras");
+                things.push(thing(name, TRIPOD, vec![[x, y, z]]));
+            }
+        }
+    }
     let sensors = &shot.scene.sensors;
     let (what, places_m): (_, Vec<[f64; 3]>) = match sensors.positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {

@@ -8,7 +8,7 @@ use super::plans::plan_view;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
-use crate::preflight::{Checked, Severity};
+use crate::preflight::{Checked, Placement, Severity};
 use crate::scene::Change;
 use crate::score::Verdict;
 use crate::shoot::{Shot, writing};
@@ -31,6 +31,8 @@ pub struct ShotNotes<'a> {
     pub printed: &'a str,
     /// Findings of the preflight.
     pub findings: &'a [Checked],
+    /// Where things stand in the room, where it is known.
+    pub placement: Option<&'a Placement>,
     /// Changes of settings with their gain in readability, as one types them.
     pub remedies: &'a [(f64, String)],
     /// A change in the words of the program that makes the page.
@@ -71,7 +73,11 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         );
     }
     page = page.section("Camera").table(["setting", "value"], camera(shot));
-    page = page.section("Shot plan").drawings(&shot_plan(shot));
+    page = page.section("Shot plan");
+    if let Some(placement) = notes.placement {
+        page = page.table(["what", "where"], placement.rows());
+    }
+    page = page.drawings(&shot_plan(shot, notes.placement));
     page = page.section("To make it again").printed(notes.command);
     let changes = scene.changes();
     let base = format!("Settings that differ from the preset {}", scene.preset.name());

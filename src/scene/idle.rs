@@ -93,6 +93,11 @@ const RULES: &[Rule] = &[
     ),
     (&["light.pwm"], |s| !has_lamp(s, |f| f.pwm_hz > 0.0), "no lamp is dimmed by pulse width"),
     (
+        &["camera.lens", "camera.f_number", "camera.base_iso"],
+        |s| s.camera.body.fixed_lens().is_some(),
+        "a telephone has a lens of its own",
+    ),
+    (
         &["light.tick_phase_s"],
         |s| s.light.tick_s == 0.0 && !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
         "light.tick_s is 0",

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::expose::Film;
 use crate::photo::exr::Precision;
 use crate::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
-use crate::photo::{Photo, read_out};
+use crate::photo::{Metadata, Photo, read_out};
 use crate::scene::Scene;
 use crate::score::LogGap;
 use crate::settings::settings;
@@ -89,11 +89,16 @@ pub(super) fn encode(
 ) -> Result<Vec<u8>> {
     let mut notes = notes(scene.seed, camera, shown);
     let mut out = Cursor::new(Vec::new());
+    let dots_per_inch = scene.camera.dots_per_inch;
     let readout = || read_out(film, camera, &scene.expose, &scene.photo, scene.seed);
     let written = match format {
-        Format::Png => photo.write_png(&mut out, Some(camera), &notes),
+        Format::Png => {
+            let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
+            photo.write_png(&mut out, Some(&metadata), &notes)
+        }
         Format::Png16 => {
             let toml = scene.to_toml();
+            let camera = (camera, dots_per_inch);
             readout()?.write_png16(&mut out, scene.photo.tone, camera, &notes, Some(&toml))
         }
         Format::Exr | Format::ExrHalf => {

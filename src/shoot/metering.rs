@@ -18,10 +18,10 @@ const F_NUMBERS: [f64; 19] = [
     20.0, 22.0,
 ];
 
-/// Sensitivities from that of a full well, a third of a stop apart.
-const ISOS: [f64; 16] = [
-    100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0, 1250.0, 1600.0,
-    2000.0, 2500.0, 3200.0,
+/// Sensitivities, a third of a stop apart: from 100 on, or what a telephone's camera has.
+const ISOS: [f64; 19] = [
+    50.0, 64.0, 80.0, 100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0,
+    1250.0, 1600.0, 2000.0, 2500.0, 3200.0,
 ];
 
 /// Width of the picture that is metered: larger pixels blur a trail.
@@ -40,6 +40,28 @@ pub struct Metered {
     pub room_stops: Option<f64>,
     /// Whether the trail is darker than wanted, for the room to stay dark.
     pub gave_way: bool,
+    /// Stops of a neutral filter that would make the exposure right, where neither the smallest
+    /// aperture nor the least sensitivity does: whole ones, as they are sold; 0: none.
+    pub filter_stops: u32,
+    /// Longest exposure of a camera that is open for longer, so that it has to add up several.
+    pub longest_s: Option<f64>,
+}
+
+impl Metered {
+    /// What a camera needs besides its settings; `None`: nothing.
+    #[must_use]
+    pub fn help(&self) -> Option<String> {
+        let mode = self.longest_s.map(|s| {
+            format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
+        });
+        let filter = match self.filter_stops {
+            0 => None,
+            1 => Some("use a neutral filter of 1 stop".to_owned()),
+            n => Some(format!("use a neutral filter of {n} stops")),
+        };
+        let all: Vec<String> = mode.into_iter().chain(filter).collect();
+        (!all.is_empty()).then(|| all.join("; "))
+    }
 }
 
 /// Meters the light, and sets the camera; `None` where the scene does not ask for it, and for
@@ -61,7 +83,8 @@ pub(super) fn metered(
 
 /// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene that
 /// does not meter; `None` for darkness.
-pub(super) fn recommended(
+#[must_use]
+pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
     options: &CameraOptions,
@@ -92,16 +115,27 @@ pub(super) fn recommended(
     // The aperture first; sensitivity where the widest is not enough.
     let wanted = camera.f_number * libm::exp2(-0.5 * more);
     let least = options.lens.min_f_number();
-    let f_number = nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted);
+    let fixed = options.body.fixed_lens();
+    let f_number = match &fixed {
+        Some(lens) => lens.f_number,
+        None => nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted),
+    };
     let opened = stops_of(camera.f_number, f_number);
-    let iso = nearest(ISOS.into_iter(), camera.iso * libm::exp2(more - opened));
-    let more = opened + libm::log2(iso / camera.iso);
+    let [least, most] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
+    let isos = ISOS.into_iter().filter(|iso| (least..=most).contains(iso));
+    let iso = nearest(isos, camera.iso * libm::exp2(more - opened));
+    let too_many = opened + libm::log2(iso / camera.iso) - more;
+    let more = more + too_many;
+    let open_s = camera.shutter_close_s - camera.shutter_open_s;
     Some(Metered {
         f_number,
         iso,
         trail_stops: trail_stops + more,
         room_stops: room_stops.map(|stops| stops + more),
-        gave_way,
+        gave_way: gave_way && too_many < 0.5,
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few stops")]
+        filter_stops: too_many.max(0.0).round() as u32,
+        longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })
 }
 
@@ -128,7 +162,7 @@ fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::LensModel;
+    use crate::camera::{BodyModel, LensModel};
 
     /// A headlight from the side.
     const SIDE_CD: f64 = 0.09;
@@ -174,6 +208,32 @@ mod tests {
         assert!(faint.iso > 100.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
         let kit = of(0.004, 0.5, |options| options.lens = LensModel::Kit16).1.unwrap();
         assert!(kit.f_number == 3.5, "{kit:?}");
+    }
+
+    #[test]
+    fn a_telephone_sets_its_sensitivity_alone_and_says_what_it_lacks() {
+        let on_phone = |candela, open_s| {
+            let phone = |options: &mut CameraOptions| options.body = BodyModel::GalaxyS24;
+            let (camera, metered) = of(candela, open_s, phone);
+            let metered = metered.unwrap();
+            assert_eq!((camera.f_number, metered.f_number), (1.8, 1.8));
+            assert_eq!(camera.iso, metered.iso);
+            metered
+        };
+        let faint = on_phone(8e-3, 2.0);
+        assert!(faint.iso > 50.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
+        assert_eq!(faint.help(), None);
+        // A filter of the stops that it asks for would make the exposure right.
+        let bright = on_phone(0.5, 31.0);
+        assert_eq!(bright.iso, 50.0);
+        let filtered = bright.trail_stops - f64::from(bright.filter_stops);
+        assert!((filtered - 2.0).abs() < 0.51 && bright.filter_stops >= 2, "{bright:?}");
+        let help = bright.help().unwrap();
+        assert!(help.contains("light-trail mode") && help.contains("30 s"), "{help}");
+        assert!(help.contains(&format!("filter of {} stops", bright.filter_stops)), "{help}");
+        // A lens with an iris asks for one where f/22 is not small enough.
+        assert_eq!(of(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
+        assert!(of(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
     }
 
     #[test]

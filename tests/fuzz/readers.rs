@@ -8,7 +8,7 @@ use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{Ink, LetterOptions, Strokes, Trace, draw, write};
 use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
-use noctograph::photo::Photo;
+use noctograph::photo::{Metadata, Photo};
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::read_lighthouse_config;
@@ -287,7 +287,7 @@ fn shot() -> Vec<u8> {
     let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
     let mut file = Vec::new();
     let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
-    photo.write_png(&mut file, Some(&camera), &notes).unwrap();
+    photo.write_png(&mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes).unwrap();
     file
 }
 

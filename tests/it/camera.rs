@@ -101,3 +101,68 @@ fn the_meter_says_how_much_to_stop_down() {
     assert!(table.lines().all(|line| line.len() <= 80), "{table}");
     assert!(table.contains("+1.0"), "where it was asked for: {table}");
 }
+
+/// Words, rooms and bodies: they recommended settings two stops apart once.
+#[test]
+fn preview_and_meter_recommend_the_same_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let run = |verb: &str, arguments: &[&str]| {
+        let mut command = noctograph(at);
+        command.arg(verb).args(arguments).args(["--json", "--backend", "cpu"]);
+        json(&command.args(["--size", "320x180"]).output().unwrap().stdout)
+    };
+    for scene in [
+        &["I"][..],
+        &["I", "--set", "photo.ambient_cd_m2=0.2", "--set", "camera.lens=28mm"],
+        &["NOOR", "--scene", "ae483-2022"],
+        &["I", "--room", "4x3x2.5", "--set", "camera.body=iphone-15-pro"],
+        &["I", "--color", "red", "--set", "camera.body=pixel-8-pro"],
+        &["II", "--drones", "2", "--set", "camera.body=a6400", "--set", "camera.lens=kit-16mm"],
+    ] {
+        let preview = &run("preview", &[scene, &["-o", "out"]].concat())["camera"];
+        let meter = run("meter", scene);
+        let (set, said) = (&preview["metered"], &meter["recommended"]);
+        for key in ["trail_stops", "room_stops", "gave_way", "filter_stops", "longest_s"] {
+            // The team's scene is not metered.
+            assert!(set.is_null() || set[key] == said[key], "{scene:?}: {set} and {said}");
+        }
+        if !set.is_null() {
+            assert_eq!([&preview["f_number"], &preview["iso"]], [&said["f_number"], &said["iso"]]);
+            let again = run("meter", &["--scene", "out/photo.png"]);
+            assert_eq!(again["recommended"], *said, "{scene:?}: of the photo's own scene");
+        }
+    }
+}
+
+#[test]
+fn a_telephone_is_told_what_it_lacks_and_no_aperture() {
+    let folder = tempfile::tempdir().unwrap();
+    let meter = |more: &[&str]| {
+        let mut command = noctograph(folder.path());
+        command.args(["meter", "NOOR", "--set", "camera.body=galaxy-s24"]).args(more);
+        command.output().unwrap().stdout
+    };
+    let table = String::from_utf8(meter(&[])).unwrap().replace('\n', " ");
+    assert!(table.contains("f/1.8 and ISO 50"), "{table}");
+    assert!(table.contains("neutral filter of") && table.contains("light-trail mode"), "{table}");
+    assert!(!table.contains("f/5") && !table.contains("f/6"), "it has no such aperture: {table}");
+    let json = json(&meter(&["--json", "--target-stops", "0"]));
+    assert!(json["lamps"][0]["advice"]["f_number"].is_null(), "{json}");
+}
+
+#[test]
+fn a_poster_has_its_dots_and_says_how_large_it_prints() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |size: &str| {
+        let mut command = noctograph(folder.path());
+        command.args(["preview", "I", "--backend", "cpu", "--size", size]).assert()
+    };
+    run("A5@60").success();
+    let file = std::fs::File::open(folder.path().join("noctograph-out/photo.png")).unwrap();
+    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+    let info = reader.info();
+    assert_eq!((info.width, info.height), (496, 350), "210 mm by 148 mm");
+    assert_eq!(info.pixel_dims.map(|dims| dims.xppu), Some(2362), "60 dots in 25.4 mm");
+    run("A0@600").code(2).stderr(predicate::str::contains("fewer dots per inch"));
+}

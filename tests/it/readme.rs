@@ -161,6 +161,8 @@ fn the_commands_of_the_readme_run() {
     let stroke = |x: u32, y: u32| (x + 8..x + 16).contains(&(2 * y)) && (20..100).contains(&y);
     let sketch = |x, y| image::Luma([if stroke(x, y) { 30_u8 } else { 220 }]);
     image::ImageBuffer::from_fn(240, 120, sketch).save(folder.path().join("sketch.jpg")).unwrap();
+    let wall = image::ImageBuffer::from_fn(160, 90, |x, _| image::Rgb([20, 20, (x / 4) as u8]));
+    wall.save(folder.path().join("room.png")).unwrap();
     let lines: Vec<String> = text_of("README.md").lines().map(str::to_owned).collect();
     let shells = blocks(&lines).into_iter().filter(|block| block.language == "sh");
     let commands: Vec<_> = shells.flat_map(|block| commands(&lines[block.lines])).collect();
@@ -168,7 +170,7 @@ fn the_commands_of_the_readme_run() {
     // A page is served until it is ended: `serve.rs` does.
     for mut words in commands.into_iter().filter(|words| words[0] != "serve") {
         // A picture of this size has no photo that a person would frame, but it runs.
-        if words[0] == "preview" {
+        if words[0] == "preview" && !words.contains(&"--size".to_owned()) {
             words.extend(["--size", "320x180"].map(str::to_owned));
         }
         run(folder.path(), &words);

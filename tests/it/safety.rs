@@ -53,6 +53,40 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     assert_eq!((code, wide_code), (0, 1), "{word}, {wide}");
 }
 
+/// How large the word is, and whether the Lighthouse's stations, which no scene places,
+/// see all of its flight.
+#[test]
+fn a_word_is_as_large_as_its_room_and_is_seen_there() {
+    let folder = tempfile::tempdir().unwrap();
+    for (word, room, largest_m) in [
+        ("NOOR", "4x3x2.5", [3.0, 1.3]),
+        ("NOOR", "20x20x8", [4.0, 1.5]),
+        ("HELLO WORLD", "5x5x2.5", [4.0, 1.3]),
+        ("NO", "3x3x2.5", [2.0, 1.3]),
+    ] {
+        let (code, json, _) = run(folder.path(), &["check", word, "--room", room]);
+        let placement = &json["placement"];
+        let word_m = placement["word_m"].as_array().unwrap();
+        let [left, bottom, right, top] = [0, 1, 2, 3].map(|i| word_m[i].as_f64().unwrap());
+        let fills = [(right - left) / largest_m[0], (top - bottom) / largest_m[1]];
+        assert!((fills[0].max(fills[1]) - 1.0).abs() < 1e-9, "{word} in {room}: {fills:?}");
+        assert!((left + right).abs() < 1e-9, "in the middle of the room");
+        assert_eq!((code, finding(&json, "coverage")["severity"].as_str()), (0, Some("fine")));
+        let sides: Vec<f64> = room.split('x').map(|side| side.parse().unwrap()).collect();
+        for (axis, side) in sides[..2].iter().enumerate() {
+            let at = placement["stations_m"][1][axis].as_f64().unwrap();
+            assert!((at - (0.5 * side).min(2.5)).abs() < 1e-9, "in the corner: {at}");
+        }
+    }
+    let own = ["check", "I", "--room", "4x3x2.5", "--set"];
+    let stations =
+        "sensors.lighthouse.stations=[{generation=\"v2\",position_m=[-1,-1,2],yaw_rad=0.8}]";
+    let (_, json, _) = run(folder.path(), &[&own[..], &[stations]].concat());
+    assert_eq!(json["placement"]["stations_m"], serde_json::json!([[-1.0, -1.0, 2.0]]), "its own");
+    let (_, json, _) = run(folder.path(), &["check", "I"]);
+    assert!(json["placement"].is_null(), "no room is known");
+}
+
 #[test]
 fn a_check_that_has_nothing_to_judge_by_says_so() {
     let folder = tempfile::tempdir().unwrap();

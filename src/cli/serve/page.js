@@ -3,7 +3,7 @@ const $ = selector => document.querySelector(selector);
 const $$ = selector => [...document.querySelectorAll(selector)];
 const VISITOR = Array.from(crypto.getRandomValues(new Uint32Array(4)), part => part.toString(16)).join("");
 const COLORS = { white: [255, 255, 255], red: [255, 0, 0], orange: [255, 110, 0], yellow: [255, 200, 0], green: [0, 255, 0], cyan: [0, 255, 255], blue: [0, 0, 255], magenta: [255, 0, 255] };
-const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm", "phone": "28mm" };
+const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm" };
 const LATER_MS = 700; // after which typing rests
 const PEN_M_S = 0.2, BATTERY_S = 240;
 
@@ -65,7 +65,8 @@ function settings() {
     const wrgb = name => isOwn(name) ? [255, 0, 0, 0] : [0, ...COLORS[name]];
     if (subject().word) set["light.letters_wrgb"] = JSON.stringify(parts().map((_, i) => wrgb(colorOf(i))));
   }
-  if (body) { set["camera.body"] = body; set["camera.lens"] = BODIES[body]; }
+  if (body) set["camera.body"] = body;
+  if (BODIES[body]) set["camera.lens"] = BODIES[body];
   return set;
 }
 function wish() {

@@ -1,0 +1,348 @@
+//! Placement: where tripod, take-off mark, base stations and audience go in a room, and which
+//! cameras show the whole word from within it.
+//!
+//! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`Placement`],
+//! in meters of the world: the room's middle is at x = y = 0 and the word stands at y = 0. A camera
+//! stands square in front of the word, where the word fills half of the picture, or nearer as the
+//! room asks. Not known: furniture, doors.
+
+use serde::Serialize;
+
+use super::{Profile, cap_height_m};
+use crate::camera::{
+    BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
+};
+use crate::error::Result;
+use crate::light::LightTrace;
+use crate::scene::Scene;
+use crate::sensors::Positioning;
+use crate::shoot::{Metered, Shoot, recommended};
+
+/// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
+/// release. Less would show more of the word from a small room.
+const TRIPOD_FROM_WALL_M: f64 = 0.3;
+
+/// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
+/// a tripod that stands a little aside.
+const MOST_FILLED: f64 = 0.9;
+
+/// Time after the last command at which a Crazyflie stops its motors; it is level until then, and
+/// keeps its speed: `COMMANDER_WDT_TIMEOUT_SHUTDOWN` in the firmware's `commander.h`.
+const CUT_OFF_S: f64 = 2.0;
+
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// Where things stand in a room, and which cameras show the word from within it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Placement {
+    /// Width, depth and height of the room.
+    pub room_m: [f64; 3],
+    /// Left, bottom, right and top of the word, in the plane y = 0.
+    pub word_m: [f64; 4],
+    /// Take-off marks of the drones, x and y.
+    pub take_off_m: Vec<[f64; 2]>,
+    /// Base stations or anchors.
+    pub stations_m: Vec<[f64; 3]>,
+    /// Distance that the audience keeps from the flight: a drone that hears no more commands flies
+    /// on at its greatest speed until its motors stop, and falls.
+    pub audience_from_m: f64,
+    /// Greatest y of the audience, in front of the flight; `None`: no place in the room is far
+    /// enough.
+    pub audience_y_m: Option<f64>,
+    /// The scene's camera, then others that people own.
+    pub cameras: Vec<CameraPlace>,
+}
+
+/// A camera in a room.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraPlace {
+    /// Body and lens.
+    pub name: String,
+    /// Focal length on full frame with the same angle of view across the picture.
+    pub equivalent_m: f64,
+    /// Least distance from the word from which it is in the picture.
+    pub least_m: f64,
+    /// Place of the lens; `None`: the room is not deep enough.
+    pub tripod_m: Option<[f64; 3]>,
+    /// Longest equivalent focal length that shows the word from within the room.
+    pub longest_equivalent_m: f64,
+    /// Height of capitals that it would show from there; `None` of a drawing.
+    pub largest_cap_height_m: Option<f64>,
+    /// Time for which the shutter is open.
+    pub shutter_s: f64,
+    /// Aperture and sensitivity; `None` where it has no place, and in darkness.
+    #[serde(rename = "recommended")]
+    pub metered: Option<Metered>,
+}
+
+/// Bodies and lenses that people own: the widest usual one of each.
+fn owned() -> [(&'static str, BodyModel, LensModel); 7] {
+    let zoom =
+        |focal_length_m| LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() });
+    let own = LensModel::default;
+    [
+        ("full frame, 28 mm", BodyModel::FullFrame24Mp, LensModel::Wide28),
+        ("Sony α6400, 16 mm", BodyModel::A6400, LensModel::Kit16),
+        ("Canon EOS 2000D, 18 mm", BodyModel::CanonEos2000D, zoom(0.018)),
+        // The short end of the Sony DSC-RX100M7: 9 mm.
+        ("compact, 1 inch, 9 mm", BodyModel::OneInch, zoom(0.009)),
+        ("iPhone 15 Pro", BodyModel::IPhone15Pro, own()),
+        ("Pixel 8 Pro", BodyModel::Pixel8Pro, own()),
+        ("Galaxy S24", BodyModel::GalaxyS24, own()),
+    ]
+}
+
+/// Places everything in the room of a profile; `None` without a room or without strokes. The light
+/// is that of all drones, until `end_s`.
+///
+/// # Errors
+///
+/// As [`CameraOptions::camera`].
+pub fn place(
+    shoot: &Shoot,
+    trace: &LightTrace,
+    end_s: f64,
+    profile: &Profile,
+) -> Result<Option<Placement>> {
+    let (Some(room_m), Some(strokes)) = (profile.room_m, &shoot.strokes) else { return Ok(None) };
+    let scene = &shoot.scene;
+    let word_m = strokes.bounds_m();
+    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
+    let front_m = setpoints().map(|setpoint| setpoint.position_m.y).fold(0.0, f64::min);
+    let top_m = setpoints().map(|setpoint| setpoint.position_m.z).fold(word_m[3], f64::max);
+    let speed_m_s = setpoints().map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
+    let audience_from_m = speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
+    let wall_y_m = -0.5 * room_m[1];
+    let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > wall_y_m);
+
+    let place = |name: String, options: CameraOptions| -> Result<CameraPlace> {
+        let (options, least_m) = framed(options, word_m, room_m)?;
+        let camera = options.camera(word_m, end_s)?;
+        let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+        let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
+        let fits = least_m <= most_m;
+        let metered = || recommended(trace, &camera, &options, &scene.photo);
+        Ok(CameraPlace {
+            name,
+            equivalent_m,
+            least_m,
+            tripod_m: fits.then(|| camera.position_m.into()),
+            longest_equivalent_m: equivalent_m * most_m / least_m,
+            largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
+            shutter_s: camera.shutter_close_s - camera.shutter_open_s,
+            metered: if fits { metered() } else { None },
+        })
+    };
+    let own = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
+    let mut cameras = vec![place(own, scene.camera.clone())?];
+    for (name, body, lens) in owned() {
+        let metering = Metering::Trail(TrailMetering::default());
+        let (framing, f_number) = (Framing::Word(WordFraming::default()), 8.0);
+        let camera = scene.camera.clone();
+        let options = CameraOptions { body, lens, metering, framing, f_number, ..camera };
+        cameras.push(place(name.to_owned(), options)?);
+    }
+    let first = |planned: &crate::shoot::Planned| {
+        planned.plan.setpoints.first().map(|first| [first.position_m.x, first.position_m.y])
+    };
+    Ok(Some(Placement {
+        room_m,
+        word_m,
+        take_off_m: shoot.plans.iter().filter_map(first).collect(),
+        stations_m: match scene.sensors.positioning {
+            Positioning::UwbTwr | Positioning::UwbTdoa => scene.sensors.uwb.anchors_m.clone(),
+            Positioning::Gnss => Vec::new(),
+            _ => scene.sensors.lighthouse.stations.iter().map(|it| it.position_m).collect(),
+        },
+        audience_from_m,
+        audience_y_m,
+        cameras,
+    }))
+}
+
+/// A camera square in front of the word, moved nearer where it would stand behind the wall of the
+/// room and the whole word stays in the picture; and its least distance from the word.
+fn framed(
+    options: CameraOptions,
+    word_m: [f64; 4],
+    room_m: [f64; 3],
+) -> Result<(CameraOptions, f64)> {
+    let filled = |fill_frac| {
+        let framing = Framing::Word(WordFraming { fill_frac });
+        CameraOptions { framing, ..options.clone() }
+    };
+    let least_m = -filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y;
+    let most_m = 0.5 * room_m[1] - TRIPOD_FROM_WALL_M;
+    let usual = match &options.framing {
+        Framing::Word(framing) => framing.fill_frac,
+        Framing::Fixed(_) => WordFraming::default().fill_frac,
+    };
+    let nearest = if least_m <= most_m { MOST_FILLED * least_m / most_m } else { usual };
+    Ok((filled(usual.max(nearest)), least_m))
+}
+
+/// Frames the scene's word from within a room, where the scene's camera stands square in front of
+/// it and can.
+///
+/// # Errors
+///
+/// As [`Scene::strokes`] and [`CameraOptions::camera`].
+pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
+    if let Framing::Word(_) = scene.camera.framing {
+        let word_m = scene.strokes()?.bounds_m();
+        scene.camera = framed(scene.camera.clone(), word_m, room_m)?.0;
+    }
+    Ok(())
+}
+
+impl Placement {
+    /// The answer as rows of a table: what, and where.
+    #[must_use]
+    pub fn rows(&self) -> Vec<[String; 2]> {
+        let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
+        let flat = |[x, y]: [f64; 2]| format!("({}, {})", meters(x), meters(y));
+        let solid = |place: [f64; 3]| format!("({})", place.map(meters).join(", "));
+        let list = |places: Vec<String>| match places.is_empty() {
+            true => "none".to_owned(),
+            false => places.join(", "),
+        };
+        let audience = match self.audience_y_m {
+            Some(y) => format!(
+                "at y below {}, {:.1} m from the flight, beside or behind the tripod",
+                meters(y),
+                self.audience_from_m
+            ),
+            None => format!(
+                "outside of the room: it is not deep enough for {:.1} m from the flight, which a \
+                 drone may fly and fall without commands",
+                self.audience_from_m
+            ),
+        };
+        let size = format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom);
+        let marks = list(self.take_off_m.iter().copied().map(flat).collect());
+        let stations = list(self.stations_m.iter().copied().map(solid).collect());
+        let frame = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
+        let row = |what: &str, place| [what.to_owned(), place];
+        let mut rows = vec![
+            row("room", frame),
+            row("word", size),
+            row("take-off", marks),
+            row("stations", stations),
+            row("audience", audience),
+        ];
+        rows.extend(self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]));
+        rows
+    }
+}
+
+impl CameraPlace {
+    /// Where it stands and how it is set, or what would.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let Some(place) = self.tripod_m else {
+            let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
+                format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
+            });
+            return format!(
+                "nowhere: the room is not deep enough for {:.1} m; it would take a lens of \
+                 {:.0} mm (full-frame equivalent; this is {:.0} mm){letters}",
+                self.least_m,
+                (1e3 * self.longest_equivalent_m).floor(),
+                1e3 * self.equivalent_m
+            );
+        };
+        let place = place.map(meters).join(", ");
+        let Some(metered) = self.metered else { return format!("tripod at ({place})") };
+        let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
+        format!(
+            "tripod at ({place}), f/{}, ISO {}, shutter {:.0} s{help}",
+            metered.f_number,
+            metered.iso,
+            self.shutter_s.ceil()
+        )
+    }
+}
+
+/// To centimeters, without a negative zero.
+fn meters(value_m: f64) -> String {
+    format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Preset;
+    use crate::shoot::Lighting;
+
+    fn placed(word: &str, cap_m: f64, room_m: [f64; 3]) -> (Shoot, Lighting, Placement) {
+        let profile = Profile::indoor().in_room(room_m);
+        let mut scene = Scene { word: word.into(), ..Scene::preset(Preset::default()) };
+        scene.letters.cap_height_m = cap_m;
+        scene.sensors.lighthouse.stations = profile.stations().into();
+        let shoot = Shoot::new(scene).unwrap();
+        let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
+        let end_s = lighting.camera.shutter_close_s;
+        let placement = place(&shoot, &lighting.trace, end_s, &profile).unwrap().unwrap();
+        (shoot, lighting, placement)
+    }
+
+    #[test]
+    fn a_camera_that_has_a_place_in_the_room_shows_the_whole_word_from_it() {
+        let (mut n_fit, mut n_none) = (0, 0);
+        for room_m in [[4.0, 3.0, 2.5], [5.0, 6.0, 2.5], [9.0, 12.0, 3.0]] {
+            let (shoot, _, placement) = placed("NO", 1.2, room_m);
+            let [left, bottom, right, top] = placement.word_m;
+            let all = [(BodyModel::default(), LensModel::default())];
+            let all = all.into_iter().chain(owned().map(|(_, body, lens)| (body, lens)));
+            for (found, (body, lens)) in placement.cameras.iter().zip(all) {
+                // Whatever the formula says: the corners of the word, seen by that camera.
+                let y_m = found.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
+                let options = CameraOptions { body, lens, ..shoot.scene.camera.clone() };
+                let mut camera = options.camera(placement.word_m, 1.0).unwrap();
+                camera.position_m.y = y_m;
+                let corners = [[left, bottom], [right, bottom], [left, top], [right, top]];
+                let corners = corners.map(|[x, z]| nalgebra::Vector3::new(x, 0.0, z));
+                let middle_m = 0.5 * (left + right);
+                let edge = |share: f64| {
+                    corners.map(|c| {
+                        let x = middle_m + (c.x - middle_m) / share;
+                        let z = camera.position_m.z + (c.z - camera.position_m.z) / share;
+                        nalgebra::Vector3::new(x, 0.0, z)
+                    })
+                };
+                let shown = |share| camera.outside(edge(share)).in_words().is_none();
+                if found.tripod_m.is_some() {
+                    n_fit += 1;
+                    assert!(shown(1.0), "{found:?}");
+                    assert!(y_m >= 0.3 - 0.5 * room_m[1] - 1e-9, "{found:?}");
+                } else {
+                    n_none += 1;
+                    // Barrel distortion shows a little more than the formula.
+                    assert!(!shown(0.85), "it would have: {found:?}");
+                    assert!(found.longest_equivalent_m < found.equivalent_m, "{found:?}");
+                }
+            }
+        }
+        assert!(n_fit > 6 && n_none > 3, "{n_fit} and {n_none}");
+    }
+
+    #[test]
+    fn the_scenes_camera_is_metered_as_preview_meters_it() {
+        let (shoot, lighting, placement) = placed("I", 0.5, [9.0, 12.0, 3.0]);
+        let own = &placement.cameras[0];
+        assert_eq!(own.tripod_m.unwrap(), <[f64; 3]>::from(lighting.camera.position_m));
+        assert_eq!(own.metered, lighting.metered);
+        assert_eq!(own.metered, lighting.recommended(&shoot.scene));
+    }
+
+    #[test]
+    fn the_audience_is_beyond_what_a_drone_flies_and_falls() {
+        let (_, _, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
+        assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
+        assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
+        let (_, _, closet) = placed("I", 0.5, [2.0, 2.0, 2.5]);
+        assert_eq!(closet.audience_y_m, None);
+        assert!(closet.rows().iter().any(|[_, place]| place.starts_with("outside")));
+    }
+}
