@@ -405,7 +405,11 @@ mod tests {
         };
         assert!(names("").contains(&"ring 0".to_owned()));
         assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
-        assert_eq!(names("[light]\ndeck = \"none\"").len(), 7, "those of the board and their glints");
+        assert_eq!(
+            names("[light]\ndeck = \"none\"").len(),
+            7,
+            "those of the board and their glints"
+        );
         let printed = Scene::preset(Preset::default()).to_toml();
         let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
         assert_ne!(printed, edited);
