@@ -56,7 +56,7 @@
 //! | 6 | [`scene`] | the one TOML file that fixes a photo |
 //! | 7 | [`shoot`] | the one place where stages are chained: Scene → [`shoot::Shot`] with all products |
 //! | 8 | [`preflight`] | Shoot → findings: what speaks against a flight, with its numbers and advice |
-//! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; sweeps, a store |
+//! | 9 | [`study`] | scenes → ranking, tuned scene, learned plan, what makes a word illegible; shards, a store |
 //! | 10 | [`report`] | products → plots, sheets |
 //! | 11 | [`cli`] | arguments, tables, exit codes |
 //! | 12 | `python` | the Python package (feature `python`), above `cli`, whose commands are its functions |
