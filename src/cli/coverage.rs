@@ -156,6 +156,10 @@ fn text_of(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64;
         }
         None => "error     unknown: no point is seen by two base stations\n".to_owned(),
     };
+    let reflected = grid.places.iter().filter(|place| place.n_reflected > 0).count();
+    if reflected > 0 {
+        text += &format!("mirrors   show a station a second time at {reflected} points\n");
+    }
     let rows = (0..=n_stations).filter_map(|n| {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
         #[expect(clippy::cast_precision_loss, reason = "at most a million")]

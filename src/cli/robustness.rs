@@ -16,7 +16,7 @@ use crate::study::{Conditions, Endurance, Factor, RobustnessOptions, robustness,
 
 /// What helps against the radio.
 const ON_BOARD: &str = "outages of the radio do not move a drone that flies a trajectory on board: export \
-     --format compressed, and compare with --set 'radio.setpoints=\"on-board\"'";
+     --to compressed, and compare with --set 'radio.setpoints=\"on-board\"'";
 
 #[derive(Debug, Args)]
 pub(super) struct RobustnessArgs {

@@ -23,7 +23,8 @@ pub(super) struct SpreadFlags {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
     /// How the flights of --spread differ: room (the scene's drone, another room and evening), drone
-    /// (any drone of its make as well), still (noise alone), or a TOML file
+    /// (any drone of its make as well), evening (the room, with faults of radio, heading, propeller and
+    /// battery), still (noise alone), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }

@@ -52,6 +52,7 @@ const RULES: &[Rule] = &[
         |s| !feels_air(&s.vehicle),
         NO_DRAG,
     ),
+    (&["air.downwash"], |s| s.plan.drones == 1, "one drone flies"),
     (&["air.gusts"], |s| s.air.gusts == Gusts::Dryden && !feels_air(&s.vehicle), NO_DRAG),
     (
         &["air.gusts"],

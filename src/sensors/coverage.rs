@@ -4,12 +4,14 @@
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
 //! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao). σ
 //! is the whole error of an angle: its white noise, its distortion, and the station's own place and
-//! turn; the distortion that all stations share is added. Not modeled: walls and people in the way,
-//! the tilt of the drone.
+//! turn; the distortion that all stations share is added. People in the way
+//! and mirrors are those of the sensors. Not modeled: walls, the tilt of the drone, what a reflection
+//! does to the error.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
+use super::room::Room;
 use crate::error::{Error, Result, within};
 use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
 use crate::settings::Described;
@@ -37,6 +39,8 @@ pub struct Coverage {
 pub struct Place {
     /// Stations that see a level drone there.
     pub n_stations: usize,
+    /// Stations whose image in a mirror it sees.
+    pub n_reflected: usize,
     /// Expected error of the position over all three axes, 1 σ; none where the angles of the
     /// stations that see it leave it open.
     pub error_m: Option<f64>,
@@ -110,10 +114,15 @@ fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
 /// Visibility and accuracy of a level drone at a place.
 fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
     let square = |x: f64| x * x;
-    let (mut n_stations, mut information) = (0, Matrix3::zeros());
+    let room = Room::new(options);
+    let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
         let pose = StationPose::new(station);
-        if !pose.sees(place_m, &Vector3::z()) {
+        n_reflected += usize::from(room.mirrors.iter().any(|mirror| {
+            mirror.shows(&pose.position_m, place_m)
+                && pose.sees(&mirror.image_m(place_m), &(mirror.turn() * Vector3::z()))
+        }));
+        if !pose.sees(place_m, &Vector3::z()) || room.hides(&pose.position_m, place_m, &[]) {
             continue;
         }
         n_stations += 1;
@@ -133,7 +142,7 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> Place {
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
     let bent = 3.0 * square(options.distortion_m);
     let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
-    Place { n_stations, error_m: error_m.filter(|error_m| error_m.is_finite()) }
+    Place { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
 
 #[cfg(test)]
@@ -170,9 +179,21 @@ mod tests {
         let mut options = square_stations();
         options.stations.pop();
         let found = look(&options, &Vector3::zeros());
-        assert_eq!(found, Place { n_stations: 1, error_m: None });
+        assert_eq!(found, Place { n_stations: 1, n_reflected: 0, error_m: None });
         let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
-        assert_eq!(behind, Place { n_stations: 0, error_m: None });
+        assert_eq!(behind, Place { n_stations: 0, n_reflected: 0, error_m: None });
+    }
+
+    #[test]
+    fn a_person_hides_a_station_and_a_mirror_shows_one_twice() {
+        let mut options = square_stations();
+        options.people_m = vec![[-1.0, 0.0, 0.25]];
+        options.mirrors_m = vec![[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]];
+        let found = look(&options, &Vector3::zeros());
+        assert_eq!((found.n_stations, found.error_m), (1, None), "the first is behind a person");
+        assert_eq!(found.n_reflected, 2, "the images of both look at it");
+        options.mirrors_m[0][1] = [1.0, 0.0, 0.0];
+        assert_eq!(look(&options, &Vector3::zeros()).n_reflected, 0, "the back of the mirror");
     }
 
     #[test]

@@ -84,7 +84,9 @@ mod tests {
         let mut lighthouse = Lighthouse::new(options, |sensor| Noise::new(1, 0, sensor));
         let mut beams = CrossingBeams::new(&options.stations);
         let times = (1..=500).map(|tick| f64::from(tick) / 500.0);
-        times.filter_map(|t| beams.fix_m(lighthouse.read(&position_m, || attitude, t), t)).collect()
+        times
+            .filter_map(|t| beams.fix_m(lighthouse.read(&position_m, || attitude, t, &[]), t))
+            .collect()
     }
 
     #[test]

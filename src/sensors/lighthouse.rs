@@ -5,10 +5,11 @@
 //! the tick that follows it, and all four sensors of the deck are read together: the firmware
 //! throws away a sweep that one of them missed (`pulse_processor_v2.c`).
 //!
-//! Not modeled: the drone's motion within a tick, reflections, walls and people.
+//! Not modeled: the drone's motion within a tick, walls.
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::room::Room;
 use super::station::StationPose;
 use super::{Generation, LighthouseOptions, Station};
 use crate::geometry::Attitude;
@@ -59,6 +60,7 @@ pub(super) struct Lighthouse {
     /// When that was looked up.
     bent_s: f64,
     loss_frac: f64,
+    room: Room,
     /// Sweeps of this tick.
     sweeps: Vec<Sweep>,
     blind_ticks: u32,
@@ -99,17 +101,19 @@ impl Lighthouse {
             bend_m: Vector3::zeros(),
             bent_s: f64::NEG_INFINITY,
             loss_frac: options.sweep_loss_frac,
+            room: Room::new(options),
             sweeps: Vec::with_capacity(2 * n),
             blind_ticks: 0,
         }
     }
 
-    /// The sweeps that arrive by `time_s` at a deck at `position_m`.
+    /// The sweeps that arrive by `time_s` at a deck at `position_m`, among drones at `fleet_m`.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
         world_from_body: impl Fn() -> Matrix3<f64>,
         time_s: f64,
+        fleet_m: &[Vector3<f64>],
     ) -> &[Sweep] {
         self.sweeps.clear();
         if time_s - self.bent_s >= BEND_S {
@@ -124,10 +128,25 @@ impl Lighthouse {
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
                 let up = world_from_body.column(2).into_owned();
-                if lost || !rotor.truth.sees(position_m, &up) {
+                if lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
                 let attitude = turn * world_from_body;
+                for mirror in &self.room.mirrors {
+                    let seen_m = mirror.image_m(position_m);
+                    let shown = mirror.shows(&rotor.truth.position_m, position_m);
+                    if shown && rotor.truth.sees(&seen_m, &(mirror.turn() * up)) {
+                        let (image_m, turned) = (mirror.image_m(&bent_m), mirror.turn() * attitude);
+                        let angles_rad = rotor.angles_rad(plane, &image_m, &turned, &errors);
+                        self.sweeps.push(Sweep { station, plane, angles_rad });
+                    }
+                }
+                let station_m = &rotor.truth.position_m;
+                if !rotor.truth.sees(position_m, &up)
+                    || self.room.hides(station_m, position_m, fleet_m)
+                {
+                    continue;
+                }
                 let angles_rad = rotor.angles_rad(plane, &bent_m, &attitude, &errors);
                 rotor.seen_s = time_s;
                 self.sweeps.push(Sweep { station, plane, angles_rad });

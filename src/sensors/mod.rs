@@ -15,6 +15,7 @@ mod lighthouse_yaml;
 mod options;
 mod peers;
 mod position;
+mod room;
 mod station;
 mod uwb;
 
@@ -206,11 +207,11 @@ impl Sensors {
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
             Locator::CrossingBeams(lighthouse, beams) => {
-                let sweeps = lighthouse.read(&position_m, world_from_body, time_s);
+                let sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
                 readings.position_m = beams.fix_m(sweeps, time_s);
             }
             Locator::Sweeps(lighthouse) => {
-                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s);
+                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
             }
             Locator::Uwb(uwb) => {
                 (readings.ranges, readings.peer_ranges) = uwb.read(&position_m, fleet_m, time_s);

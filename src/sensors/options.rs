@@ -121,6 +121,18 @@ settings! {
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
             .into();
+        /// Mirrors and panes: a point of each, and the direction that it faces. Besides its sweeps the
+        /// deck then hears those of each station's image.
+        ///
+        /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
+        mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// People who stand in the light, 1.8 m high: x, y and radius of each.
+        people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// Silences: number of the station, from 0, and the times from and to, s.
+        silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
+            for "sensors.positioning" = "crossing-beams" | "sweeps";
         /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
         /// station.
         sweep_noise_rad: [f64; 2] = [60e-6, 28e-6], in 0.0..=0.1;

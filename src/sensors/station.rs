@@ -59,7 +59,7 @@ impl StationPose {
     }
 
     /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
-    /// its field of view, and above the deck. Walls and people are not modeled.
+    /// its field of view, and above the deck. Walls are not modeled.
     pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();

@@ -12,6 +12,7 @@ use crate::settings::{Described, Setting, Shape, names};
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
+    ("air.downwash", "drones that are planned above each other"),
     ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
@@ -74,6 +75,11 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         ("floor.steps", ..) => {
             vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
         }
+        ("sensors.lighthouse.mirrors_m", ..) => {
+            vec!["[[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]]".into()]
+        }
+        ("sensors.lighthouse.people_m", ..) => vec!["[[-1.2, -1.1, 0.5]]".into()],
+        ("sensors.lighthouse.silent", ..) => vec!["[[0.0, 0.0, 100.0]]".into()],
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
         ("camera.white_balance", ..) => vec!["3200.0".into()],
         ("light.letters_wrgb", ..) => vec!["[[0, 0, 255, 0]]".into()],

@@ -10,7 +10,7 @@ use crate::control::StepResponse;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint};
 use crate::sensors::{Positioning, SensorOptions};
-use crate::sim::{Drone, EstimatorKind, SimOptions, fly};
+use crate::sim::{Drone, EstimatorKind, RadioOptions, SimOptions, fly};
 use crate::vehicle::Gusts;
 
 /// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
@@ -37,6 +37,7 @@ impl SimOptions {
         options.air.gusts = Gusts::None;
         options.air.wind_m_s = [0.0; 3];
         options.vehicle.center_of_mass_m = [0.0; 2];
+        options.radio = RadioOptions::default();
         options
     }
 }

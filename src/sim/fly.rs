@@ -281,7 +281,7 @@ mod tests {
     use super::*;
     use crate::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S, Warning};
     use crate::sensors::Positioning;
-    use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
+    use crate::sim::{ControllerKind, EstimatorKind, RadioOptions, Setpoints, SimOptions};
     use crate::vehicle::{FloorStep, Gusts};
 
     /// Setpoints `(time, x, z)` with a light on all of them.
@@ -454,6 +454,34 @@ mod tests {
         };
         let pulled_m = moved_m(&blowing) - moved_m(&still);
         assert!(pulled_m < -0.002, "{pulled_m} m");
+    }
+
+    #[test]
+    fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flies_on() {
+        let mut options = SimOptions::default();
+        options.radio.drones = 1;
+        options.radio.loss_frac = 1.0;
+        let mut hover = plan(&[(0.0, 0.0, 0.8), (1.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
+        hover.lights.get_mut("headlights").unwrap()[0] = 0.0;
+        let streamed = flown(&hover, &options, 1).unwrap();
+        let at = |flight: &Flight, time_s: f64| {
+            flight.samples.iter().find(|s| s.time_s >= time_s).unwrap().clone()
+        };
+        assert!((at(&streamed, 1.9).position_m.z - 0.8).abs() < 0.05, "keeps its height");
+        assert_eq!(at(&streamed, 3.5).position_m.z, 0.0, "the motors stop");
+        assert!(
+            matches!(streamed.warnings[..], [Warning::HostSilent(s)] if (s - 2.0).abs() < 0.01)
+        );
+        // Adrift, not held: the same gusts move it farther than a drone with setpoints.
+        options.radio.setpoints = Setpoints::OnBoard;
+        let on_board = flown(&hover, &options, 1).unwrap();
+        let drift_m = |flight: &Flight| at(flight, 1.9).position_m.xy().norm();
+        assert!(drift_m(&streamed) > 1.5 * drift_m(&on_board), "{} m", drift_m(&streamed));
+        assert!((at(&on_board, 4.9).position_m.z - 0.8).abs() < 0.05, "{:?}", at(&on_board, 4.9));
+        assert!(on_board.lights["headlights"].iter().all(|level| *level == 0.0), "never heard");
+        options.radio = RadioOptions::default();
+        let at_once = flown(&hover, &options, 1).unwrap();
+        assert!(at_once.samples == on_board.samples && at_once.lights != on_board.lights);
     }
 
     #[test]

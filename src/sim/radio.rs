@@ -133,14 +133,19 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_shares_and_outages_are_common_to_all() {
+        let share = |silences_s: &[f64], least_s: f64| {
+            let (later, all) = silences_s.iter().fold((0.0, 0.0), |(later, all), silence_s| {
+                (later + f64::from(*silence_s > least_s), all + 1.0)
+            });
+            later / all
+        };
         // Lost packets in a row: a share p² of the turns is the second in a row.
-        let mut lossy = link(1, 0.5, 0.0, 0.1, 0);
-        let late = silences_s(&mut lossy, 20_000).iter().filter(|s| **s > 1.4e-3).count();
-        assert!((late as f64 / 20_000.0 - 0.25).abs() < 0.02, "{late} of 20000");
+        let lossy = share(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
+        assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let silent = |index| silences_s(&mut link(1, 0.0, 10.0, 0.5, index), 200_000);
         let [one, other] = [silent(0), silent(1)];
-        let share = one.iter().filter(|s| **s > 0.01).count() as f64 / 200_000.0;
-        assert!((share / (0.49 / 10.5) - 1.0).abs() < 0.2, "{share}");
+        let out: f64 = share(&one, 0.01);
+        assert!((out / (0.49 / 10.5) - 1.0).abs() < 0.2, "{out}");
         let both = one.iter().zip(&other).filter(|(a, b)| (**a > 0.02) != (**b > 0.02)).count();
         assert_eq!(both, 0, "one band");
     }

@@ -411,6 +411,30 @@ mod tests {
     }
 
     #[test]
+    fn an_evening_has_faults_of_its_own_and_a_room_has_none() {
+        let scene = Scene::preset(Preset::Cf21);
+        let drawn = |conditions: &Conditions, seed| conditions.draw(&scene, seed, 0).sim;
+        let [room, evening] = [Conditions::default(), Conditions::evening()];
+        let sound = drawn(&room, 1);
+        assert_eq!((&sound.radio, sound.vehicle.motor_loss_frac), (&scene.radio, [0.0; 4]));
+        assert_eq!(sound.battery.resistance_ohm, scene.battery.resistance_ohm);
+        let mut weak = [0; 4];
+        for seed in 0..200 {
+            let found = drawn(&evening, seed);
+            assert_eq!((found.radio.drones, found.radio.outage_s), (1, 0.3));
+            let lost = found.vehicle.motor_loss_frac;
+            let motor = lost.iter().position(|lost| *lost > 0.0).unwrap();
+            assert!(lost[motor] < 0.06 && lost.iter().sum::<f64>() == lost[motor], "{lost:?}");
+            weak[motor] += 1;
+            let older = found.battery.resistance_ohm / scene.battery.resistance_ohm - 1.0;
+            let smaller = 1.0 - found.battery.capacity_ah / scene.battery.capacity_ah;
+            assert!((0.0..1.0).contains(&older) && (smaller - 0.2 * older).abs() < 1e-12);
+            assert_eq!(drawn(&evening.only(Factor::Radio), seed).radio, found.radio);
+        }
+        assert!(weak.iter().all(|n| (30..75).contains(n)), "each motor in its turn: {weak:?}");
+    }
+
+    #[test]
     fn draws_have_the_stated_spread() {
         let (n, scene) = (4000_u32, Scene::preset(Preset::Ae4832022));
         let draws =

@@ -1,0 +1,141 @@
+//! What stands in the light of the base stations: people, other drones, mirrors and panes.
+//!
+//! A person is a standing cylinder, a drone a ball; they take the light away. A mirror shows each
+//! station a second time: the deck hears the sweep that meets its own image behind the mirror, with that
+//! image's angle. Which of these sweeps are believed is up to the gate of the estimator.
+//!
+//! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time between
+//! a sweep and its reflection, by which the firmware's pulse processor drops some of them.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::LighthouseOptions;
+
+/// Height of a person.
+const PERSON_M: f64 = 1.8;
+/// Radius of a drone: half of the 92 mm from motor to motor.
+const DRONE_M: f64 = 0.046;
+
+/// All of it.
+#[derive(Debug)]
+pub(super) struct Room {
+    /// Axis in x and y, and radius.
+    people_m: Vec<[f64; 3]>,
+    pub(super) mirrors: Vec<Mirror>,
+    silent: Vec<[f64; 3]>,
+}
+
+/// A plane that reflects on the side that it faces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mirror {
+    point_m: Vector3<f64>,
+    facing: Vector3<f64>,
+}
+
+impl Room {
+    pub(super) fn new(options: &LighthouseOptions) -> Self {
+        let mirror = |[point_m, facing]: &[[f64; 3]; 2]| {
+            let facing = Vector3::from(*facing).try_normalize(0.0)?;
+            Some(Mirror { point_m: Vector3::from(*point_m), facing })
+        };
+        Self {
+            people_m: options.people_m.clone(),
+            mirrors: options.mirrors_m.iter().filter_map(mirror).collect(),
+            silent: options.silent.clone(),
+        }
+    }
+
+    /// Whether a station sends nothing at a time.
+    pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "at most 16 stations")]
+        let of_station = |silence: &&[f64; 3]| silence[0] == station as f64;
+        self.silent
+            .iter()
+            .filter(of_station)
+            .any(|[_, from_s, to_s]| (*from_s..*to_s).contains(&time_s))
+    }
+
+    /// Whether something stands between a station and a deck; the deck's own drone is none of
+    /// `drones_m`'s that hide it.
+    pub(super) fn hides(
+        &self,
+        station_m: &Vector3<f64>,
+        deck_m: &Vector3<f64>,
+        drones_m: &[Vector3<f64>],
+    ) -> bool {
+        let way_m = deck_m - station_m;
+        let person = |[x, y, radius]: &[f64; 3]| {
+            let axis_m = Vector3::new(*x, *y, 0.0) - station_m;
+            let share = (axis_m.xy().dot(&way_m.xy()) / way_m.xy().norm_squared()).clamp(0.0, 1.0);
+            (axis_m.xy() - way_m.xy() * share).norm() < *radius
+                && station_m.z + way_m.z * share < PERSON_M
+        };
+        let drone = |drone_m: &Vector3<f64>| {
+            let to_m = drone_m - station_m;
+            let share = to_m.dot(&way_m) / way_m.norm_squared();
+            (drone_m - deck_m).norm() > DRONE_M
+                && (0.0..1.0).contains(&share)
+                && (to_m - way_m * share).norm() < DRONE_M
+        };
+        self.people_m.iter().any(person) || drones_m.iter().any(drone)
+    }
+}
+
+impl Mirror {
+    /// Whether it shows one place to another.
+    pub(super) fn shows(&self, a_m: &Vector3<f64>, b_m: &Vector3<f64>) -> bool {
+        [a_m, b_m].iter().all(|place_m| (*place_m - self.point_m).dot(&self.facing) > 0.0)
+    }
+
+    /// The image of a place.
+    pub(super) fn image_m(&self, place_m: &Vector3<f64>) -> Vector3<f64> {
+        self.point_m + self.turn() * (place_m - self.point_m)
+    }
+
+    /// The image of directions.
+    pub(super) fn turn(&self) -> Matrix3<f64> {
+        Matrix3::identity() - 2.0 * self.facing * self.facing.transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::StationPose;
+    use super::*;
+
+    #[test]
+    fn people_and_drones_hide_what_is_behind_them() {
+        let options = LighthouseOptions {
+            people_m: vec![[1.0, 0.0, 0.25]],
+            silent: vec![[1.0, 2.0, 3.0]],
+            ..LighthouseOptions::default()
+        };
+        let room = Room::new(&options);
+        let (station_m, deck_m) = (Vector3::new(3.0, 0.0, 2.4), Vector3::new(-1.0, 0.0, 0.5));
+        assert!(room.hides(&station_m, &deck_m, &[]), "the way passes 1.45 m up, at the middle");
+        let high_m = Vector3::new(-1.0, 0.0, 1.6);
+        assert!(!room.hides(&station_m, &high_m, &[]), "over the head");
+        let beside_m = Vector3::new(-1.0, 1.5, 0.5);
+        assert!(!room.hides(&station_m, &beside_m, &[]));
+        let between_m = station_m + (beside_m - station_m) * 0.7;
+        assert!(room.hides(&station_m, &beside_m, &[between_m, beside_m]), "another drone");
+        assert!(!room.hides(&station_m, &beside_m, &[beside_m]), "not the drone itself");
+        assert!(room.is_silent(1, 2.5) && !room.is_silent(1, 3.0) && !room.is_silent(0, 2.5));
+    }
+
+    #[test]
+    fn a_mirror_shows_the_station_behind_it() {
+        // The sweep that meets the deck's image meets the deck as one of the station's own image.
+        let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x() };
+        let options = LighthouseOptions::default();
+        let pose = StationPose::new(&options.stations[0]);
+        let deck_m = Vector3::new(0.3, 0.1, 0.8);
+        assert!(mirror.shows(&pose.position_m, &deck_m));
+        assert!(!mirror.shows(&pose.position_m, &Vector3::new(2.1, 0.0, 0.8)), "behind it");
+        let image_m = mirror.image_m(&deck_m);
+        assert!((image_m - Vector3::new(3.7, 0.1, 0.8)).norm() < 1e-12);
+        let direct = (pose.position_m - image_m).norm();
+        let reflected = (mirror.image_m(&pose.position_m) - deck_m).norm();
+        assert!((direct - reflected).abs() < 1e-12, "one way");
+    }
+}
