@@ -77,6 +77,12 @@ settings! {
     pub struct TrailMetering {
         /// Middle of the brightest trail.
         trail_stops: f64 = 2.0, in -10.0..=10.0;
+        /// Middle of the brightest trail in its strongest color channel, where its lamp writes in
+        /// color.
+        ///
+        /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness), half
+        /// a stop below by 7; two stops above, by 27.
+        color_stops: f64 = -0.5, in -10.0..=10.0;
         /// Most of the room's light, which gathers while the shutter is open; the trail gives way
         /// to it, down to its `least_stops`.
         room_stops: f64 = -7.0, in -20.0..=0.0;

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::set::{Setting, owned};
+use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
 
 /// The word as it is drawn.
@@ -20,10 +21,10 @@ pub(super) struct LetterFlags {
     /// a photograph]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
-    /// Colors of the letters in turn, as #rrggbb or names such as red: the color LED deck writes
-    /// (the ring writes in colors that the scene names)
+    /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the ring
+    /// writes in colors that the scene names)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
-    color: Vec<[u8; 3]>,
+    color: Vec<[u8; 4]>,
     /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
     /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling and
     /// within the 4 m that two Lighthouse stations serve; these hang in its corners where no scene
@@ -32,31 +33,14 @@ pub(super) struct LetterFlags {
     room: Option<[f64; 3]>,
 }
 
-/// Colors by name, of the color LED deck at full level.
-const COLORS: [(&str, [u8; 3]); 8] = [
-    ("red", [255, 0, 0]),
-    ("orange", [255, 110, 0]),
-    ("yellow", [255, 200, 0]),
-    ("green", [0, 255, 0]),
-    ("cyan", [0, 255, 255]),
-    ("blue", [0, 0, 255]),
-    ("magenta", [255, 0, 255]),
-    ("white", [255, 255, 255]),
-];
+/// Without the firmware's correction of brightness, dim colors have twice as many steps.
+const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
-fn color(text: &str) -> Result<[u8; 3], String> {
-    if let Some((_, rgb)) = COLORS.iter().find(|(name, _)| *name == text) {
-        return Ok(*rgb);
-    }
-    let hex = text.strip_prefix('#').filter(|hex| hex.len() == 6 && hex.is_ascii());
-    let byte = |at: usize| u8::from_str_radix(hex?.get(at..at + 2)?, 16).ok();
-    match [byte(0), byte(2), byte(4)] {
-        [Some(r), Some(g), Some(b)] => Ok([r, g, b]),
-        _ => {
-            let names: Vec<&str> = COLORS.iter().map(|(name, _)| *name).collect();
-            Err(format!("wanted #rrggbb or one of {}", names.join(", ")))
-        }
-    }
+/// A color as CSS writes it, as the bytes of the color LED deck that show it.
+fn color(text: &str) -> Result<[u8; 4], String> {
+    let hint = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
+    let found: svgtypes::Color = text.parse().map_err(|_| hint.to_owned())?;
+    Ok(color_led_wrgb([found.red, found.green, found.blue], LEVELS))
 }
 
 /// Least distance of the word from the sides of the volume that a drone may fly in, and from its
@@ -94,10 +78,14 @@ impl LetterFlags {
         settings
             .extend(self.detail.map(|detail| ("letters.detail".to_owned(), detail.to_string())));
         if !self.color.is_empty() {
-            let colors = self.color.iter().map(|[r, g, b]| format!("[0, {r}, {g}, {b}]"));
+            let colors = self.color.iter().map(|wrgb| format!("{wrgb:?}"));
             let colors = format!("[{}]", colors.collect::<Vec<_>>().join(", "));
             settings.push(("light.letters_wrgb".to_owned(), colors));
-            let lamp = [("light.deck", "color-led"), ("plan.lights", "[\"color-led\"]")];
+            let lamp = [
+                ("light.deck", "color-led"),
+                ("plan.lights", "[\"color-led\"]"),
+                ("light.color_led_levels", LEVELS.name()),
+            ];
             settings.extend(owned(lamp.into_iter()));
         }
         if let Some(room_m) = self.room {

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::flight::tracking::{Part, track};
 use crate::plan::Plan;
 use crate::report::plan_view;
-use crate::shoot::{self, Planned};
+use crate::shoot::{Planned, Shoot};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -50,7 +50,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
             Sink::Plans(Outputs::create(path.as_deref(), "plan", n)?)
         }
     };
-    let planned = shoot::plan(&scene, &strokes)?;
+    // With the colors of a drawing.
+    let planned = Shoot::new(scene.clone())?.plans;
     let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
     let files = match output {

@@ -13,6 +13,7 @@ use super::pieces::Stretch;
 use super::{Job, caution, gains, stem};
 use crate::crazyflie::RING_TIMING_ENTRIES;
 use crate::error::{Error, Result};
+use crate::light::LightOptions;
 use crate::plan::Plan;
 use crate::settings::settings;
 use crate::sim::ControllerKind;
@@ -117,7 +118,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "before_s": before_s,
         "end_s": sent_until_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
-        "parameters": parameters(plan),
+        "parameters": parameters(plan, job.light),
         "dark": commands(&dark(plan)?).iter().map(|c| json!([c[1], c[2], c[3], c[4]]))
             .collect::<Vec<_>>(),
         "lights": commands(&lights),
@@ -136,9 +137,9 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
 }
 
 /// Parameters that are set before the flight: estimator, high-level commander, lamps.
-fn parameters(plan: &Plan) -> Vec<(&'static str, u32)> {
+fn parameters(plan: &Plan, light: &LightOptions) -> Vec<(&'static str, u32)> {
     let mut parameters = vec![("stabilizer.estimator", 2), ("commander.enHighLevel", 1)];
-    parameters.extend(preparation(plan));
+    parameters.extend(preparation(plan, light));
     parameters
 }
 
@@ -225,7 +226,6 @@ mod tests {
     use super::*;
     use crate::camera::CameraOptions;
     use crate::letters::{LetterOptions, write};
-    use crate::light::LightOptions;
     use crate::plan::{PlanOptions, plan};
     use crate::sim::SimOptions;
 

@@ -11,7 +11,7 @@
 
 use crate::crazyflie::{MAX_RING_TIMING, RING_TIMING_S};
 use crate::error::{Error, Result};
-use crate::light::{COLOR_LED_COLORS, LightOptions, RING_COLORS, packed};
+use crate::light::{COLOR_LED_COLORS, ColorLedLevels, LightOptions, RING_COLORS, packed};
 use crate::plan::Plan;
 
 /// `ring.effect` that shows `ring.fadeColor`.
@@ -104,9 +104,11 @@ pub fn dark(plan: &Plan) -> Result<Vec<Command>> {
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
 #[must_use]
-pub(crate) fn preparation(plan: &Plan) -> Vec<(&'static str, u32)> {
+pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Vec<(&'static str, u32)> {
     let mut parameters = vec![("led.bitmask", BOARD_DARK)];
     if plan.lights.contains_key("color-led") {
+        let corrected = options.color_led_levels == ColorLedLevels::Corrected;
+        parameters.push(("colorLedBot.brightCorr", u32::from(corrected)));
         parameters.push(("colorLedBot.wrgb8888", 0));
         return parameters;
     }

@@ -105,16 +105,9 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     // A row that changes its color is several lamps of one name.
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
-        let mut segments = Vec::new();
         let luminance = [0.2126, 0.7152, 0.0722];
         let share: f64 = lamp.emitter.rgb.iter().zip(luminance).map(|(c, y)| c * y).sum();
-        let intervals = project::intervals(lamp, camera);
-        merge::merge(intervals, share, MERGE_PX, &mut segments);
-        segments.retain(|segment| {
-            let [x, y]: [f64; 2] = segment.middle_px().into();
-            (0.0..=camera.width_px.into()).contains(&x)
-                && (0.0..=camera.height_px.into()).contains(&y)
-        });
+        let mut segments = in_picture(lamp, share, camera);
         let same =
             |known: &Lamp| known.drone == lamp.drone && known.emitter.name == lamp.emitter.name;
         match trails.iter_mut().find(|(known, _)| same(known)) {
@@ -133,6 +126,34 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
         return Err(Error::input("light", found, "light to measure", hint));
     }
     Ok(readings)
+}
+
+/// Share of the luminance in the strongest channel from which light is colored; white has 1.
+const COLORED: f64 = 1.25;
+
+/// Exposure of the trail of a label in the strongest channel of its brightest color, median over the length,
+/// in stops relative to saturation; `None` where it is white throughout.
+#[must_use]
+pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> Option<f64> {
+    let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
+    let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
+    let channels: Vec<(&Lamp, f64)> = channels.collect();
+    channels.iter().find(|(_, share)| *share > COLORED)?;
+    let found = channels.into_iter().filter_map(|(lamp, share)| {
+        reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
+    });
+    found.max_by(f64::total_cmp)
+}
+
+/// The trail of a lamp in the picture, in a channel that has a share of its light.
+fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
+    let mut segments = Vec::new();
+    merge::merge(project::intervals(lamp, camera), share, MERGE_PX, &mut segments);
+    segments.retain(|segment| {
+        let [x, y]: [f64; 2] = segment.middle_px().into();
+        (0.0..=camera.width_px.into()).contains(&x) && (0.0..=camera.height_px.into()).contains(&y)
+    });
+    segments
 }
 
 /// Brightest light of the floor, in stops relative to saturation; `None` where it is dark or out of

@@ -5,6 +5,7 @@
 //!
 //! Letters know no drone, and of speed only the pace in which handwriting was written.
 
+mod arcs;
 mod center_line;
 mod charstrings;
 mod composites;

@@ -6,12 +6,14 @@
 //!   one, and every move of the pen is listed, jumps included;
 //! - a font with a line `cap 21`, the height of a capital in its own units, keeps its proportions:
 //!   an advance follows the character, x = 0 is the pen's place before it, and between lit runs the
-//!   pen moves in the dark. `Á = A ´` composes a character: the mark is centered over the base, a
+//!   pen moves in the dark. Points that turn by less than 60° are samples of a curve ([`super::arcs`]),
+//!   and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot. `Á = A ´` composes a character: the mark is centered over the base, a
 //!   mark above it is raised by the base's height over a small letter, and `dx,dy` moves it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::arcs::rounded;
 use super::shape::{Fit, Run, Shape};
 use crate::error::{Error, Result};
 
@@ -97,8 +99,13 @@ impl StrokeFont {
                     point => runs.last_mut()?.points.push(parse_point(point, units)?),
                 }
             }
-            let whole = runs.iter().all(|run| run.points.len() >= 2);
-            whole.then_some(Shape { advance, runs, lost: 0.0 })?
+            if runs.iter().any(|run| run.points.len() < 2) {
+                return None;
+            }
+            if self.fit == Fit::Proportional {
+                runs.iter_mut().for_each(|run| run.points = rounded(&run.points));
+            }
+            Shape { advance, runs, lost: 0.0 }
         };
         self.n_points += shape.n_points();
         if shape.n_points() > MAX_POINTS || self.n_points > MAX_FONT_POINTS {

@@ -1,4 +1,6 @@
-//! Color: chromaticities of LEDs become linear sRGB with luminance 1.
+//! Color: chromaticities of LEDs become linear sRGB with luminance 1, and back.
+
+use nalgebra::{Matrix3, Vector3};
 
 /// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
 pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
@@ -24,6 +26,28 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
+/// Luminance of each die of a row for a color of the screen (sRGB) whose strongest channel is full,
+/// relative to that of white; what the dies cannot mix is clipped. Black is white.
+pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
+    let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
+    let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
+    let dies_from_rgb = (rgb_from_xyz * xyz_from_dies).try_inverse();
+    let linear = Vector3::from(srgb.map(|level| linear(f64::from(level) / 255.0)));
+    let full = match linear.max() {
+        most if most > 0.0 => linear / most,
+        _ => Vector3::repeat(1.0),
+    };
+    dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
+}
+
+/// Light of an encoded value of sRGB (IEC 61966-2-1).
+fn linear(encoded: f64) -> f64 {
+    match encoded {
+        small if small <= 0.040_45 => small / 12.92,
+        value => libm::pow((value + 0.055) / 1.055, 2.4),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,6 +60,15 @@ mod tests {
             let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
             assert!((luminance - 1.0).abs() < 1e-12, "{chromaticity:?}: luminance {luminance}");
         }
+    }
+
+    #[test]
+    fn a_mixture_of_dies_is_the_color_that_was_asked_for() {
+        let dies = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06]];
+        let found = mixture(dies, [255, 165, 0]);
+        let wanted = Vector3::new(0.2126, 0.7152 * linear(165.0 / 255.0), 0.0);
+        assert!((found - wanted).norm() < 1e-3, "the primaries of sRGB themselves: {found}");
+        assert!((mixture(dies, [255; 3]).sum() - 1.0).abs() < 1e-3, "white");
     }
 
     #[test]

@@ -3,9 +3,11 @@
 use std::cell::OnceCell;
 
 use super::chance::Chance;
+use super::color::mixture;
 use super::radio::{Change, Timer, arrivals, arrivals_of};
 use super::ring::{Frame, byte, frames};
-use super::{ColorLedLevels, Drive, Fixture, LightOptions, Pwm};
+use super::tables::{color_led, led_ring};
+use super::{ColorLedLevels, Die, Drive, Fixture, LightOptions, Pwm};
 use crate::crazyflie::COLOR_LED_TICK_S;
 use crate::error::{Error, Result};
 use crate::flight::Flight;
@@ -220,8 +222,61 @@ pub fn packed(bytes: &[u8], level: f64) -> u32 {
     bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }
 
+/// Luminous intensity of the white that the color LED deck mixes of red, green and blue, and that an
+/// LED of the ring mixes.
+///
+/// Of the deck, twice as much overexposes a word of seven letters at f/22, and half as much has 4 steps
+/// of green; an LED of the ring can do 1 cd. Colors of the screen that differ in brightness alone are
+/// one: their strongest channel is as bright as that of white, so that one exposure suits all.
+const WHITE_CD: [f64; 2] = [3.0, 0.5];
+
+/// Range and steps of that intensity in which the bytes are sought that fit best.
+const FITTED: [f64; 3] = [0.8, 1.2, 16.0];
+
+/// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
+/// (sRGB).
+#[must_use]
+pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
+    let dies = &color_led()[0].dies[1..];
+    let [r, g, b] = shown(dies, srgb, WHITE_CD[0], |die, byte| {
+        dies[die].intensity_cd * color_led_levels([byte; 4], levels)[die + 1]
+    });
+    [0, r, g, b]
+}
+
+/// Red, green and blue, 0 to 255, with which the LED ring shows a color of the screen (sRGB).
+#[must_use]
+pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
+    let ring = led_ring().into_iter().find(|row| matches!(row.drive, Drive::Ring(_)));
+    let dies = ring.map_or(Vec::new(), |row| row.dies);
+    shown(&dies, srgb, WHITE_CD[1], |die, byte| dies[die].intensity_cd * f64::from(byte) / 255.0)
+}
+
+/// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at a
+/// byte.
+fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
+    let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
+    let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
+    let [from, to, steps] = FITTED;
+    let (mut best, mut least, mut k) = ([0; 3], f64::INFINITY, 0.0);
+    while k <= steps {
+        let scale_cd = white_cd * (from + (to - from) * k / steps);
+        let off = |die: usize, byte: u8| (cd(die, byte) / scale_cd - color[die]).abs();
+        let bytes = std::array::from_fn(|die| {
+            let nearest = (0..=255).min_by(|a, b| off(die, *a).total_cmp(&off(die, *b)));
+            nearest.unwrap_or(0)
+        });
+        let error: f64 = (0..3).map(|die| off(die, bytes[die]) / white[die]).sum();
+        if error < least {
+            (best, least) = (bytes, error);
+        }
+        k += 1.0;
+    }
+    best
+}
+
 /// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.
-fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
+pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
     let weakest_lm = COLOR_LED_LM.into_iter().min().unwrap_or(1);
     std::array::from_fn(|die| {
         let value = match levels {

@@ -399,3 +399,37 @@ fn a_lamp_of_several_drones_is_labeled_by_its_drone_and_keeps_its_name() {
     lamp.drone = Some(0);
     assert_eq!((lamp.label().as_str(), lamp.emitter.name.as_str()), ("1: 2: spare", "2: spare"));
 }
+
+#[test]
+fn colors_of_the_screen_are_those_of_the_lamps() {
+    let color_led = |srgb| {
+        let plain = ColorLedLevels::Plain;
+        let levels = programs::color_led_levels(color_led_wrgb(srgb, plain), plain);
+        tables::color_led()[0].emitter(&levels).rgb
+    };
+    let ring = |srgb| {
+        let rows = tables::led_ring();
+        let row = rows.iter().find(|row| matches!(row.drive, Drive::Ring(_))).unwrap();
+        row.emitter(&ring_rgb(srgb).map(|byte| f64::from(byte) / 255.0)).rgb
+    };
+    // Linear light of sRGB: 165 is 0.376, 127 is 0.212, 105 is 0.141, 180 is 0.456.
+    for (srgb, wanted) in [
+        ([255, 0, 0], [1.0, 0.0, 0.0]),
+        ([255, 165, 0], [1.0, 0.376, 0.0]),
+        ([255, 255, 0], [1.0, 1.0, 0.0]),
+        ([255, 105, 180], [1.0, 0.141, 0.456]),
+        ([0, 255, 255], [0.0, 1.0, 1.0]),
+        ([0, 128, 0], [0.0, 1.0, 0.0]),
+        ([255, 255, 255], [1.0, 1.0, 1.0]),
+    ] {
+        // At this brightness the deck has 8 steps of green and 3 to 5 of red and blue.
+        for (lamp, rgb, within) in
+            [("color LED", color_led(srgb), 0.16), ("ring", ring(srgb), 0.02)]
+        {
+            let most = rgb.into_iter().fold(0.0, f64::max);
+            for (found, wanted) in rgb.iter().zip(wanted) {
+                assert!((found / most - wanted).abs() < within, "{lamp}, {srgb:?}: {rgb:?}");
+            }
+        }
+    }
+}

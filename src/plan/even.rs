@@ -8,7 +8,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::motion::{Motion, State};
-use super::pen::PenStroke;
+use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
 use crate::crazyflie::RING_TICK_S;
@@ -26,6 +26,14 @@ const OVER_HOME_M: f64 = 0.3;
 const TAKE_OFF_SHARE: f64 = 0.5;
 /// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
+/// Run-in of a loop: its light goes on so long after its beginning, when the drone is as far off the
+/// curve as at its end, and goes off so much later. Longer than three of these, it is a loop.
+const LEAD_S: f64 = 0.4;
+/// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the lamps'
+/// timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
+const OVERLAP_M: f64 = 0.015;
+/// Hover at a dot before its light goes on, in which the drone comes to rest.
+const SETTLE_S: f64 = 0.2;
 
 /// One part of the flight.
 #[derive(Debug)]
@@ -38,15 +46,20 @@ struct Segment {
 #[derive(Debug)]
 enum Path {
     Still(Vector2<f64>),
+    /// The beginning of a motion before its light.
+    RunIn(Motion),
     Lit(Motion),
+    Dot(Vector2<f64>),
     Dark(Transit),
 }
 
 impl Path {
     fn at(&self, time_s: f64) -> State {
         match self {
-            Self::Still(place) => State { position_m: *place, ..State::default() },
-            Self::Lit(motion) => motion.at(time_s),
+            Self::Still(place) | Self::Dot(place) => {
+                State { position_m: *place, ..State::default() }
+            }
+            Self::RunIn(motion) | Self::Lit(motion) => motion.at(time_s),
             Self::Dark(transit) => transit.at(time_s),
         }
     }
@@ -83,7 +96,10 @@ struct Course<'a> {
 
 impl Course<'_> {
     fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
-        let first = self.motion(&drawn[0]).at(0.0);
+        let first = match drawn[0].dot_m() {
+            Some(at_m) => rest(at_m.x, at_m.y),
+            None => self.motion(&drawn[0]).at(0.0),
+        };
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s),
@@ -103,10 +119,22 @@ impl Course<'_> {
     }
 
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
-        let motion = self.motion(stroke);
-        let drawing = self.segments.iter().any(|segment| matches!(segment.path, Path::Lit(_)));
+        let is_lit = |segment: &Segment| matches!(segment.path, Path::Lit(_) | Path::Dot(_));
+        let drawing = self.segments.iter().any(is_lit);
         let letter = Some(stroke.letter).filter(|_| drawing);
+        if let Some(at_m) = stroke.dot_m() {
+            self.go(letter, &rest(at_m.x, at_m.y))?;
+            self.push(letter, Path::Still(at_m), SETTLE_S);
+            let lit_s = dot_s(self.options.stroke_speed_m_s);
+            self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
+            return Ok(());
+        }
+        let mut motion = self.motion(stroke);
         self.go(letter, &motion.at(0.0))?;
+        if self.lead_m(stroke) > 0.0 {
+            self.push(letter, Path::RunIn(motion.clone()), LEAD_S);
+            motion = motion.after(LEAD_S);
+        }
         let duration_s = motion.duration_s();
         self.push(Some(stroke.letter), Path::Lit(motion), duration_s);
         Ok(())
@@ -127,7 +155,15 @@ impl Course<'_> {
     }
 
     fn motion(&self, stroke: &PenStroke) -> Motion {
-        Motion::new(stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
+        let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
+        let stroke = stroke.overlapped(more_m);
+        Motion::new(&stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
+    }
+
+    /// Length of the run-in of a loop.
+    fn lead_m(&self, stroke: &PenStroke) -> f64 {
+        let lead_m = LEAD_S * self.options.stroke_speed_m_s;
+        if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
     }
 
     /// A transit to a state.
@@ -194,7 +230,11 @@ impl Course<'_> {
 
     /// Light level from a setpoint to the next: the mean speed over the nominal one.
     fn level(&self, segment: &Segment, from_s: f64, until_s: f64) -> f64 {
-        let Path::Lit(motion) = &segment.path else { return 0.0 };
+        let motion = match &segment.path {
+            Path::Lit(motion) => motion,
+            Path::Dot(_) => return 1.0,
+            Path::Still(_) | Path::RunIn(_) | Path::Dark(_) => return 0.0,
+        };
         if self.style.exposure == LightLevel::Switched {
             return 1.0;
         }
@@ -259,6 +299,27 @@ mod tests {
                 assert!(jump_m < 30.0 * 0.05 * 0.05 * 0.05 / 6.0 * 1.5, "{jump_m} m at {now:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_dot_is_a_lit_hover() {
+        let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        for (font, word, dots) in [("simplex", "Äi:", 5), ("fonts/Roboto-Thin.ttf", "ij", 2)] {
+            let options = LetterOptions { font: font.into(), ..simplex.clone() };
+            let even = plan(&write(word, &options).unwrap(), &PlanOptions::even()).unwrap();
+            let rows = even.setpoints.windows(2).zip(&even.lights["headlights"]);
+            let still = rows.filter(|(pair, level)| {
+                **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
+            });
+            let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
+            // The first of the dark setpoints after it is at rest as well: the whole of it counts.
+            let wanted_s = 0.2 * f64::from(dots);
+            assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");
+        }
+        let team = plan(&write("i", &simplex).unwrap(), &PlanOptions::default()).unwrap();
+        let stem_s = 14.0 / 21.0 * 0.5 / 0.2;
+        let lit_s = team.full_light_s();
+        assert!((lit_s - stem_s - 0.2).abs() < 1e-3, "in style team, too: {lit_s} s");
     }
 
     #[test]

@@ -55,7 +55,8 @@ pub fn time_lights(
         }
         let [was, is] = [before > 0.0, lit[row] > 0.0];
         let edge = Edge::new(plan, row, is);
-        if was != is {
+        // The drone is at a dot all along: its light ends as late as it begins.
+        if was != is && (is || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
         let ramp_s = if lit[row] > before { lamp.rise_s } else { lamp.decay_s };
@@ -194,6 +195,18 @@ mod tests {
             for end in ends {
                 assert!(end.streak_m.abs() < most_m, "lag {lag_s} s: {end:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_dot_is_lit_for_as_long_as_planned_at_any_lag() {
+        let options = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let plan = plan(&write("i", &options).unwrap(), &PlanOptions::even()).unwrap();
+        for lag_s in [0.0, 0.11, 0.533] {
+            let (_, ends) = time_lights(&plan, &late(&plan, lag_s), &LAMP, Between::Held).unwrap();
+            let lit_s: Vec<f64> =
+                ends.chunks(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
+            assert!(lit_s.iter().any(|lit_s| (lit_s - 0.2).abs() < 1e-6), "{lag_s} s: {lit_s:?}");
         }
     }
 

@@ -40,6 +40,8 @@ pub(super) struct Motion {
     pieces: Vec<Piece>,
     /// Time of the pen by time of the stroke, which lasts whole ticks.
     pace: f64,
+    /// When it begins, after the stroke does.
+    from_s: f64,
     duration_s: f64,
 }
 
@@ -70,17 +72,22 @@ impl Motion {
         pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
         let duration_s = (pen_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
         let pace = pen_s / duration_s;
-        Self { smoothing, origin_m, pieces: pen.pieces, pace, duration_s }
+        Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s }
     }
 
     pub(super) fn duration_s(&self) -> f64 {
-        self.duration_s
+        self.duration_s - self.from_s
     }
 
-    /// The state `time_s` after the beginning of the stroke.
+    /// The rest of it from a time on.
+    pub(super) fn after(self, time_s: f64) -> Self {
+        Self { from_s: self.from_s + time_s, ..self }
+    }
+
+    /// The state `time_s` after its beginning.
     pub(super) fn at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
-        let middle_s = time_s * self.pace + self.smoothing.reach_s();
+        let middle_s = (self.from_s + time_s) * self.pace + self.smoothing.reach_s();
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();

@@ -8,13 +8,28 @@ use crate::letters::Strokes;
 const MAX_STARTS: usize = 8;
 /// Points nearer to each other than this are one.
 const SAME_M: f64 = 1e-6;
+/// A run of light shorter than this is a dot: half as long as a stroke is wide in the photograph.
+pub(super) const DOT_M: f64 = 0.005;
+
+/// Cosine of the turn at its beginning up to which a closed stroke is a curve.
+const SMOOTH_COS: f64 = 0.5;
+/// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle of a
+/// spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
+/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm; four times that make
+/// up for the hovering drone's own motion, and for serifs that dots do not have.
+const DOT_LIGHT_M: f64 = 0.04;
+
+/// Time for which a dot is lit where strokes are drawn at a speed.
+pub(super) fn dot_s(speed_m_s: f64) -> f64 {
+    DOT_LIGHT_M / speed_m_s
+}
 
 /// One run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
     /// Index of its letter.
     pub(super) letter: usize,
-    /// Its corners in the plane of the word, at least two, neighbors apart.
+    /// Its corners in the plane of the word, neighbors apart; one alone is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
     /// Speed along each leg, as a share of the stroke speed.
     pub(super) pace: Vec<f64>,
@@ -59,6 +74,10 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             open = true;
         }
     }
+    for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
+        let middle_m = (run.points_m[0] + run.points_m[run.points_m.len() - 1]) * 0.5;
+        (run.points_m, run.pace) = (vec![middle_m], Vec::new());
+    }
     runs
 }
 
@@ -70,10 +89,39 @@ impl PenStroke {
         Self { letter, points_m, pace }
     }
 
+    /// The place of a dot; `None` of a stroke.
+    pub(super) fn dot_m(&self) -> Option<Vector2<f64>> {
+        match self.points_m[..] {
+            [at_m] => Some(at_m),
+            _ => None,
+        }
+    }
+
     /// Whether it ends where it began.
     fn closed(&self) -> bool {
         let (first, last) = (self.points_m[0], self.points_m[self.points_m.len() - 1]);
         self.points_m.len() > 3 && (last - first).norm() <= SAME_M
+    }
+
+    /// Whether it comes back to its beginning without a corner.
+    pub(super) fn is_loop(&self) -> bool {
+        let along = |at: usize| (self.points_m[at + 1] - self.points_m[at]).normalize();
+        self.closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
+    }
+
+    /// The same loop, drawn on over its beginning for a length, or once more at most.
+    pub(super) fn overlapped(&self, mut left_m: f64) -> Self {
+        let mut out = self.clone();
+        for (leg, pace) in self.points_m.windows(2).zip(&self.pace) {
+            if left_m < SAME_M {
+                break;
+            }
+            let length_m = (leg[1] - leg[0]).norm();
+            out.points_m.push(leg[0].lerp(&leg[1], (left_m / length_m).min(1.0)));
+            out.pace.push(*pace);
+            left_m -= length_m;
+        }
+        out
     }
 
     fn starts(&self) -> usize {
@@ -97,17 +145,19 @@ impl PenStroke {
         Self { letter, points_m, pace }
     }
 
-    /// All ways to draw it, entered and left at the speed of strokes. Way `2 k + 1` is way `2 k`
+    /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1` is way `2 k`
     /// backward; way 0 is as drawn.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let way = |way: usize| {
             let points = self.along(way).points_m;
-            let n = points.len();
+            let along_m_s = |legs: Option<&[Vector2<f64>]>| {
+                legs.map_or(Vector2::zeros(), |leg| (leg[1] - leg[0]).normalize() * speed_m_s)
+            };
             Way {
                 start_m: points[0],
-                start_m_s: (points[1] - points[0]).normalize() * speed_m_s,
-                end_m: points[n - 1],
-                end_m_s: (points[n - 1] - points[n - 2]).normalize() * speed_m_s,
+                start_m_s: along_m_s(points.windows(2).next()),
+                end_m: points[points.len() - 1],
+                end_m_s: along_m_s(points.windows(2).next_back()),
             }
         };
         let starts = if self.closed() { self.starts() } else { 1 };
@@ -131,6 +181,7 @@ impl PenStroke {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::segment_distance;
     use crate::letters::{LetterOptions, write};
 
     fn runs(word: &str) -> Vec<PenStroke> {
@@ -143,6 +194,26 @@ mod tests {
         assert_eq!(runs("N")[0].points_m.len(), 4, "three legs, one stroke");
         assert_eq!(runs("I").len(), 1, "the empty first move leaves no light");
         assert!((runs("O")[0].length_m() - 1.6).abs() < 1e-12, "once around");
+    }
+
+    #[test]
+    fn a_loop_goes_on_over_its_beginning() {
+        let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+        let of = |word: &str| pen_strokes(&write(word, &simplex).unwrap()).remove(0);
+        assert!(of("O").is_loop() && !of("C").is_loop());
+        assert!(!runs("O")[0].is_loop(), "the team's O is a rectangle: it has corners");
+        let o = of("O");
+        for way in 0..o.ways(0.2).len() {
+            let around = o.along(way);
+            let over = around.overlapped(0.05);
+            assert!((over.length_m() - around.length_m() - 0.05).abs() < 1e-9, "way {way}");
+            let end = over.points_m[over.points_m.len() - 1];
+            let off =
+                |leg: &[Vector2<f64>]| segment_distance(end.into(), [leg[0].into(), leg[1].into()]);
+            let off_m = around.points_m.windows(2).take(8).map(off).fold(1.0, f64::min);
+            assert!(off_m < 1e-9 && over.pace.len() + 1 == over.points_m.len(), "{off_m} m");
+        }
+        assert!((o.overlapped(9.0).length_m() - 2.0 * o.length_m()).abs() < 1e-9, "once more");
     }
 
     #[test]

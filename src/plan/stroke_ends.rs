@@ -64,6 +64,11 @@ impl Edge {
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
         Self { time_s, at_m: drawing.design_m(time_s), velocity_m_s: drawing.velocity_m_s }
     }
+
+    /// Whether it is the end of a stroke, not of a dot.
+    pub(super) fn moves(&self) -> bool {
+        self.velocity_m_s != Vector3::zeros()
+    }
 }
 
 /// A flight aligned with its design.

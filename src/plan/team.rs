@@ -7,6 +7,7 @@
 
 use nalgebra::Vector3;
 
+use super::pen::{DOT_M, dot_s};
 use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
 use crate::error::{Error, Result};
 use crate::flight::table::MAX_DURATION_S;
@@ -99,12 +100,14 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// A straight leg at the stroke speed; a leg without length takes no time.
+    /// A straight leg at the stroke speed, a lit one for as long as a dot takes at least; a leg
+    /// without length takes no time.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
-        let length_m = (to - from).norm();
+        let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
-            let velocity = (to - from) * (self.options.stroke_speed_m_s / length_m);
-            self.leg(from, velocity, length_m / self.options.stroke_speed_m_s, lit);
+            let least_s = if lit && length_m < DOT_M { dot_s(speed_m_s) } else { 0.0 };
+            let lasts_s = (length_m / speed_m_s).max(least_s);
+            self.leg(from, (to - from) / lasts_s, lasts_s, lit);
         }
     }
 

@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use crate::camera::{Camera, CameraOptions, Metering, TrailMetering};
-use crate::expose::meter::meter;
+use crate::expose::meter::{color_stops, meter};
 use crate::light::LightTrace;
 use crate::photo::PhotoOptions;
 
@@ -108,9 +108,15 @@ pub fn recommended(
     let width_px = WIDTH_PX;
     let camera = Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() };
     let readings = meter(trace, &camera).ok()?;
-    let trail_stops = readings.iter().map(|reading| reading.median_stops).fold(f64::MIN, f64::max);
+    let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
+    let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
-    let (more, gave_way) = more_stops(&aims, trail_stops, room_stops);
+    // A clipped channel turns a color toward white: the strongest one counts.
+    let (aim_stops, found_stops) = match color_stops(trace, &camera, &brightest.name) {
+        Some(color_stops) => (aims.color_stops, color_stops),
+        None => (aims.trail_stops, trail_stops),
+    };
+    let (more, gave_way) = more_stops(&aims, aim_stops, found_stops, room_stops);
 
     // The aperture first; sensitivity where the widest is not enough.
     let wanted = camera.f_number * libm::exp2(-0.5 * more);
@@ -140,9 +146,14 @@ pub fn recommended(
 }
 
 /// Stops to add, and whether they are fewer than the trail wants.
-fn more_stops(aims: &TrailMetering, trail_stops: f64, room_stops: Option<f64>) -> (f64, bool) {
-    let wanted = aims.trail_stops - trail_stops;
-    let least = aims.least_stops.min(aims.trail_stops) - trail_stops;
+fn more_stops(
+    aims: &TrailMetering,
+    aim_stops: f64,
+    found_stops: f64,
+    room_stops: Option<f64>,
+) -> (f64, bool) {
+    let wanted = aim_stops - found_stops;
+    let least = aims.least_stops.min(aim_stops) - found_stops;
     let most = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
     let more = wanted.min(most).max(least);
     (more, more < wanted)
@@ -199,6 +210,31 @@ mod tests {
         // In an hour no room stays dark: the trail is kept.
         let hour = of(SIDE_CD, 3600.0, |_| {}).1.unwrap();
         assert!((hour.trail_stops + 1.0).abs() < 0.2, "{hour:?}");
+    }
+
+    #[test]
+    fn a_colored_trail_is_metered_by_its_strongest_channel() {
+        // Luminance 1: in red the strongest channel has 4.7 times as much, 2.2 stops.
+        let of_color = |[r, g, b]: [f64; 3]| {
+            let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+            for i in 0..=200 {
+                let t = f64::from(i) / 100.0;
+                csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
+            }
+            let trace = LightTrace::parse_csv(csv.as_bytes(), "a.csv").unwrap();
+            let options = CameraOptions {
+                metering: Metering::Trail(TrailMetering::default()),
+                ..CameraOptions::default()
+            };
+            let mut camera = options.camera([-0.6, 0.5, 0.6, 1.0], 2.0).unwrap();
+            metered(&trace, &mut camera, &options, &PhotoOptions::default()).unwrap().trail_stops
+        };
+        let (red, white) = (of_color([0.04, 0.0, 0.0]), of_color([0.09; 3]));
+        assert!((red + 0.5 + libm::log2(1.0 / 0.2126)).abs() < 0.2, "{red}");
+        assert!((white - 2.0).abs() < 0.2, "{white}");
+        let orange = of_color([0.04, 0.015, 0.0]);
+        let luminance = 0.2126 + 0.7152 * 0.015 / 0.04;
+        assert!((orange + 0.5 + libm::log2(1.0 / luminance)).abs() < 0.2, "{orange}");
     }
 
     #[test]

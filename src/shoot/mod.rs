@@ -28,7 +28,7 @@ use crate::expose::{BackendChoice, Developer};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
-use crate::light::{LightOptions, LightTrace};
+use crate::light::{LightOptions, LightTrace, color_led_wrgb, ring_rgb};
 use crate::logs::{self, ImportOptions};
 use crate::plan::{Approach, Plan, wake};
 use crate::scene::{NamedScene, Scene};
@@ -222,8 +222,16 @@ impl Shoot {
         let own = scene.light.color_led_wrgb;
         if let Some(strokes) = strokes.as_ref().filter(|_| scene.light.letters_wrgb.is_empty()) {
             // Black is no light: what is drawn in it has the lamp's own color.
-            let wrgb =
-                |rgb: &[u8; 3]| if *rgb == [0; 3] { own } else { [0, rgb[0], rgb[1], rgb[2]] };
+            let by_ring = scene.plan.lights.iter().any(|lamp| lamp == "ring");
+            let levels = scene.light.color_led_levels;
+            let wrgb = |rgb: &[u8; 3]| match (*rgb, by_ring) {
+                ([0, 0, 0], _) => own,
+                (rgb, true) => {
+                    let [r, g, b] = ring_rgb(rgb);
+                    [0, r, g, b]
+                }
+                (rgb, false) => color_led_wrgb(rgb, levels),
+            };
             scene.light.letters_wrgb = strokes.colors.iter().map(wrgb).collect();
         }
         Self {

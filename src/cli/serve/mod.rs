@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use super::outcome::{Report, line};
 use super::{STACK, message, print};
 use crate::error::{Error, Result};
+use crate::light::{LightOptions, color_led_wrgb, ring_rgb};
 use crate::scene::Scene;
 use guard::{Admitted, Guard};
 use http::{Answer, Answered, Connection, Head, Refusal};
@@ -291,7 +292,27 @@ fn page_of(scene: &Scene) -> String {
         .replace("/*css*/", include_str!("page.css"))
         .replace("/*words*/", include_str!("words.json"))
         .replace("/*scene*/", &scene)
-        .replace("/*js*/", include_str!("page.js"))
+        .replace("/*js*/", &include_str!("page.js").replace("/*colors*/", &colors()))
+}
+
+/// Colors that the page offers: of the screen, and the bytes of each lamp that show them.
+fn colors() -> String {
+    let colors = [
+        ("white", [255, 255, 255]),
+        ("red", [255, 0, 0]),
+        ("orange", [255, 165, 0]),
+        ("yellow", [255, 255, 0]),
+        ("green", [0, 255, 0]),
+        ("cyan", [0, 255, 255]),
+        ("blue", [0, 0, 255]),
+        ("magenta", [255, 0, 255]),
+    ];
+    let entry = |(name, screen): (&str, [u8; 3])| {
+        let deck = color_led_wrgb(screen, LightOptions::default().color_led_levels);
+        let [r, g, b] = ring_rgb(screen);
+        format!("{name}: {}", json!({ "screen": screen, "color-led": deck, "ring": [0, r, g, b] }))
+    };
+    format!("{{ {} }}", colors.map(entry).join(", "))
 }
 
 /// The page, which asks nobody else for anything.

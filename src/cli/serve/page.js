@@ -2,7 +2,7 @@
 const $ = selector => document.querySelector(selector);
 const $$ = selector => [...document.querySelectorAll(selector)];
 const VISITOR = Array.from(crypto.getRandomValues(new Uint32Array(4)), part => part.toString(16)).join("");
-const COLORS = { white: [255, 255, 255], red: [255, 0, 0], orange: [255, 110, 0], yellow: [255, 200, 0], green: [0, 255, 0], cyan: [0, 255, 255], blue: [0, 0, 255], magenta: [255, 0, 255] };
+const COLORS = /*colors*/; // of the screen, and the bytes of the lamps that show them
 const BODIES = { "a6400": "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm" };
 const LATER_MS = 700; // after which typing rests
 const PEN_M_S = 0.2, BATTERY_S = 240;
@@ -45,7 +45,7 @@ function parts() {
 function subject() {
   if (drawing) return { drawing };
   if (!strokes.length) return { word: $("#word").value.trim() };
-  const rgb = name => isOwn(name) ? [0, 0, 0] : COLORS[name];
+  const rgb = name => isOwn(name) ? [0, 0, 0] : COLORS[name].screen;
   const colors = inColor() ? { colors: strokes.map((_, i) => rgb(colorOf(i))) } : {};
   return { drawing: { kind: "json", text: JSON.stringify({ strokes, y: "down", ...colors }) } };
 }
@@ -62,7 +62,7 @@ function settings() {
   if (inColor()) {
     set["light.deck"] = lamp === "ring" ? "led-ring" : "color-led";
     set["plan.lights"] = JSON.stringify([lamp]);
-    const wrgb = name => isOwn(name) ? [255, 0, 0, 0] : [0, ...COLORS[name]];
+    const wrgb = name => isOwn(name) ? [255, 0, 0, 0] : COLORS[name][lamp];
     if (subject().word) set["light.letters_wrgb"] = JSON.stringify(parts().map((_, i) => wrgb(colorOf(i))));
   }
   if (body) set["camera.body"] = body;
@@ -208,10 +208,10 @@ $("#network").hidden = HOME;
 
 function paint() {
   $("#colors").hidden = !inColor();
-  $("#swatches").replaceChildren(...Object.entries(COLORS).map(([name, rgb]) => {
+  $("#swatches").replaceChildren(...Object.entries(COLORS).map(([name, { screen }]) => {
     const swatch = document.createElement("button");
     Object.assign(swatch, { type: "button", title: t(name) });
-    swatch.style.background = `rgb(${rgb})`;
+    swatch.style.background = `rgb(${screen})`;
     swatch.setAttribute("role", "radio");
     swatch.setAttribute("aria-label", t(name));
     swatch.setAttribute("aria-checked", name === color);
@@ -227,7 +227,7 @@ function paint() {
   $("#painted").replaceChildren(...parts().map((part, i) => {
     const button = document.createElement("button");
     Object.assign(button, { type: "button", textContent: part });
-    button.style.color = `rgb(${COLORS[colorOf(i)]})`;
+    button.style.color = `rgb(${COLORS[colorOf(i)].screen})`;
     button.setAttribute("aria-label", `${part}: ${t(colorOf(i))}`);
     button.onclick = () => {
       painted = parts().map((_, k) => k === i ? color : painted[k] ?? before);
@@ -251,7 +251,7 @@ function ink() {
   pen.strokeRect(40, 75, 720, 150);
   pen.lineWidth = 4;
   (stroke ? [...strokes, stroke] : strokes).forEach((line, i) => {
-    pen.strokeStyle = `rgb(${COLORS[inColor() ? colorOf(i) : "white"]})`;
+    pen.strokeStyle = `rgb(${COLORS[inColor() ? colorOf(i) : "white"].screen})`;
     pen.beginPath();
     line.forEach(([x, y]) => pen.lineTo(x, y));
     pen.stroke();

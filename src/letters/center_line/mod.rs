@@ -3,7 +3,7 @@
 //! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions the
 //! center lines are extended straight until they meet, and two that are nearly in line are one stroke
 //! ([`junctions`]); between corners lines are smoothed within a stated error. A blob without a line,
-//! such as a full stop, becomes a small ring.
+//! such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Ink, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
@@ -37,8 +37,8 @@ const BLOB: f64 = 0.8;
 /// of a stroke's end has 0.9, into that of a serif less than 2.
 const LOST: f64 = 3.0;
 
-/// Radius of the smallest ring for a dot, in cap heights, as in the Hershey fonts.
-const DOT: f64 = 0.035;
+/// Length of the line that stands for a dot, in cap heights: that of the stroke fonts' dots.
+const DOT: f64 = 0.01 / 21.0;
 
 /// Center lines, and the median half width of the strokes.
 #[derive(Debug)]
@@ -81,7 +81,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
                 break;
             }
             lines.retain(|line| !line.iter().all(|p| distance(middle, *p) < radius));
-            lines.push(ring(middle, DOT.max(0.5 * radius)));
+            lines.push(dot(middle, DOT));
         }
     }
     let n_legs = lines.iter().map(Vec::len).sum::<usize>();
@@ -98,9 +98,9 @@ pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2
     rim.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// A ring of four sides, which stands for a dot.
-pub(super) fn ring([x, y]: [f64; 2], r: f64) -> Vec<[f64; 2]> {
-    vec![[x, y + r], [x - r, y], [x, y - r], [x + r, y], [x, y + r]]
+/// A line too short to be seen, which stands for a dot: it has a place and a direction.
+pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
+    vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
 /// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
@@ -250,9 +250,12 @@ mod tests {
     }
 
     #[test]
-    fn a_dot_becomes_a_ring_and_no_ink_no_line() {
-        let dot = traced(&[[0.4, 0.4, 0.6, 0.6]]);
-        assert_eq!(dot, [[[45, 50], [50, 45], [55, 50], [50, 55], [45, 50]]]);
+    fn a_dot_becomes_a_point_and_no_ink_no_line() {
+        let square = vec![[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]];
+        let lines = center_lines(&[square], &budget()).lines;
+        let [from, to] = &lines[0][..] else { panic!("{lines:?}") };
+        assert_eq!(lines.len(), 1);
+        assert!(distance(*from, [0.5, 0.5]) < 0.01 && distance(*from, *to) < 0.001, "{lines:?}");
         assert!(center_lines(&[], &budget()).lines.is_empty());
         assert!(
             center_lines(&[vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]], &budget()).lines.is_empty(),

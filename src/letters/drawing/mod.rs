@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use super::center_line::ring;
+use super::center_line::dot;
 use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
@@ -52,7 +52,7 @@ const SPACING: f64 = 0.01;
 /// Slowest pace of handwriting, as a share of the stroke speed.
 const SLOWEST: f64 = 0.25;
 
-/// Radius of the ring that a tap of the pen becomes, by the drawing's height.
+/// A trace of the pen shorter than this, by the drawing's height, is a tap: a dot.
 const TAP: f64 = 0.02;
 
 /// Whether the colors of a drawing matter.
@@ -201,7 +201,7 @@ fn set_pace(strokes: &mut Strokes, lasts_s: &[f64]) {
 }
 
 /// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
-/// ring.
+/// dot.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],
@@ -212,7 +212,7 @@ fn smoothed(
     let length_m = along[along.len() - 1];
     let is_tap = length_m < TAP * height_m;
     let points = if is_tap {
-        ring(line[0], TAP * height_m)
+        dot(line[0], 1e-3 * TAP * height_m)
     } else if options.smoothing_m > 0.0 {
         smooth(line, SPACING * height_m, options.smoothing_m)
     } else {

@@ -95,7 +95,7 @@ fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
     let lit = lit(&strokes);
     assert_eq!((lit[0].0, lit[0].1), ([0.0, 1.5], [1.0, 0.5]), "y grows downward on a screen");
     assert_eq!((lit[1].0, lit[1].1), ([0.5, 1.5], [0.5, 0.5]), "the second stays the second");
-    assert_eq!(lit.len(), 3, "a tap is a ring");
+    assert_eq!(lit.len(), 3, "a tap is a dot");
     let moves = &strokes.glyphs[0].moves;
     let pace = |from_m: [f64; 2]| moves.iter().find(|m| m.lit && m.from_m == from_m).unwrap().pace;
     // 3 m in 2.5 s and a tap of no length in time: the first leg takes 0.5 s, the others 1 s a meter.
