@@ -38,8 +38,9 @@ const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
 /// A color as CSS writes it, as the bytes of the color LED deck that show it.
 fn color(text: &str) -> Result<[u8; 4], String> {
-    let hint = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
-    let found: svgtypes::Color = text.parse().map_err(|_| hint.to_owned())?;
+    let wanted = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
+    let found: svgtypes::Color =
+        text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
     Ok(color_led_wrgb([found.red, found.green, found.blue], LEVELS))
 }
 
