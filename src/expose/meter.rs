@@ -30,7 +30,8 @@ const STREAK_SPEED: f64 = 2.0;
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// Its drone, counted from 0; `None` where there is but one.
+    /// Its drone, counted from 0; `None` where there is but one. The name says it in JSON.
+    #[serde(skip)]
     pub drone: Option<usize>,
     /// Its label ([`Lamp::label`]).
     pub name: String,
