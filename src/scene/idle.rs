@@ -203,7 +203,9 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
     let found = names_at(values, key);
     if names.is_empty() {
         let is_off = |value: &&Value| {
-            value.as_float() == Some(0.0) || value.as_str().is_some_and(str::is_empty)
+            value.as_float() == Some(0.0)
+                || value.as_integer() == Some(0)
+                || value.as_str().is_some_and(str::is_empty)
         };
         let is_set = at.first().is_some_and(|value| !is_off(value));
         let why = match at.first() {

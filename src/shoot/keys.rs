@@ -13,6 +13,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
     ("air.downwash", "drones that are planned above each other"),
+    ("sensors.lighthouse.mirrors_m", "`coverage`, and sweeps that the filter's gate believes"),
     ("light.pwm", "lamps that are dimmed"),
     ("camera.metering.least_stops", "long flights, in which the room would fog the picture"),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
@@ -75,9 +76,8 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         ("floor.steps", ..) => {
             vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
         }
-        ("sensors.lighthouse.mirrors_m", ..) => {
-            vec!["[[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]]".into()]
-        }
+        // Eight drones make commands late by more than a tick.
+        ("radio.drones", ..) => vec!["8".into()],
         ("sensors.lighthouse.people_m", ..) => vec!["[[-1.2, -1.1, 0.5]]".into()],
         ("sensors.lighthouse.silent", ..) => vec!["[[0.0, 0.0, 100.0]]".into()],
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
