@@ -78,7 +78,7 @@ const RULES: &[Rule] = &[
         "no lamp is of the color LED deck",
     ),
     (
-        &["light.letters_wrgb"],
+        &["light.letters_wrgb", "camera.metering.color_stops"],
         |s| !writes_in_color(s),
         "headlights are white: only the color LED deck and the ring write in colors",
     ),
