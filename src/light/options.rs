@@ -54,7 +54,7 @@ settings! {
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
-        /// `colorLedBot.brightCorr`.
+        /// `colorLedBot.brightCorr`. The colors of a drawing are written without it.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
         /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists them.
         deck: Deck = Deck::LedRing, unless "light.fixtures";

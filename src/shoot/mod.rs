@@ -28,7 +28,7 @@ use crate::expose::{BackendChoice, Developer};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::light::csv::is_light_trace;
-use crate::light::{LightOptions, LightTrace, color_led_wrgb, ring_rgb};
+use crate::light::{ColorLedLevels, LightOptions, LightTrace, color_led_wrgb, ring_rgb};
 use crate::logs::{self, ImportOptions};
 use crate::plan::{Approach, Plan, wake};
 use crate::scene::{NamedScene, Scene};
@@ -223,6 +223,10 @@ impl Shoot {
         if let Some(strokes) = strokes.as_ref().filter(|_| scene.light.letters_wrgb.is_empty()) {
             // Black is no light: what is drawn in it has the lamp's own color.
             let by_ring = scene.plan.lights.iter().any(|lamp| lamp == "ring");
+            if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
+                // With the firmware's correction, dim colors are too coarse to mix.
+                scene.light.color_led_levels = ColorLedLevels::Plain;
+            }
             let levels = scene.light.color_led_levels;
             let wrgb = |rgb: &[u8; 3]| match (*rgb, by_ring) {
                 ([0, 0, 0], _) => own,

@@ -465,7 +465,7 @@ mod tests {
         hover.lights.get_mut("headlights").unwrap()[0] = 0.0;
         let streamed = flown(&hover, &options, 1).unwrap();
         let at = |flight: &Flight, time_s: f64| {
-            flight.samples.iter().find(|s| s.time_s >= time_s).unwrap().clone()
+            *flight.samples.iter().find(|s| s.time_s >= time_s).unwrap()
         };
         assert!((at(&streamed, 1.9).position_m.z - 0.8).abs() < 0.05, "keeps its height");
         assert_eq!(at(&streamed, 3.5).position_m.z, 0.0, "the motors stop");

@@ -118,7 +118,7 @@ fn preview_and_meter_recommend_the_same_exposure() {
         &["NOOR", "--scene", "ae483-2022"],
         &["I", "--room", "4x3x2.5", "--set", "camera.body=iphone-15-pro"],
         &["I", "--color", "red", "--set", "camera.body=pixel-8-pro"],
-        &["II", "--drones", "2", "--set", "camera.body=a6400", "--set", "camera.lens=kit-16mm"],
+        &["N O", "--drones", "2", "--set", "camera.body=a6400", "--set", "camera.lens=kit-16mm"],
     ] {
         let preview = &run("preview", &[scene, &["-o", "out"]].concat())["camera"];
         let meter = run("meter", scene);
@@ -156,7 +156,7 @@ fn a_poster_has_its_dots_and_says_how_large_it_prints() {
     let folder = tempfile::tempdir().unwrap();
     let run = |size: &str| {
         let mut command = noctograph(folder.path());
-        command.args(["preview", "I", "--backend", "cpu", "--size", size]).assert()
+        command.args(["preview", "NOOR", "--backend", "cpu", "--size", size]).assert()
     };
     run("A5@60").success();
     let file = std::fs::File::open(folder.path().join("noctograph-out/photo.png")).unwrap();

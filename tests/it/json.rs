@@ -8,12 +8,13 @@ use serde_json::Value;
 use crate::cli::{json, noctograph};
 
 /// Commands in an order in which each finds the files that it names; the heading is the verb's.
-const COMMANDS: [(&str, &str); 18] = [
+const COMMANDS: [(&str, &str); 19] = [
     ("plan", "plan I --style even"),
+    ("plan", "plan --drawing line.svg -o line.csv"),
     ("fly", "fly plan.csv"),
     ("expose", "expose flight.csv --word I --backend cpu --size 320x180"),
     ("read", "read photo.png"),
-    ("check", "check I"),
+    ("check", "check I --room 4x3x2.5"),
     ("meter", "meter --flight flight.csv --word I"),
     ("coverage", "coverage I --step 0.3"),
     ("coverage", "coverage --scene two-drones-three-anchors -o c.svg"),
@@ -62,6 +63,8 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
     let shared = quoted(section("Shared objects"));
     let folder = tempfile::tempdir().unwrap();
     let (mut wrong, mut printed) = (Vec::new(), std::collections::BTreeMap::new());
+    let line = r#"<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0L9 9" stroke="red"/></svg>"#;
+    std::fs::write(folder.path().join("line.svg"), line).unwrap();
     for (verb, command) in COMMANDS {
         let mut run = noctograph(folder.path());
         let output = run.args(command.split(' ')).arg("--json").output().unwrap();

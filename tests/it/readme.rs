@@ -161,7 +161,9 @@ fn the_commands_of_the_readme_run() {
     let stroke = |x: u32, y: u32| (x + 8..x + 16).contains(&(2 * y)) && (20..100).contains(&y);
     let sketch = |x, y| image::Luma([if stroke(x, y) { 30_u8 } else { 220 }]);
     image::ImageBuffer::from_fn(240, 120, sketch).save(folder.path().join("sketch.jpg")).unwrap();
-    let wall = image::ImageBuffer::from_fn(160, 90, |x, _| image::Rgb([20, 20, (x / 4) as u8]));
+    let wall = image::ImageBuffer::from_fn(160, 90, |x, _| {
+        image::Rgb([20, 20, u8::try_from(x / 4).unwrap()])
+    });
     wall.save(folder.path().join("room.png")).unwrap();
     let lines: Vec<String> = text_of("README.md").lines().map(str::to_owned).collect();
     let shells = blocks(&lines).into_iter().filter(|block| block.language == "sh");

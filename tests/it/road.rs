@@ -192,12 +192,14 @@ fn a_word_on_paper_is_read_in_the_photo_of_its_flight() {
     let strokes = write("HELLO", &options).unwrap();
     let [left, bottom, right, top] = strokes.bounds_m();
     let px_per_m = 300.0;
-    let size = [right - left, top - bottom].map(|side_m| (px_per_m * (side_m + 0.2)) as u32);
+    #[expect(clippy::cast_possible_truncation, reason = "a picture of some hundred pixels")]
+    let whole = |px: f64| px as u32;
+    let size = [right - left, top - bottom].map(|side_m| whole(px_per_m * (side_m + 0.2)));
     let mut paper = image::GrayImage::from_pixel(size[0], size[1], image::Luma([235]));
     for step in strokes.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit) {
         for share in (0..=200).map(|k| f64::from(k) / 200.0) {
             let [x, y] = [0, 1].map(|i| step.from_m[i] + share * (step.to_m[i] - step.from_m[i]));
-            let at = [px_per_m * (x - left + 0.1), px_per_m * (top + 0.1 - y)].map(|px| px as u32);
+            let at = [px_per_m * (x - left + 0.1), px_per_m * (top + 0.1 - y)].map(whole);
             for (dx, dy) in (0..5).flat_map(|dx| (0..5).map(move |dy| (dx, dy))) {
                 paper.put_pixel(at[0] + dx - 2, at[1] + dy - 2, image::Luma([40]));
             }

@@ -72,8 +72,8 @@ fn rank_leaves_tables_flights_and_photos() {
 #[test]
 fn a_scene_whose_every_photo_lacks_a_letter_ranks_below_one_that_reads() {
     let folder = tempfile::tempdir().unwrap();
-    // The shutter opens when the P is written.
-    let late = "[camera]\nshutter_open_s = 9.8\n";
+    // The shutter closes before the P is written, the last of the letters.
+    let late = "[camera]\nshutter_close_s = 31.9\n";
     std::fs::write(folder.path().join("late.toml"), late).unwrap();
     std::fs::write(folder.path().join("whole.toml"), "word = \"PARIS\"\n").unwrap();
     let args = ["rank", "late.toml", "whole.toml", "--words", "PARIS:20", "--json", "-o", "a"];
