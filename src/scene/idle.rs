@@ -78,7 +78,12 @@ const RULES: &[Rule] = &[
         "no lamp is of the color LED deck",
     ),
     (
-        &["light.letters_wrgb", "camera.metering.color_stops"],
+        &["camera.metering.color_stops"],
+        |s| !s.plan.lights.iter().any(|lamp| lamp == "color-led" || lamp.starts_with("ring")),
+        "the plan writes with headlights, which are white",
+    ),
+    (
+        &["light.letters_wrgb"],
         |s| !writes_in_color(s),
         "headlights are white: only the color LED deck and the ring write in colors",
     ),
