@@ -36,7 +36,7 @@ use finding::largest;
 pub use finding::{Finding, Peak, Severity};
 use flown::{Flown, check_flown};
 use letters::check_letters;
-pub use placement::{CameraPlace, Placement, frame_within, place};
+pub use placement::{CameraPlace, ShotPlan, frame_within, place};
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use row::{Checked, Row};
@@ -270,7 +270,7 @@ pub fn placement(
     shoot: &Shoot,
     flown: &[Result<Flight>],
     profile: &Profile,
-) -> Result<Option<Placement>> {
+) -> Result<Option<ShotPlan>> {
     match lighting(shoot, flown).filter(|_| profile.room_m.is_some()) {
         Some(Ok(Lighting { trace, camera, .. })) => {
             place(shoot, &trace, camera.shutter_close_s, profile)

@@ -1,7 +1,7 @@
-//! Placement: where tripod, take-off mark, base stations and audience go in a room, and which
+//! The shot plan: where tripod, take-off mark, base stations and audience go in a room, and which
 //! cameras show the whole word from within it.
 //!
-//! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`Placement`],
+//! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
 //! in meters of the world: the room's middle is at x = y = 0 and the word stands at y = 0. A camera
 //! stands square in front of the word, where the word fills half of the picture, or nearer as the
 //! room asks. Not known: furniture, doors.
@@ -35,7 +35,7 @@ const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Where things stand in a room, and which cameras show the word from within it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Placement {
+pub struct ShotPlan {
     /// Width, depth and height of the room.
     pub room_m: [f64; 3],
     /// Left, bottom, right and top of the word, in the plane y = 0.
@@ -104,7 +104,7 @@ pub fn place(
     trace: &LightTrace,
     end_s: f64,
     profile: &Profile,
-) -> Result<Option<Placement>> {
+) -> Result<Option<ShotPlan>> {
     let (Some(room_m), Some(strokes)) = (profile.room_m, &shoot.strokes) else { return Ok(None) };
     let scene = &shoot.scene;
     let word_m = strokes.bounds_m();
@@ -146,7 +146,7 @@ pub fn place(
     let first = |planned: &crate::shoot::Planned| {
         planned.plan.setpoints.first().map(|first| [first.position_m.x, first.position_m.y])
     };
-    Ok(Some(Placement {
+    Ok(Some(ShotPlan {
         room_m,
         word_m,
         take_off_m: shoot.plans.iter().filter_map(first).collect(),
@@ -196,7 +196,7 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-impl Placement {
+impl ShotPlan {
     /// The answer as rows of a table: what, and where.
     #[must_use]
     pub fn rows(&self) -> Vec<[String; 2]> {
@@ -275,7 +275,7 @@ mod tests {
     use crate::scene::Preset;
     use crate::shoot::Lighting;
 
-    fn placed(word: &str, cap_m: f64, room_m: [f64; 3]) -> (Shoot, Lighting, Placement) {
+    fn placed(word: &str, cap_m: f64, room_m: [f64; 3]) -> (Shoot, Lighting, ShotPlan) {
         let profile = Profile::indoor().in_room(room_m);
         let mut scene = Scene { word: word.into(), ..Scene::preset(Preset::default()) };
         scene.letters.cap_height_m = cap_m;

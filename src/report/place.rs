@@ -2,7 +2,7 @@
 //! scale.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
-use crate::preflight::Placement;
+use crate::preflight::ShotPlan;
 use crate::sensors::Positioning;
 use crate::shoot::Shot;
 
@@ -24,7 +24,7 @@ const STATION: Rgb = [204, 121, 167];
 /// The shot plan from above (x to the right, y away from the camera) and from the left (y to the
 /// right, z up). SVG. Lengths in meters; the word's plane is y = 0.
 #[must_use]
-pub(super) fn shot_plan(shot: &Shot, placement: Option<&Placement>) -> [String; 2] {
+pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [
         view(&things, "from above", [0, 1], ["x", "y"]),
@@ -39,7 +39,7 @@ struct Thing {
     places_m: Vec<[f64; 3]>,
 }
 
-fn things(shot: &Shot, placement: Option<&Placement>) -> Vec<Thing> {
+fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let thing = |name: String, color, places_m| Thing { name, color, places_m };
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
@@ -74,7 +74,7 @@ fn things(shot: &Shot, placement: Option<&Placement>) -> Vec<Thing> {
             let behind = y - AUDIENCE_M;
             things.push(audience("audience, behind the camera", [-1.0, behind], [1.0, behind]));
         }
-        Some(Placement { room_m: [w, d, _], audience_y_m, cameras, .. }) => {
+        Some(ShotPlan { room_m: [w, d, _], audience_y_m, cameras, .. }) => {
             if let Some(audience_y_m) = audience_y_m {
                 let wall = [-0.5 * w, -0.5 * d];
                 things.push(audience("audience", wall, [0.5 * w, *audience_y_m]));

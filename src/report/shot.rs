@@ -8,7 +8,7 @@ use super::plans::plan_view;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
-use crate::preflight::{Checked, Placement, Severity};
+use crate::preflight::{Checked, Severity, ShotPlan};
 use crate::scene::Change;
 use crate::score::Verdict;
 use crate::shoot::{Shot, writing};
@@ -32,7 +32,7 @@ pub struct ShotNotes<'a> {
     /// Findings of the preflight.
     pub findings: &'a [Checked],
     /// Where things stand in the room, where it is known.
-    pub placement: Option<&'a Placement>,
+    pub placement: Option<&'a ShotPlan>,
     /// Changes of settings with their gain in readability, as one types them.
     pub remedies: &'a [(f64, String)],
     /// A change in the words of the program that makes the page.
