@@ -11,6 +11,8 @@ use crate::sensors::Positioning;
 use crate::settings::settings;
 #[cfg(test)]
 use crate::sim::{ControllerKind, EstimatorKind, SimOptions};
+#[cfg(test)]
+use crate::vehicle::AirOptions;
 
 settings! {
     /// A named set of values that a scene starts from. `ae483-2022` is a whole system; the others
@@ -55,12 +57,14 @@ impl Preset {
 
 #[cfg(test)]
 impl SimOptions {
-    /// A preset's drone with the reference team's choice of regulator, observer and sensors.
+    /// A preset's drone in still air, with the reference team's choice of regulator, observer and
+    /// sensors.
     fn with_regulator(preset: Preset) -> Self {
         let mut sim = preset.scene().sim();
         sim.controller.kind = ControllerKind::default();
         sim.observer.kind = EstimatorKind::default();
         sim.sensors.positioning = Positioning::default();
+        sim.air = AirOptions::default();
         sim
     }
 
@@ -102,6 +106,7 @@ mod tests {
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
             let scene = Scene { word: "Zoë, 2027: Straße!".into(), ..Scene::preset(preset) };
             assert_eq!(scene.controller.kind, ControllerKind::Pid);
+            assert_eq!(scene.air.gusts, Gusts::room(), "a typical flight, not an ideal one");
             assert_eq!(scene.strokes().unwrap().word.replace('\n', " "), scene.word);
             let [left, _, right, _] = scene.strokes().unwrap().bounds_m();
             assert!((left + right).abs() < 1e-9, "centered");

@@ -65,8 +65,8 @@ settings! {
         /// the drone rears up against its motion. As much as the log of the reference flight shows
         /// ([`crate::vehicle::VehicleOptions::airspeed_moment_n_s`]); none is measured on other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
-        /// Gusts, σ on top of the scene's, m/s (Ornstein–Uhlenbeck), of a ventilated room. Uneven
-        /// air turns the drone in proportion, as measured at 0.08.
+        /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room; the scene's own where they are
+        /// stronger. Uneven air turns the drone in proportion, as measured at 0.08.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
         /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
         /// repeated radio packet.
@@ -321,15 +321,15 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
         if self.gust_m_s > 0.0 {
             let still = || GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() };
-            let (mut gusts, had) = match sim.air.gusts {
+            let (mut gusts, had): (_, f64) = match sim.air.gusts {
                 Gusts::OrnsteinUhlenbeck(own) => (own, 1.0),
                 Gusts::None | Gusts::Dryden => (still(), 0.0),
             };
             for own in &mut gusts.sigma_m_s {
-                *own = libm::hypot(*own, self.gust_m_s);
+                *own = own.max(self.gust_m_s);
             }
             for own in &mut gusts.torque_sigma_n_m {
-                *own *= libm::hypot(had, self.gust_m_s / ROOM_GUST_M_S);
+                *own *= had.max(self.gust_m_s / ROOM_GUST_M_S);
             }
             sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
             if body.body_drag_n_s_m == [0.0; 3] {

@@ -8,16 +8,17 @@ use noctograph::plan::{Plan, Setpoint};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::{HeightSensor, Positioning, SensorOptions};
 use noctograph::sim::{ControllerKind, Drone, EstimatorKind, ObserverOptions, SimOptions, fly};
-use noctograph::vehicle::Gusts;
+use noctograph::vehicle::{AirOptions, Gusts};
 
 use crate::golden::assert_golden;
 
-/// A preset's drone with the reference team's regulator, observer and sensors.
+/// A preset's drone in still air, with the reference team's regulator, observer and sensors.
 fn drone(preset: Preset) -> SimOptions {
     let mut sim = Scene::preset(preset).sim();
     sim.controller.kind = ControllerKind::default();
     sim.observer.kind = EstimatorKind::default();
     sim.sensors.positioning = Positioning::default();
+    sim.air = AirOptions::default();
     sim
 }
 
