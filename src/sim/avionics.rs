@@ -25,7 +25,7 @@ pub(super) const LOST: f64 = 1e4;
 #[derive(Debug)]
 pub(crate) struct Avionics {
     controller: Box<dyn Controller>,
-    estimator: Box<dyn Estimator>,
+    estimator: Estimator,
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
@@ -118,7 +118,9 @@ impl Avionics {
             self.stopped_s.get_or_insert(time_s);
         }
         if stands || self.stopped_s.is_some() {
-            self.estimator.rest();
+            if let Estimator::Cooperative(filter) = &mut self.estimator {
+                filter.rest();
+            }
             self.refresh_estimate();
             self.controller.rest(&self.estimate);
             self.command = Command::default();
@@ -148,8 +150,8 @@ impl Avionics {
         if self.silent_s(time_s) > LEVEL_OUT_S {
             level_out(&mut estimate, &mut reference);
         }
-        if let Some(filter) = self.estimator.altitude() {
-            self.controller.set_thrust_map(filter.thrust_map());
+        if let Estimator::Altitude(filters) = &self.estimator {
+            self.controller.set_thrust_map(filters.vertical.thrust_map());
         }
         self.command = self.controller.command(&estimate, &reference);
     }
@@ -196,13 +198,18 @@ impl Avionics {
 
     /// A message to the fleet.
     pub(super) fn message(&mut self) -> Option<Message> {
-        self.estimator.message()
+        match &mut self.estimator {
+            Estimator::Cooperative(filter) => filter.message(),
+            _ => None,
+        }
     }
 
     /// Receives a message of the fleet.
     pub(super) fn receive(&mut self, message: &Message) {
-        self.estimator.receive(message);
-        self.fresh = false;
+        if let Estimator::Cooperative(filter) = &mut self.estimator {
+            filter.receive(message);
+            self.fresh = false;
+        }
     }
 
     /// Commands of the motors m1…m4.
@@ -212,7 +219,10 @@ impl Avionics {
 
     /// The altitude filter, where the estimator has one.
     pub(crate) fn altitude(&self) -> Option<&AltitudeFilter> {
-        self.estimator.altitude()
+        match &self.estimator {
+            Estimator::Altitude(filters) => Some(&filters.vertical),
+            _ => None,
+        }
     }
 
     /// The sensors.
@@ -232,7 +242,10 @@ impl Avionics {
             heard: self.heard,
             saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
             battery: plant.battery_v().zip(plant.energy_j()),
-            covariance_m2: self.estimator.covariance_m2(),
+            covariance_m2: match &self.estimator {
+                Estimator::Cooperative(filter) => Some(filter.covariance_m2()),
+                _ => None,
+            },
         }
     }
 

@@ -6,7 +6,7 @@
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
-use super::{Estimator, state_at};
+use super::state_at;
 use crate::sensors::Readings;
 use crate::vehicle::State;
 
@@ -15,15 +15,15 @@ const ALTITUDE: usize = 2;
 
 /// The two filters.
 #[derive(Debug)]
-pub(super) struct Altitude {
+pub(in crate::sim) struct Altitude {
     pub(super) horizontal: Ekf,
-    pub(super) vertical: AltitudeFilter,
+    pub(in crate::sim) vertical: AltitudeFilter,
     /// Whether positions are fixes of satellites.
     pub(super) has_satellites: bool,
 }
 
-impl Estimator for Altitude {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+impl Altitude {
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
         self.horizontal.update(&level, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
@@ -44,15 +44,11 @@ impl Estimator for Altitude {
         }
     }
 
-    fn state(&self) -> State {
+    pub(super) fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(AltitudeState::Velocity);
         let mut state = state_at(&self.horizontal.motion, &velocity_m_s);
         state[ALTITUDE] = self.vertical.estimate(AltitudeState::Altitude);
         state
-    }
-
-    fn altitude(&self) -> Option<&AltitudeFilter> {
-        Some(&self.vertical)
     }
 }

@@ -23,7 +23,6 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Estimator;
 use super::ekf::{Ekf, START};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
@@ -45,7 +44,7 @@ const RANGES_KEPT: usize = 256;
 
 /// The filter.
 #[derive(Debug)]
-pub(super) struct Cooperative {
+pub(in crate::sim) struct Cooperative {
     /// Of all drones, this one first and the others in the order of `peers`.
     own: Ekf,
     /// The attitude, velocity and position by inertial sensors alone, which the others receive.
@@ -275,10 +274,8 @@ impl Cooperative {
             self.correct(link, slope.as_flattened(), range.distance_m - expected_m, variance);
         }
     }
-}
 
-impl Estimator for Cooperative {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
         let Self { own, gate, place, .. } = self;
@@ -301,7 +298,7 @@ impl Estimator for Cooperative {
 
     /// The accelerometer does not see the blow of the landing: without this the fleet would fall with
     /// the drone that has landed.
-    fn rest(&mut self) {
+    pub(in crate::sim) fn rest(&mut self) {
         if !self.peers.is_empty() {
             let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
             self.alone.velocity_m_s -= stopped_m_s;
@@ -309,15 +306,15 @@ impl Estimator for Cooperative {
         }
     }
 
-    fn state(&self) -> State {
+    pub(super) fn state(&self) -> State {
         self.own.state()
     }
 
-    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
-        Some(self.own.normal.block(0, 0))
+    pub(in crate::sim) fn covariance_m2(&self) -> Matrix3<f64> {
+        self.own.normal.block(0, 0)
     }
 
-    fn message(&mut self) -> Option<Message> {
+    pub(in crate::sim) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
         }
@@ -338,7 +335,7 @@ impl Estimator for Cooperative {
         })
     }
 
-    fn receive(&mut self, message: &Message) {
+    pub(in crate::sim) fn receive(&mut self, message: &Message) {
         let Some(k) = self.peers.iter().position(|peer| peer.place == message.from) else { return };
         let last_s = self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
         if message.motion.time_s <= last_s {

@@ -13,7 +13,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Estimator, state_at};
+use super::state_at;
 use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
 use crate::sensors::{
     DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
@@ -40,7 +40,7 @@ const STEP_M: f64 = 0.5;
 
 /// The filter.
 #[derive(Debug)]
-pub(super) struct Ekf {
+pub(in crate::sim) struct Ekf {
     pub(super) motion: Inertial,
     /// Nine errors and, where the floor may have steps, its height.
     pub(super) normal: Normal,
@@ -98,6 +98,24 @@ impl Ekf {
     ) -> Self {
         let options = EkfOptions { floor_steps: false, ..options.clone() };
         Self { normal, ..Self::new(&options, sensors, position_m) }
+    }
+
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
+        let mut step_test = self.step_test.take();
+        self.advance(readings, tick_s, |normal, target, measurement| match &mut step_test {
+            Some(test) if target == Some(Target::Floor) => {
+                test.correct(normal, measurement, gate_sq);
+            }
+            _ => {
+                normal.correct(measurement, |found| !found.is_beyond(gate_sq));
+            }
+        });
+        self.step_test = step_test;
+    }
+
+    pub(super) fn state(&self) -> State {
+        state_at(&self.motion, &self.motion.velocity_m_s)
     }
 
     /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
@@ -253,25 +271,5 @@ impl Model {
             variance: sigma_m * sigma_m,
         };
         each(Some(Target::Floor), &measurement);
-    }
-}
-
-impl Estimator for Ekf {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
-        let mut step_test = self.step_test.take();
-        self.advance(readings, tick_s, |normal, target, measurement| match &mut step_test {
-            Some(test) if target == Some(Target::Floor) => {
-                test.correct(normal, measurement, gate_sq);
-            }
-            _ => {
-                normal.correct(measurement, |found| !found.is_beyond(gate_sq));
-            }
-        });
-        self.step_test = step_test;
-    }
-
-    fn state(&self) -> State {
-        state_at(&self.motion, &self.motion.velocity_m_s)
     }
 }

@@ -3,7 +3,6 @@
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
-use super::Estimator;
 use super::ekf::Ekf;
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::flight::{Flight, FlightSample};

@@ -3,7 +3,6 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
-use super::Estimator;
 use crate::control::{dynamic, linearize, observer_gain};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::{Error, Result};
@@ -18,7 +17,7 @@ const YAW: usize = 3;
 /// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
 /// firmware.
 #[derive(Clone, Debug)]
-pub(super) struct Observer {
+pub(in crate::sim) struct Observer {
     /// `A − L C`.
     a: SMatrix<f64, 8, 8>,
     b: SMatrix<f64, 8, 4>,
@@ -50,10 +49,8 @@ impl Observer {
             rate_rad_s: Vector3::zeros(),
         })
     }
-}
 
-impl Estimator for Observer {
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         self.measured_m = readings.position_m.unwrap_or(self.measured_m);
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
@@ -63,7 +60,7 @@ impl Estimator for Observer {
     }
 
     /// The body rate is as the gyroscope read it.
-    fn state(&self) -> State {
+    pub(super) fn state(&self) -> State {
         let x = &self.estimate;
         let w = &self.rate_rad_s;
         State::from([x[0], x[1], x[2], self.yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])

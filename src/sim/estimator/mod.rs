@@ -11,9 +11,8 @@ mod ekf;
 mod in_flight;
 mod luenberger;
 mod past;
-mod truth;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use self::altitude::Altitude;
 pub use self::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState, HeightReading};
@@ -21,41 +20,45 @@ pub use self::bound::{Bound, bounds, one_more_anchor, writing_sigma_m};
 use self::cooperative::Cooperative;
 use self::ekf::Ekf;
 use self::luenberger::Observer;
-use self::truth::Truth;
 use super::options::{EstimatorKind, SimOptions};
 use crate::error::Result;
 use crate::estimate::{Inertial, angles};
-use crate::sensors::{Fleet, Message, Positioning, Readings};
-use crate::vehicle::State;
+use crate::sensors::{Fleet, Positioning, Readings};
+use crate::vehicle::{RigidBody, State};
 
 /// An estimator of the drone's motion.
-pub(super) trait Estimator: std::fmt::Debug + Send {
-    /// Updates the estimate by the readings at the end of a tick of `tick_s`.
-    fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
+#[derive(Debug)]
+pub(super) enum Estimator {
+    Luenberger(Observer),
+    Ekf(Box<Ekf>),
+    Altitude(Box<Altitude>),
+    Cooperative(Box<Cooperative>),
+    /// Cheats, for telling the controller's error from the estimator's: the true motion.
+    Truth(RigidBody),
+}
 
-    /// Learns that the drone stands on the floor with its motors off.
-    fn rest(&mut self) {}
+impl Estimator {
+    /// Updates the estimate by the readings at the end of a tick of `tick_s`.
+    pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        match self {
+            Self::Luenberger(observer) => observer.update(readings, tick_s),
+            Self::Ekf(filter) => filter.update(readings, tick_s),
+            Self::Altitude(filters) => filters.update(readings, tick_s),
+            Self::Cooperative(filter) => filter.update(readings, tick_s),
+            Self::Truth(body) => *body = *readings.truth,
+        }
+    }
 
     /// All twelve states.
-    fn state(&self) -> State;
-
-    /// The altitude filter, where there is one.
-    fn altitude(&self) -> Option<&AltitudeFilter> {
-        None
+    pub(super) fn state(&self) -> State {
+        match self {
+            Self::Luenberger(observer) => observer.state(),
+            Self::Ekf(filter) => filter.state(),
+            Self::Altitude(filters) => filters.state(),
+            Self::Cooperative(filter) => filter.state(),
+            Self::Truth(body) => body.state(),
+        }
     }
-
-    /// Covariance of the estimated position, where it is logged.
-    fn covariance_m2(&self) -> Option<Matrix3<f64>> {
-        None
-    }
-
-    /// A message to the other drones of the fleet.
-    fn message(&mut self) -> Option<Message> {
-        None
-    }
-
-    /// Receives a message of another drone of the fleet.
-    fn receive(&mut self, _message: &Message) {}
 }
 
 /// All twelve states of a motion, at another velocity in the world.
@@ -78,21 +81,25 @@ pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,
     fleet: &Fleet,
-) -> Result<Box<dyn Estimator>> {
+) -> Result<Estimator> {
     let SimOptions { observer, sensors, .. } = options;
     let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
     Ok(match observer.kind {
-        EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
-        EstimatorKind::Ekf => Box::new(ekf()),
+        EstimatorKind::Luenberger => {
+            Estimator::Luenberger(Observer::new(&observer.luenberger, position_m)?)
+        }
+        EstimatorKind::Ekf => Estimator::Ekf(Box::new(ekf())),
         EstimatorKind::Altitude => {
             let hover = options.believed_hover_throttle();
-            Box::new(Altitude {
+            Estimator::Altitude(Box::new(Altitude {
                 horizontal: ekf(),
                 vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
                 has_satellites: sensors.positioning == Positioning::Gnss,
-            })
+            }))
         }
-        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
-        EstimatorKind::Truth => Box::new(Truth::new(position_m)),
+        EstimatorKind::Cooperative => {
+            Estimator::Cooperative(Box::new(Cooperative::new(observer, sensors, fleet)))
+        }
+        EstimatorKind::Truth => Estimator::Truth(RigidBody::at(position_m)),
     })
 }
