@@ -12,6 +12,7 @@ use super::project::{self, Px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::light::{Lamp, LightTrace};
+use crate::srgb::luminance;
 use crate::statistics::weighted_quantile;
 
 /// Tolerance of the segments: the meter needs less detail than the picture.
@@ -106,7 +107,7 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     // A row that changes its color is several lamps of one name.
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
-        let mut segments = in_picture(lamp, luminance(lamp), camera);
+        let mut segments = in_picture(lamp, luminance(lamp.emitter.rgb), camera);
         let same =
             |known: &Lamp| known.drone == lamp.drone && known.emitter.name == lamp.emitter.name;
         match trails.iter_mut().find(|(known, _)| same(known)) {
@@ -137,16 +138,11 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> Option<f6
     let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
     let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
     let channels: Vec<(&Lamp, f64)> = channels.collect();
-    channels.iter().find(|(lamp, share)| *share > COLORED * luminance(lamp))?;
+    channels.iter().find(|(lamp, share)| *share > COLORED * luminance(lamp.emitter.rgb))?;
     let found = channels.into_iter().filter_map(|(lamp, share)| {
         reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
     });
     found.max_by(f64::total_cmp)
-}
-
-/// Luminance of a lamp's color: 1 of a drone's lamps, less of a light trace's.
-fn luminance(lamp: &Lamp) -> f64 {
-    lamp.emitter.rgb.iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, y)| c * y).sum()
 }
 
 /// The trail of a lamp in the picture, in a channel that has a share of its light.

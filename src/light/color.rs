@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::srgb::{linear_from_encoded, luminance};
+
 /// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
 pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
@@ -15,7 +17,7 @@ pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
 pub(super) fn rgb(xyz: [f64; 3]) -> [f64; 3] {
     let row = |[x, y, z]: [f64; 3]| (x * xyz[0] + y * xyz[1] + z * xyz[2]).max(0.0);
     let [r, g, b] = RGB_FROM_XYZ.map(row);
-    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    let luminance = luminance([r, g, b]);
     [r / luminance, g / luminance, b / luminance]
 }
 
@@ -32,20 +34,12 @@ pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
     let dies_from_rgb = (rgb_from_xyz * xyz_from_dies).try_inverse();
-    let linear = Vector3::from(srgb.map(|level| linear(f64::from(level) / 255.0)));
+    let linear = Vector3::from(srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)));
     let full = match linear.max() {
         most if most > 0.0 => linear / most,
         _ => Vector3::repeat(1.0),
     };
     dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
-}
-
-/// Light of an encoded value of sRGB (IEC 61966-2-1).
-fn linear(encoded: f64) -> f64 {
-    match encoded {
-        small if small <= 0.040_45 => small / 12.92,
-        value => libm::pow((value + 0.055) / 1.055, 2.4),
-    }
 }
 
 #[cfg(test)]
@@ -57,7 +51,7 @@ mod tests {
         for chromaticity in [[0.7, 0.29], [0.15, 0.75], [0.13, 0.05], [0.3127, 0.329], [0.4, 0.4]] {
             let [r, g, b] = rgb(xyz(chromaticity));
             assert!(r >= 0.0 && g >= 0.0 && b >= 0.0, "{chromaticity:?}: {r} {g} {b}");
-            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let luminance = luminance([r, g, b]);
             assert!((luminance - 1.0).abs() < 1e-12, "{chromaticity:?}: luminance {luminance}");
         }
     }
@@ -66,7 +60,7 @@ mod tests {
     fn a_mixture_of_dies_is_the_color_that_was_asked_for() {
         let dies = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06]];
         let found = mixture(dies, [255, 165, 0]);
-        let wanted = Vector3::new(0.2126, 0.7152 * linear(165.0 / 255.0), 0.0);
+        let wanted = Vector3::new(0.2126, 0.7152 * linear_from_encoded(165.0 / 255.0), 0.0);
         assert!((found - wanted).norm() < 1e-3, "the primaries of sRGB themselves: {found}");
         assert!((mixture(dies, [255; 3]).sum() - 1.0).abs() < 1e-3, "white");
     }

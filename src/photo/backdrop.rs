@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use super::options::PhotoOptions;
-use super::{Photo, narrow, srgb};
+use super::{Photo, narrow};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::{ExposeOptions, Room};
+use crate::srgb;
 
 /// The light of room and background, by row, relative to white.
 #[derive(Debug)]
@@ -46,8 +47,7 @@ impl Backdrop {
         white_lx_s: f64,
     ) -> Result<Self> {
         let surfaces = room.room_m.map(|_| (camera.clone(), Room::new(room, camera.position_m)));
-        let [red, green, blue] = options.ambient_rgb;
-        let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+        let luminance = srgb::luminance(options.ambient_rgb);
         let room = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
         let focal_px = narrow(camera.focal_length_px());
         let picture = match &options.background[..] {

@@ -6,7 +6,8 @@
 //! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
 //! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
 
-use super::{Photo, srgb};
+use super::Photo;
+use crate::srgb;
 
 /// Pixels per degree of visual angle: a 4K screen, 0.7 m wide, from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;

@@ -45,7 +45,6 @@ pub mod png;
 pub mod register;
 mod sensor;
 mod spread;
-pub mod srgb;
 mod starburst;
 #[cfg(test)]
 mod tests;

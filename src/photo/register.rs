@@ -333,7 +333,7 @@ mod tests {
             let room = floor * f64::from(y) / f64::from(height_px);
             let light = libm::exp(-0.5 * off * off) + room;
             #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "0 to 255")]
-            let level = (255.0 * crate::photo::srgb::encoded_from_linear(light.min(1.0))) as u8;
+            let level = (255.0 * crate::srgb::encoded_from_linear(light.min(1.0))) as u8;
             [level; 3]
         };
         let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));

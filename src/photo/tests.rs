@@ -4,6 +4,7 @@ use super::noise::{POISSON, Source, Stream};
 use super::*;
 use crate::camera::CameraOptions;
 use crate::error::Result;
+use crate::srgb;
 
 /// Developed and read out in a room without walls.
 fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {

@@ -1,7 +1,7 @@
 //! Tone curves: from the light on the sensor to the levels of the picture.
 
-use super::srgb;
 use crate::settings::settings;
+use crate::srgb;
 
 settings! {
     /// Tone curve, from the light on the sensor to the levels of the picture. Light 1 saturates the

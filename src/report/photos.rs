@@ -1,7 +1,8 @@
 //! Two photos in one frame: one laid over the other.
 
+use crate::photo::Photo;
 use crate::photo::register::Similarity;
-use crate::photo::{Photo, srgb};
+use crate::srgb;
 
 /// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
 /// it replaces. Smaller photos stay as they are.
@@ -108,10 +109,7 @@ fn between(place: f64, n: f64) -> (usize, usize, f32) {
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();
-    let luminance = |p: &[u8]| {
-        let [r, g, b] = [0, 1, 2].map(|c| linear[usize::from(p[c])]);
-        0.2126 * r + 0.7152 * g + 0.0722 * b
-    };
+    let luminance = |p: &[u8]| srgb::luminance_f32([0, 1, 2].map(|c| linear[usize::from(p[c])]));
     let pairs = render.rgb8.chunks_exact(3).zip(photo.rgb8.chunks_exact(3));
     let rgb8 = pairs.flat_map(|(render, photo)| {
         let (render, photo) = (luminance(render), luminance(photo));

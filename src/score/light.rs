@@ -2,7 +2,10 @@
 
 use super::raster::{narrow, overlaps, whole};
 use crate::photo::Photo;
-use crate::photo::srgb::linear_from_level;
+use crate::srgb::linear_from_level;
+/// How bright light looks to a reader. An even mean of the channels makes the blue power LEDs, which
+/// shine on every transit, as much a part of a letter as its strokes.
+pub(super) use crate::srgb::luminance_f32 as luminance;
 use crate::statistics::median;
 
 /// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
@@ -18,11 +21,6 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 /// Blocks to either side that a block's sky is judged by: about a cap height in all, so that a
 /// letter's strokes are a minority and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
-
-/// Luminance of red, green and blue (linear sRGB, IEC 61966-2-1): how bright they look to a reader.
-/// An even mean of the channels makes the blue power LEDs, which shine on every
-/// transit, as much a part of a letter as its strokes.
-pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Which share of the blocks around is darker than the sky. Half would take off a bold letter's own
 /// light; much less would leave half of a glow's slope.
@@ -48,11 +46,6 @@ pub(super) struct Light {
     values: Vec<Rgb>,
     /// Median luminance of the part as it was.
     pub(super) sky: f32,
-}
-
-/// How bright light looks.
-pub(super) fn luminance(light: Rgb) -> f32 {
-    LUMINANCE[0] * light[0] + LUMINANCE[1] * light[1] + LUMINANCE[2] * light[2]
 }
 
 /// A rectangle of the photo.

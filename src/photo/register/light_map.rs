@@ -1,7 +1,8 @@
 //! Light of a picture above its surroundings, to register it by, from coarse to fine.
 
 use super::whole;
-use crate::photo::{Photo, narrow, srgb};
+use crate::photo::{Photo, narrow};
+use crate::srgb;
 
 /// Longer side of the coarsest and of the finest picture.
 const COARSE_PX: usize = 64;
@@ -59,10 +60,7 @@ impl LightMap {
     fn new(photo: &Photo, [width, height]: [usize; 2]) -> Self {
         let light = srgb::linear_from_level();
         let full = [photo.width_px as usize, photo.height_px as usize];
-        let luminance = |p: &[u8]| {
-            let [r, g, b] = [0, 1, 2].map(|c| light[usize::from(p[c])]);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
+        let luminance = |p: &[u8]| srgb::luminance_f32([0, 1, 2].map(|c| light[usize::from(p[c])]));
         // Means over the pixels within each pixel; those of a small picture are repeated.
         let range = |i: usize, n: usize, all: usize| {
             let first = i * all / n;

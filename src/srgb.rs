@@ -1,14 +1,27 @@
-//! The sRGB transfer curve, IEC 61966-2-1.
+//! sRGB (IEC 61966-2-1): its transfer curve, and how bright its primaries look.
+
+/// Luminance of red, green and blue.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Luminance of linear light.
+pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
+}
+
+/// The same of a picture's light.
+pub(crate) fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "shares of white")]
+    const WEIGHTS: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
+    WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b
+}
 
 /// Linear light 0…1 for an encoded value 0…1.
-#[must_use]
-pub(super) fn linear_from_encoded(encoded: f64) -> f64 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
+pub(crate) fn linear_from_encoded(encoded: f64) -> f64 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
 }
 
 /// Encoded value 0…1 for linear light 0…1.
-#[must_use]
-pub fn encoded_from_linear(linear: f64) -> f64 {
+pub(crate) fn encoded_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 {
         12.92 * linear
     } else {
@@ -17,8 +30,7 @@ pub fn encoded_from_linear(linear: f64) -> f64 {
 }
 
 /// Linear light 0…1 for each 8-bit level.
-#[must_use]
-pub fn linear_from_level() -> [f32; 256] {
+pub(crate) fn linear_from_level() -> [f32; 256] {
     #[expect(clippy::cast_precision_loss, reason = "levels are below 256")]
     #[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
     std::array::from_fn(|level| linear_from_encoded(level as f64 / 255.0) as f32)
