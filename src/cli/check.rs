@@ -4,8 +4,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::findings;
-use super::flags::{ProfileFlags, StandFlag, SubjectFlags};
+use super::flags::{ProfileFlags, SubjectFlags};
 use super::outcome::{Outcome, Report, wrapped};
+use super::picture::StandFlag;
 use super::show;
 use crate::error::Result;
 use crate::preflight::{Checked, Profile, Severity, flown, of_flights, placement};

@@ -8,10 +8,11 @@ use serde_json::json;
 
 use super::advice::mentioned;
 use super::device::tried;
-use super::flags::{FlightFlags, PictureFlags, SceneFlags, SeedFlag};
+use super::flags::{FlightFlags, SceneFlags, SeedFlag};
 use super::names::named;
 use super::outcome::{Report, line};
 use super::output::Output;
+use super::picture::PictureFlags;
 use super::progress::watch;
 use super::{message, show, warn};
 use crate::digest::sha256;

@@ -6,8 +6,9 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::advice::mentioned;
-use super::flags::{FlightFlags, PictureFlags, SubjectFlags};
+use super::flags::{FlightFlags, SubjectFlags};
 use super::outcome::{Report, wrapped};
+use super::picture::PictureFlags;
 use super::progress::watch;
 use super::show::in_stops;
 use super::table::table;

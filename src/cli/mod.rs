@@ -38,6 +38,7 @@ mod movie;
 mod names;
 mod outcome;
 mod output;
+mod picture;
 mod plan;
 mod preview;
 mod progress;

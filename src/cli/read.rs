@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flags::CameraFlags;
 use super::outcome::{Outcome, Report};
+use super::picture::CameraFlags;
 use super::square_on::{Corners, square_on};
 use super::table::table;
 use crate::error::Result;

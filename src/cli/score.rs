@@ -5,9 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flags::{CameraFlags, FlightFlags, SceneFlags, set_word};
+use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::outcome::{Outcome, Report, line, typed};
 use super::output::{Output, is_svg};
+use super::picture::CameraFlags;
 use super::relit::relit_where_dark;
 use super::square_on::Corners;
 use super::{message, show};

@@ -1,6 +1,6 @@
 //! A photograph seen square on, by its corners or its camera.
 
-use super::flags::CameraFlags;
+use super::picture::CameraFlags;
 use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::Photo;

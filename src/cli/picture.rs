@@ -1,0 +1,213 @@
+//! Flags of the picture: its camera, where that stands, its size or paper, the device.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::flags::find_scene;
+use super::names::named;
+use crate::camera::{FixedPose, Framing};
+use crate::error::Result;
+use crate::expose::BackendChoice;
+use crate::photo::Noise;
+use crate::scene::{Preset, Scene};
+
+/// The camera.
+#[derive(Debug, Args)]
+pub(super) struct CameraFlags {
+    /// Camera: that of another scene, or auto (square in front of the word, framing it)
+    #[arg(long, value_name = "SCENE|auto")]
+    camera: Option<String>,
+    /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect
+    #[arg(long, value_name = "PHOTO")]
+    camera_from: Option<PathBuf>,
+}
+
+impl CameraFlags {
+    /// Whether a camera was named.
+    pub(super) fn is_given(&self) -> bool {
+        self.camera.is_some() || self.camera_from.is_some()
+    }
+
+    /// The scene that the camera is from, with its word.
+    pub(super) fn scene(&self) -> Result<Scene> {
+        let named = self.camera.as_deref().filter(|named| *named != "auto");
+        let mut scene = named
+            .map_or(Ok(Scene::preset(Preset::default())), |n| Ok(find_scene(n, &[])?.scene))?;
+        self.apply(&mut scene)?;
+        Ok(scene)
+    }
+
+    /// Puts the camera that was typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        match self.camera.as_deref() {
+            None => {}
+            Some("auto") => scene.camera.framing = Framing::default(),
+            Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
+        }
+        if let Some(path) = &self.camera_from {
+            scene.camera = std::mem::take(&mut scene.camera).taken_as(path)?;
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+/// The place of the camera.
+#[derive(Debug, Args)]
+pub(super) struct StandFlag {
+    /// Where the camera stands, in m from the take-off mark: to the right, back (minus: in front)
+    /// and up, such as 1.2,-3.5,1.4; it looks at the word
+    #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
+    camera_at: Option<[f64; 3]>,
+}
+
+impl StandFlag {
+    /// Puts the camera of a scene there.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        if let Some(position_m) = self.camera_at {
+            let pose = FixedPose { position_m, ..FixedPose::default() };
+            scene.camera.framing = Framing::Fixed(pose);
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+fn place(text: &str) -> std::result::Result<[f64; 3], String> {
+    let parts = text.split(',').map(|part| part.trim().parse().ok());
+    let numbers: Option<Vec<f64>> = parts.collect();
+    let place = numbers.and_then(|numbers| numbers.try_into().ok());
+    place.ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
+}
+
+/// The picture: camera, size and the device that computes it.
+#[derive(Debug, Args)]
+pub(super) struct PictureFlags {
+    #[command(flatten)]
+    camera: CameraFlags,
+    #[command(flatten)]
+    stand: StandFlag,
+    /// Size of the picture: in pixels, such as 1920x1080, or of a print, such as A2@150 or
+    /// 600x400mm@150: its paper, across, and its dots per inch. A print has the noise of the
+    /// camera's sensor, resampled to its dots
+    #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
+    size: Option<Size>,
+    /// Device that computes the exposure; the result is the same, bit for bit
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
+    pub(super) backend: BackendChoice,
+}
+
+impl PictureFlags {
+    /// Puts camera and size that were typed into the scene.
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
+        self.camera.apply(scene)?;
+        self.stand.apply(scene)?;
+        if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
+            let Scene { camera, photo, .. } = scene;
+            if let Noise::Emva1288(noise) = &mut photo.noise
+                && dots_per_inch.is_some()
+            {
+                // The noise of a print's scene is that of its dots already.
+                let before_px = match camera.dots_per_inch {
+                    Some(_) => f64::from(camera.width_px),
+                    None => camera.body.width_px(),
+                };
+                let across = before_px / f64::from(width_px);
+                *noise = noise.resampled(across * across);
+            }
+            (camera.width_px, camera.height_px) = (width_px, height_px);
+            camera.dots_per_inch = dots_per_inch;
+            scene.camera.check()?;
+        }
+        Ok(())
+    }
+}
+
+/// Size of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Size {
+    px: [u32; 2],
+    /// Of a print.
+    dots_per_inch: Option<f64>,
+}
+
+/// Longer side of paper A0 to A5 (ISO 216); each one's shorter side is the next one's longer.
+const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
+
+fn size(text: &str) -> std::result::Result<Size, String> {
+    let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
+                  WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
+    let sides = |text: &str| -> Option<[f64; 2]> {
+        let (w, h) = text.split_once(['x', 'X', '×'])?;
+        Some([w.parse().ok()?, h.parse().ok()?])
+    };
+    let print = |paper: &str, dots: &str| -> Option<Size> {
+        let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
+        let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
+        let mm = match number.filter(|n: &usize| *n < 6) {
+            Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
+            None => sides(paper.strip_suffix("mm")?)?,
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
+        Some(Size { px, dots_per_inch: Some(dots) })
+    };
+    let found = match text.split_once('@') {
+        Some((paper, dots)) => print(paper, dots),
+        None => {
+            let sides = text.split_once(['x', 'X', '×']);
+            let px = sides.and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+            px.map(|px| Size { px, dots_per_inch: None })
+        }
+    };
+    found.ok_or_else(|| wanted.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_is_pixels_or_a_print() {
+        let print = |px, dots| Ok(Size { px, dots_per_inch: Some(dots) });
+        assert_eq!(size("1920x1080"), Ok(Size { px: [1920, 1080], dots_per_inch: None }));
+        // 594 mm by 420 mm (ISO 216), 25.4 mm an inch.
+        assert_eq!(size("A2@150"), print([3508, 2480], 150.0));
+        assert_eq!(size("a5@300"), print([2480, 1748], 300.0));
+        assert_eq!(size("254x127mm@100"), print([1000, 500], 100.0));
+        assert_eq!(size("1e99x10mm@100"), print([u32::MAX, 39], 100.0), "refused by its pixels");
+        for wrong in ["A6@150", "A2", "A2@0", "A2@nan", "-1x5mm", "594x420@150", "x", "A2@150dpi"] {
+            assert!(size(wrong).is_err_and(|wanted| wanted.contains("A2@150")), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_print_has_its_sensors_noise_however_often_it_is_resized() {
+        let on = |sizes: &[&str]| {
+            let mut scene = Scene::preset(Preset::default());
+            for text in sizes {
+                PictureFlags {
+                    camera: CameraFlags { camera: None, camera_from: None },
+                    stand: StandFlag { camera_at: None },
+                    size: Some(size(text).unwrap()),
+                    backend: BackendChoice::Auto,
+                }
+                .apply(&mut scene)
+                .unwrap();
+            }
+            scene
+        };
+        let Noise::Emva1288(poster) = on(&["A2@150"]).photo.noise else { panic!("a sensor") };
+        // 6000 photosites across 3508 dots.
+        let n = (6000.0_f64 / 3508.0).powi(2);
+        assert!((poster.full_well_e / 50_000.0 / n - 1.0).abs() < 1e-12, "{poster:?}");
+        let Noise::Emva1288(twice) = on(&["A4@150", "A2@150"]).photo.noise else { panic!() };
+        assert!((twice.full_well_e / poster.full_well_e - 1.0).abs() < 1e-12, "{twice:?}");
+        assert_eq!(on(&["640x360"]).photo, Scene::preset(Preset::default()).photo);
+        let mut large = Scene::preset(Preset::default());
+        (large.camera.width_px, large.camera.height_px) = (14_043, 9933);
+        let error = large.check().unwrap_err();
+        assert!(error.hint().contains("dots per inch"), "A0@300: {error}");
+    }
+}
