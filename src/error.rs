@@ -27,11 +27,23 @@ pub enum Error {
     /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
-        /// Its place: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7: x_m`, `word, position 3`.
+        /// Its place: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7: x_m`.
         place: String,
         /// The value found.
         found: String,
         /// The values that are accepted.
+        wanted: String,
+        /// Advice.
+        hint: String,
+    },
+    /// A letter of the word that the font lacks.
+    #[error("word, position {position}: found {letter:?} (U+{:04X}), wanted {wanted}", u32::from(*letter))]
+    Letter {
+        /// Its place, counted from 1.
+        position: usize,
+        /// The letter.
+        letter: char,
+        /// Letters that the font has.
         wanted: String,
         /// Advice.
         hint: String,
@@ -64,6 +76,7 @@ impl Error {
         match self {
             Self::Io { hint, .. }
             | Self::Input { hint, .. }
+            | Self::Letter { hint, .. }
             | Self::Gpu { hint, .. }
             | Self::Infeasible { hint, .. } => hint,
             Self::Stopped => "start it again",

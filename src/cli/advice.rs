@@ -74,11 +74,14 @@ const FLAGS: [(&str, &str, &str); 16] = [
 
 /// Flags and keys that mend an error of a verb.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    let Error::Input { place, found, .. } = error else { return Vec::new() };
-    let key = place.rsplit(": ").next().unwrap_or(place);
-    let path = key.split('[').next().unwrap_or(key);
-    // `word, position 3`: a letter that the font lacks.
-    let path = if path.starts_with("word, ") { "a letter of the word" } else { path };
+    let path = match error {
+        Error::Letter { .. } => "a letter of the word",
+        Error::Input { place, .. } => {
+            let key = place.rsplit(": ").next().unwrap_or(place);
+            key.split('[').next().unwrap_or(key)
+        }
+        _ => return Vec::new(),
+    };
     let has = |typed: &str| {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
@@ -86,11 +89,9 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag));
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
-    // The letter stands with its code: 'ế' (U+1EBF).
-    let code = found.rsplit_once("(U+").and_then(|(_, code)| code.strip_suffix(')'));
-    let letter = code.and_then(|code| u32::from_str_radix(code, 16).ok()).and_then(char::from_u32);
-    if let Some(letter) = letter.filter(|_| path == "a letter of the word" && has("font"))
-        && let Some(file) = typefaces::with(letter)
+    if let Error::Letter { letter, .. } = error
+        && has("font")
+        && let Some(file) = typefaces::with(*letter)
     {
         advice.push(format!("`--font {}` has {letter}", file.display()));
     }
@@ -168,10 +169,12 @@ mod tests {
         assert_eq!(mentioned(&Change { key: "word", value: None }), "--word WORD");
     }
 
+    fn of(error: &Error, verb: &str) -> String {
+        advice(error, crate::cli::command().find_subcommand(verb).unwrap()).join("; ")
+    }
+
     fn at(place: &str, verb: &str) -> String {
-        let command = crate::cli::command();
-        let error = Error::input(place, "x", "y", "z");
-        advice(&error, command.find_subcommand(verb).unwrap()).join("; ")
+        of(&Error::input(place, "x", "y", "z"), verb)
     }
 
     #[test]
@@ -185,8 +188,10 @@ mod tests {
         assert!(at("lights of the flight", "expose").starts_with("`--word` infers lights"));
         assert_eq!(at("import.max_gap_s", "import"), "`--max-gap` sets it");
         assert_eq!(at("budget", "tune"), "`--budget` sets it");
-        assert!(at("word, position 3", "preview").starts_with("`--font` names another font"));
-        assert_eq!(at("plan.csv:7: x_m", "fly") + &at("word, position 3", "fly"), "");
+        let [wanted, hint] = ["", ""].map(str::to_owned);
+        let lacks = Error::Letter { position: 3, letter: '\u{10ffff}', wanted, hint };
+        assert!(of(&lacks, "preview").starts_with("`--font` names another font"));
+        assert_eq!(at("plan.csv:7: x_m", "fly") + &of(&lacks, "fly"), "");
         assert_eq!(at("my.toml:3: vehicle.mas_kg", "fly"), "");
     }
 }

@@ -97,17 +97,13 @@ fn drawable(word: &str, font: &Font) -> Result<String> {
         let blank = character == '\n' || character == ' ';
         blank || font.shape(character).is_some_and(|shape| !shape.runs.is_empty())
     };
-    let lacks = |index: usize, typed: char| {
+    let lacks = |index: usize, letter: char| {
         let hint = match (is_shaped(word), font.fit()) {
             (true, _) => format!("write with a typeface of this script: {} has none", font.name()),
             _ => format!("write the word with letters that the font {} has", font.name()),
         };
-        Error::input(
-            format!("word, position {}", index + 1),
-            format!("{typed:?} (U+{:04X})", u32::from(typed)),
-            format!("one of {}", some_of(&font.characters(), known)),
-            hint,
-        )
+        let wanted = format!("one of {}", some_of(&font.characters(), known));
+        Error::Letter { position: index + 1, letter, wanted, hint }
     };
     if is_shaped(word) {
         let mut before = 0;

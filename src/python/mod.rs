@@ -55,6 +55,10 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         Error::Input { place, found, wanted, hint } => {
             ("InputError", vec![place.clone(), found.clone(), wanted.clone(), hint.clone()])
         }
+        Error::Letter { position, letter, wanted, hint } => {
+            let (place, found) = (format!("word, position {position}"), format!("{letter:?}"));
+            ("InputError", vec![place, found, wanted.clone(), hint.clone()])
+        }
         Error::Io { path, source, .. } => {
             let text = format!("{}: {source}", path.display());
             return match source.raw_os_error() {
