@@ -11,6 +11,7 @@ use super::merge::{self, Segment};
 use super::project::{self, Px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::flight::DroneIndex;
 use crate::light::{Lamp, LightTrace};
 use crate::srgb::luminance;
 use crate::statistics::weighted_quantile;
@@ -31,9 +32,9 @@ const STREAK_SPEED: f64 = 2.0;
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// Its drone, counted from 0; `None` where there is but one. The name says it in JSON.
+    /// Its drone; `None` where there is but one. The name says it in JSON.
     #[serde(skip)]
-    pub drone: Option<usize>,
+    pub drone: Option<DroneIndex>,
     /// Its label ([`Lamp::label`]).
     pub name: String,
     /// Time for which it is lit in the picture.

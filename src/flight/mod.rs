@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
+use serde::{Serialize, Serializer};
 
 use crate::geometry::Attitude;
 
@@ -89,6 +90,22 @@ impl Quantity {
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::TABLE[self as usize].1
+    }
+}
+
+/// One of several drones, by its index. People count from 1, and so do texts and JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DroneIndex(pub usize);
+
+impl std::fmt::Display for DroneIndex {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (self.0 + 1).fmt(f)
+    }
+}
+
+impl Serialize for DroneIndex {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        (self.0 + 1).serialize(to)
     }
 }
 

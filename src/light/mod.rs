@@ -22,7 +22,7 @@ use std::cell::LazyCell;
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
-use crate::flight::{Flight, Quantity};
+use crate::flight::{DroneIndex, Flight, Quantity};
 use programs::Programs;
 use radio::Change;
 
@@ -69,8 +69,8 @@ impl LightTrace {
 /// One emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Its drone, counted from 0; `None` where there is but one.
-    pub drone: Option<usize>,
+    /// Its drone; `None` where there is but one.
+    pub drone: Option<DroneIndex>,
     /// Its constant properties.
     pub emitter: Emitter,
     /// Its path, in order of time. Position, axis and level are linear between samples; two samples
@@ -83,7 +83,7 @@ impl Lamp {
     #[must_use]
     pub fn label(&self) -> String {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
-        drone.map_or_else(|| name.clone(), |drone| format!("{}: {name}", drone + 1))
+        drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Tests of whole flights with their lamps.
 
 use super::*;
-use crate::flight::FlightSample;
+use crate::flight::{DroneIndex, FlightSample};
 use crate::geometry::Attitude;
 
 /// 0.2 m/s along x for 4 s at 100 Hz, with the named channels commanded on from 0.5 s to 2.5 s.
@@ -396,7 +396,7 @@ fn a_lamp_of_several_drones_is_labeled_by_its_drone_and_keeps_its_name() {
     let lamp = &mut trace.lamps[0];
     lamp.emitter.name = "2: spare".to_owned();
     assert_eq!(lamp.label(), "2: spare");
-    lamp.drone = Some(0);
+    lamp.drone = Some(DroneIndex(0));
     assert_eq!((lamp.label().as_str(), lamp.emitter.name.as_str()), ("1: 2: spare", "2: spare"));
 }
 

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::export::lights::timing_entries;
 use crate::export::{Form, Length, memory};
 use crate::expose::meter::{LampReading, meter};
-use crate::flight::Flight;
+use crate::flight::{DroneIndex, Flight};
 use crate::geometry::bounds;
 use crate::letters::Strokes;
 use crate::light::{Lamp, LightTrace};
@@ -127,13 +127,13 @@ pub fn inspect(shoot: &Shoot, flights: &[Flight], profile: &Profile) -> Result<V
     Ok(findings)
 }
 
-/// The findings of one drone, counted from 0, or of all.
+/// The findings of one drone, or of all.
 fn numbered(
     shoot: &Shoot,
     drone: Option<usize>,
     findings: impl IntoIterator<Item = Finding>,
 ) -> impl Iterator<Item = Checked> {
-    let drone = drone.filter(|_| shoot.plans.len() > 1).map(|drone| drone + 1);
+    let drone = drone.filter(|_| shoot.plans.len() > 1).map(DroneIndex);
     let checked =
         move |finding: Finding| Checked { drone, row: finding.row(&shoot.scene.plan), finding };
     findings.into_iter().map(checked)
@@ -304,7 +304,8 @@ impl Picture {
 
     /// Range of the exposure along the brightest trail of a drone's lamps, stops.
     fn evenness_stops(&self, drone: usize) -> Option<f64> {
-        let own = self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of == drone));
+        let own =
+            self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of.0 == drone));
         let brightest = own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
         brightest.map(LampReading::evenness_stops)
     }

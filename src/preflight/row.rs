@@ -8,15 +8,16 @@ use super::{Finding, Peak, Severity};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::export::Memory;
 use crate::export::poly4d::MAX_PIECES;
+use crate::flight::DroneIndex;
 use crate::plan::{LightClock, MIN_HORIZONTAL_M, MIN_VERTICAL_M, PlanOptions, StrokeEnd, Style};
 use crate::scene::{Change, SceneAdvice};
 
 /// A finding of one drone, or of all.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checked {
-    /// Number of the drone, from 1, where there are several and it concerns one.
+    /// The drone, where there are several and it concerns one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub drone: Option<usize>,
+    pub drone: Option<DroneIndex>,
     /// What was found.
     #[serde(skip)]
     pub finding: Finding,

@@ -147,7 +147,7 @@ fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.scene.light);
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
-        let own = |lamp: &&Lamp| lamp.drone.is_none_or(|of| of == drone);
+        let own = |lamp: &&Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
         let lamps: Vec<&Lamp> = lamps.iter().copied().filter(own).collect();
         let place = |sample: &FlightSample| {
             #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]

@@ -7,7 +7,7 @@ use super::problems::{self, Problem};
 use super::{Recording, Shoot, Watch};
 use crate::camera::{Camera, Framing};
 use crate::error::{Error, Result};
-use crate::flight::Flight;
+use crate::flight::{DroneIndex, Flight};
 use crate::geometry::bounds;
 use crate::light::{LightSample, LightTrace, light};
 use crate::scene::Scene;
@@ -69,7 +69,7 @@ impl Shoot {
                 Recording::Flight(flight) => {
                     end_s = end_s.max(flight.samples.last().map_or(0.0, |last| last.time_s));
                     if !self.plans.is_empty() {
-                        let number = several.then_some(drone + 1);
+                        let number = several.then_some(DroneIndex(drone));
                         let warnings = flight.warnings.iter().cloned();
                         problems.extend(warnings.map(|warning| Problem::Flight(number, warning)));
                     }
@@ -80,7 +80,7 @@ impl Shoot {
                 }
             };
             if several {
-                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(drone));
+                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)));
             }
             all.append(trace);
         }

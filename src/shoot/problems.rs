@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
-use crate::flight::{Flight, Warning};
+use crate::flight::{DroneIndex, Flight, Warning};
 use crate::light::gaps::{Gap, gaps};
 use crate::light::{Drive, Lamp, LightOptions, LightSample, LightTrace};
 use crate::photo::Photo;
@@ -43,8 +43,8 @@ pub enum Problem {
     },
     /// Nothing is exposed, at an aperture and a sensitivity in words.
     Underexposed(String),
-    /// A warning of a simulated flight, with the number of the drone, from 1, where there are several.
-    Flight(Option<usize>, Warning),
+    /// A warning of a simulated flight, with its drone where there are several.
+    Flight(Option<DroneIndex>, Warning),
     /// Gaps of a log that lamps shine across, or at which trails break.
     Gaps {
         /// When they are, s.
@@ -313,7 +313,7 @@ mod tests {
             fixture.name = format!("left: {}", fixture.name);
         }
         let lamps = fixtures.iter().map(|fixture| Lamp {
-            drone: Some(1),
+            drone: Some(DroneIndex(1)),
             emitter: Emitter { name: fixture.name.clone(), ..emitter() },
             samples: Vec::<LightSample>::new(),
         });

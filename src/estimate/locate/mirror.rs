@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use super::fit::{Observation, fit, residuals};
 use super::{Link, LocateOptions, Located, RangeSample};
+use crate::flight::DroneIndex;
 use crate::statistics::median;
 
 /// Span of the ranges that are looked at together; more where a link is measured less than three
@@ -35,8 +36,8 @@ const MOST_RANGES: usize = 400;
 /// A time in which the place of a drone cannot be told from another one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ambiguity {
-    /// Number of the drone, from 1.
-    pub drone: usize,
+    /// The drone.
+    pub drone: DroneIndex,
     /// From when.
     pub from_s: f64,
     /// To when.
@@ -67,7 +68,7 @@ pub(super) fn ambiguities(
         }
         let (ranges, places_m) = expected(anchors_m, span, located, options.range_sigma_m);
         for (index, apart_m) in elsewhere(anchors_m, &ranges, &places_m, options) {
-            let drone = index + 1;
+            let drone = DroneIndex(index);
             let before = found.iter_mut().rev().find(|a| a.drone == drone);
             match before.filter(|before| before.to_s >= begin.time_s) {
                 Some(before) => {
@@ -110,7 +111,9 @@ pub(super) fn ambiguities_of_motion(
     }
     let (from_s, to_s) = (first.time_s, last.time_s);
     let found = elsewhere(anchors_m, &ranges, &places_m, options).into_iter();
-    found.map(|(index, apart_m)| Ambiguity { drone: index + 1, from_s, to_s, apart_m }).collect()
+    let ambiguity =
+        |(index, apart_m)| Ambiguity { drone: DroneIndex(index), from_s, to_s, apart_m };
+    found.map(ambiguity).collect()
 }
 
 /// The span in which every link is measured, as a rule.
