@@ -33,7 +33,7 @@
 //! | 0 | `settings` | settings of a scene: documentation, type, default and range in one declaration |
 //! | 0 | `digest` | SHA-256 of films, flights, files and studies |
 //! | 0 | `files` | reading up to a limit and within a budget of work and memory, writing whole or not at all |
-//! | 0 | `srgb` | its transfer curve and its luminance |
+//! | 0 | `srgb` | its transfer curve, its primaries, luminance |
 //! | 0 | `statistics` | median and quantiles |
 //! | 0 | `random` | random numbers as functions of a key |
 //! | 0 | [`geometry`] | poses, frames, polylines |

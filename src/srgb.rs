@@ -1,4 +1,4 @@
-//! sRGB (IEC 61966-2-1): its transfer curve, and how bright its primaries look.
+//! sRGB (IEC 61966-2-1): its transfer curve, its primaries and how bright they look.
 
 /// Luminance of red, green and blue.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
@@ -13,6 +13,23 @@ pub(crate) fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "shares of white")]
     const WEIGHTS: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
     WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b
+}
+
+/// Linear sRGB from XYZ (IEC 61966-2-1).
+pub(crate) const RGB_FROM_XYZ: [[f64; 3]; 3] = [
+    [3.240_454_2, -1.537_138_5, -0.498_531_4],
+    [-0.969_266_0, 1.876_010_8, 0.041_556_0],
+    [0.055_643_4, -0.204_025_9, 1.057_225_2],
+];
+
+/// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
+pub(crate) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
+    [x / y, 1.0, (1.0 - x - y) / y]
+}
+
+/// Linear sRGB of XYZ; what lies outside sRGB has negative parts.
+pub(crate) fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
+    RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }
 
 /// Linear light 0…1 for an encoded value 0…1.

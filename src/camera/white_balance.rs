@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::settings::{Described, Shape};
+use crate::srgb::{rgb_from_xyz, xyz};
 
 /// White balance: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,13 +67,7 @@ fn planckian_rgb(kelvin: f64) -> [f64; 3] {
         ..=4000.0 => cubic([-0.954_947_6, -1.374_185_93, 2.091_370_15, -0.167_488_67], x),
         _ => cubic([3.081_758_0, -5.873_386_7, 3.751_129_97, -0.370_014_83], x),
     };
-    let [x, z] = [x / y, (1.0 - x - y) / y];
-    // IEC 61966-2-1, XYZ of luminance 1 to linear sRGB.
-    [
-        3.240_454_2 * x - 1.537_138_5 - 0.498_531_4 * z,
-        -0.969_266 * x + 1.876_010_8 + 0.041_556 * z,
-        0.055_643_4 * x - 0.204_025_9 + 1.057_225_2 * z,
-    ]
+    rgb_from_xyz(xyz([x, y]))
 }
 
 #[cfg(test)]

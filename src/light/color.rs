@@ -2,12 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::srgb::{linear_from_encoded, luminance};
-
-/// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
-pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
-    [x / y, 1.0, (1.0 - x - y) / y]
-}
+use crate::srgb::{RGB_FROM_XYZ, linear_from_encoded, luminance, rgb_from_xyz, xyz};
 
 /// Linear sRGB with luminance 1 of a mixture given by its XYZ; what lies outside sRGB is clipped
 /// at its faces.
@@ -15,18 +10,9 @@ pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
 /// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
 /// saturation: a film holds no negative light.
 pub(super) fn rgb(xyz: [f64; 3]) -> [f64; 3] {
-    let row = |[x, y, z]: [f64; 3]| (x * xyz[0] + y * xyz[1] + z * xyz[2]).max(0.0);
-    let [r, g, b] = RGB_FROM_XYZ.map(row);
-    let luminance = luminance([r, g, b]);
-    [r / luminance, g / luminance, b / luminance]
+    let rgb = rgb_from_xyz(xyz).map(|share| share.max(0.0));
+    rgb.map(|share| share / luminance(rgb))
 }
-
-/// Linear sRGB from XYZ (IEC 61966-2-1).
-const RGB_FROM_XYZ: [[f64; 3]; 3] = [
-    [3.240_454_2, -1.537_138_5, -0.498_531_4],
-    [-0.969_266_0, 1.876_010_8, 0.041_556_0],
-    [0.055_643_4, -0.204_025_9, 1.057_225_2],
-];
 
 /// Luminance of each die of a row for a color of the screen (sRGB) whose strongest channel is full,
 /// relative to that of white; what the dies cannot mix is clipped. Black is white.

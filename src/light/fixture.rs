@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Emitter, color};
 use crate::error::{Error, Result, within};
 use crate::settings::{Described, Shape, settings};
+use crate::srgb::xyz;
 
 settings! {
     /// A lamp on the drone: one row of the emitter table.
@@ -127,7 +128,7 @@ impl Fixture {
         for (die, level) in self.dies.iter().zip(levels) {
             let part_cd = level * die.intensity_cd;
             intensity_cd += part_cd;
-            for (sum, part) in mixture.iter_mut().zip(color::xyz(die.chromaticity)) {
+            for (sum, part) in mixture.iter_mut().zip(xyz(die.chromaticity)) {
                 *sum += part_cd * part;
             }
         }
