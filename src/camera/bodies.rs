@@ -139,20 +139,6 @@ impl BodyModel {
             Self::Phone | Self::IPhone15Pro | Self::Pixel8Pro | Self::GalaxyS24 => 4000.0,
         }
     }
-
-    /// Full well and read noise of a pixel at base ISO, in electrons, where they are known.
-    #[must_use]
-    pub fn full_well_and_read_noise_e(&self) -> Option<[f64; 2]> {
-        match self {
-            Self::Custom(_) => None,
-            Self::FullFrame24Mp => Some([90_000.0, 4.0]),
-            Self::A6400 => Some([38_000.0, 3.0]),
-            Self::CanonEos2000D => Some([34_500.0, 3.0]),
-            Self::OneInch => Some([14_500.0, 2.5]),
-            Self::Phone | Self::GalaxyS24 => Some([10_000.0, 2.0]),
-            Self::IPhone15Pro | Self::Pixel8Pro => Some([15_000.0, 2.0]),
-        }
-    }
 }
 
 impl LensModel {

@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::flags::{SceneFlags, set_word};
 use super::letters::LetterFlags;
+use super::names::numbers;
 use super::outcome::{Report, line};
 use super::output::Output;
 use super::table::table;
@@ -170,7 +171,6 @@ fn text_of(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64;
 }
 
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    let numbers = numbers.and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())
+    numbers(text, &[','])
+        .ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())
 }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::names::numbers;
 use super::set::{Setting, owned};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::Profile;
@@ -54,9 +55,7 @@ const FROM_TOP_M: f64 = 0.5;
 const SERVED_M: f64 = 4.0;
 
 fn room(text: &str) -> Result<[f64; 3], String> {
-    let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
-    let sides: Option<Vec<f64>> = sides.collect();
-    let sides = sides.and_then(|sides| <[f64; 3]>::try_from(sides).ok());
+    let sides = numbers(text, &['x', 'X', '×']);
     let wanted = "wanted WIDTHxDEPTHxHEIGHT in meters, at least 1.5x1.5x1, such as 4x3x2.5";
     let fits = |[w, d, h]: &[f64; 3]| *w >= 1.5 && *d >= 1.5 && *h >= 1.0;
     sides.filter(fits).filter(|sides| sides.iter().all(|m| *m <= 1000.0)).ok_or(wanted.to_owned())

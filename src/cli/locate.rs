@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::clocks::{Clocks, Dated, align_logs, align_references, statement};
 use super::flags::{FlightFlags, SceneFlags};
 use super::locate_region::region;
+use super::names::numbers;
 use super::outcome::{Outcome, Report, line};
 use super::output::OutputFolder;
 use super::table::table;
@@ -417,10 +418,9 @@ fn before(table: &str) -> String {
 
 /// The least and the greatest coordinates of a box.
 fn room(text: &str) -> std::result::Result<Room, String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    let room = numbers.filter(|n| n.len() == 6).map(|n| Room {
-        low_m: Vector3::new(n[0], n[1], n[2]),
-        high_m: Vector3::new(n[3], n[4], n[5]),
+    let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
+        low_m: Vector3::new(left, front, bottom),
+        high_m: Vector3::new(right, back, top),
     });
     let holds = |room: &Room| (room.high_m - room.low_m).min() > 0.0;
     room.filter(holds).ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! Values of choices on the command line: the names that they have in scene files.
+//! Values on the command line: choices, by the names that they have in scene files, and numbers.
 
 use std::str::FromStr;
 
@@ -27,6 +27,12 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
         PossibleValue::new(variant.name).help(doc.trim_end_matches('.').to_owned())
     };
     variants.iter().map(name).collect::<Vec<_>>().into()
+}
+
+/// As many numbers as are wanted, apart by one of some signs.
+pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64; N]> {
+    let numbers = text.split(signs).map(|number| number.trim().parse().ok());
+    numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::find_scene;
-use super::names::named;
+use super::names::{named, numbers};
 use crate::camera::{FixedPose, Framing};
 use crate::error::Result;
 use crate::expose::BackendChoice;
@@ -75,10 +75,7 @@ impl StandFlag {
 }
 
 fn place(text: &str) -> std::result::Result<[f64; 3], String> {
-    let parts = text.split(',').map(|part| part.trim().parse().ok());
-    let numbers: Option<Vec<f64>> = parts.collect();
-    let place = numbers.and_then(|numbers| numbers.try_into().ok());
-    place.ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
+    numbers(text, &[',']).ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
 }
 
 /// The picture: camera, size and the device that computes it.
@@ -138,16 +135,12 @@ const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 fn size(text: &str) -> std::result::Result<Size, String> {
     let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
                   WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
-    let sides = |text: &str| -> Option<[f64; 2]> {
-        let (w, h) = text.split_once(['x', 'X', '×'])?;
-        Some([w.parse().ok()?, h.parse().ok()?])
-    };
     let print = |paper: &str, dots: &str| -> Option<Size> {
         let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
         let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
         let mm = match number.filter(|n: &usize| *n < 6) {
             Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
-            None => sides(paper.strip_suffix("mm")?)?,
+            None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,
         };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);

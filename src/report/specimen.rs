@@ -4,6 +4,7 @@
 //! tells the direction; what the pen does in the dark is dashed. As SVG text, or as pixels.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use crate::geometry::distance;
 use crate::letters::{Cell, Font, Glyph};
 use crate::photo::Photo;
 
@@ -122,10 +123,6 @@ fn arrow(points: &[[f64; 2]], after: f64) -> [[f64; 2]; 3] {
     let corner =
         |along: f64, beside: f64| [x + along * ux - beside * uy, y + along * uy + beside * ux];
     [corner(5.0, 0.0), corner(-4.0, 4.5), corner(-4.0, -4.5)]
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 #[cfg(test)]
