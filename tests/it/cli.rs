@@ -71,7 +71,7 @@ fn preview_prints_json_with_the_promised_fields() {
     let file: serde_json::Value = serde_json::from_slice(&file).unwrap();
     let file = file.as_object().unwrap();
     file.iter().for_each(|(key, value)| assert_eq!(&json[key], value, "{key}"));
-    let score = ["score", "a/photo.png", "--flight", "a/flight.csv", "--json"];
+    let score = ["score", "a/photo.png", "--flight", "a/flight.csv"];
     let scored = run_json(folder.path(), &score);
     let keys = |object: &serde_json::Map<String, serde_json::Value>| {
         object.keys().filter(|key| *key != "files").cloned().collect::<Vec<_>>()
@@ -84,7 +84,7 @@ fn preview_prints_json_with_the_promised_fields() {
 
 /// The JSON that a successful command prints.
 pub(crate) fn run_json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
-    let run = noctograph(folder).args(arguments).assert().success();
+    let run = noctograph(folder).args(arguments).arg("--json").assert().success();
     json(&run.get_output().stdout)
 }
 
@@ -138,13 +138,13 @@ fn keys_of_the_scene_are_set_on_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("s.toml"), "[plan]\nstroke_speed_m_s = 0.3\n").unwrap();
     let set = ["--set", "plan.style=team", "--set", "vehicle.center_of_mass_m=[0, 0.002]"];
-    let scene = [&["scene", "ON", "--scene", "s.toml", "--json"], &set[..]].concat();
+    let scene = [&["scene", "ON", "--scene", "s.toml"], &set[..]].concat();
     let json = run_json(folder.path(), &scene);
     assert_eq!(json["plan"]["stroke_speed_m_s"], 0.3, "a key of the file stays");
     assert_eq!(json["plan"]["style"]["kind"], "team");
     assert_eq!(json["plan"]["light_clock"], "setpoint", "a default of the style");
     assert_eq!(json["vehicle"]["center_of_mass_m"][1], 0.002);
-    let by_flag = ["scene", "ON", "--scene", "s.toml", "--json", "--style", "team"];
+    let by_flag = ["scene", "ON", "--scene", "s.toml", "--style", "team"];
     assert_eq!(run_json(folder.path(), &by_flag)["plan"], json["plan"], "--style is the same");
     fails(&["scene", "--set", "camera.izo=3"], &[], &["izo", "camera.iso"]);
     fails(&["scene", "--set", "vehicle.mass_kg=-1"], &[], &["vehicle.mass_kg", "-1"]);
@@ -426,7 +426,7 @@ fn gains_shows_the_loops_of_the_scenes_own_controller() {
             "no gain of a regulator that does not fly:\n{text}"
         );
         assert!(text.lines().all(|line| line.chars().count() <= 80), "80 columns:\n{text}");
-        let json = run_json(folder.path(), &["gains", "--scene", scene, "--json"]);
+        let json = run_json(folder.path(), &["gains", "--scene", scene]);
         assert_eq!((&json["controller"], &json["K"]), (&kind.into(), &serde_json::Value::Null));
         assert!(json["gains"][loop_of]["p"].as_f64().unwrap() > 0.0);
         let margins = json["lagging_margins"].as_array().expect("stable with its motors");

@@ -1,14 +1,12 @@
 //! Flights compared and flown again: `noctograph compare`, `noctograph fly --setpoints`, and plots.
 
-use std::path::Path;
-
 use nalgebra::Vector3;
 use noctograph::flight::FlightSample;
 use noctograph::report::{NamedFlight, error_over_time, front_view, top_view};
 use predicates::prelude::*;
 use serde_json::Value;
 
-use crate::cli::{fails, names_in, noctograph};
+use crate::cli::{fails, names_in, noctograph, run_json};
 use crate::golden::assert_golden;
 
 /// A folder with the plan and the flight of "I".
@@ -17,10 +15,6 @@ fn flown() -> tempfile::TempDir {
     noctograph(folder.path()).args(["plan", "I", "--scene", "team"]).assert().success();
     noctograph(folder.path()).args(["fly", "plan.csv", "--scene", "team"]).assert().success();
     folder
-}
-
-fn run_json(folder: &Path, arguments: &[&str]) -> Value {
-    crate::cli::run_json(folder, &[arguments, &["--json"]].concat())
 }
 
 fn largest(vector: &Value) -> f64 {

@@ -209,7 +209,7 @@ fn a_log_of_ranges_becomes_a_flight_beside_its_reference() {
     }
     let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
     let arguments = [&arguments[..], &["--reference", "flight.csv", "-o", "out"]].concat();
-    let json = run_json(folder.path(), &[&arguments[..], &["--json"]].concat());
+    let json = run_json(folder.path(), &arguments);
     let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
     assert!(rmse_m < 0.01, "{rmse_m} m: without noise");
     let links = json["links"].as_array().unwrap();
@@ -244,7 +244,7 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     for observer in ["smooth", "filter", "enlarged"] {
-        let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml", "--json"];
+        let arguments = ["locate", "ranges.csv", "--anchors", "anchors.yaml"];
         let chosen = ["--reference", "flight.csv", "--observer", observer];
         let json = run_json(folder.path(), &[&arguments[..], &chosen].concat());
         let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
@@ -305,7 +305,7 @@ fn logs_that_cannot_be_located_are_refused_with_the_reason() {
 fn the_bound_of_three_anchors_is_printed_for_each_letter() {
     let folder = tempfile::tempdir().unwrap();
     let bound = |scene| {
-        let json = run_json(folder.path(), &["coverage", "--scene", scene, "--json"]);
+        let json = run_json(folder.path(), &["coverage", "--scene", scene]);
         let map = std::fs::read_to_string(folder.path().join("coverage.svg")).unwrap();
         assert!(map.contains("one more here"), "a picture");
         assert_eq!(json["letters"].as_array().unwrap().len(), 4, "{json}");
@@ -324,7 +324,7 @@ fn the_bound_of_three_anchors_is_printed_for_each_letter() {
 #[test]
 fn the_bound_of_two_words_has_every_letter() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["coverage", "NO OR", "--scene", FLOOR, "--json"];
+    let arguments = ["coverage", "NO OR", "--scene", FLOOR];
     let json = run_json(folder.path(), &arguments);
     let letters = json["letters"].as_array().unwrap().iter();
     let letters: String = letters.map(|row| row["letter"].as_str().unwrap()).collect();

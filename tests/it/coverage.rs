@@ -26,7 +26,7 @@ fn coverage_is_computed_for_the_stations_of_a_file() {
     run.stdout(contains("two or more of 2 base stations: 100.0 %"));
     let map = std::fs::read_to_string(folder.path().join("coverage.svg")).unwrap();
     assert!(map.starts_with("<svg") && map.trim_end().ends_with("</svg>"), "a whole map");
-    let json = run_json(folder.path(), &[&arguments[..], &["--json"]].concat());
+    let json = run_json(folder.path(), &arguments);
     assert_eq!(json["seen_frac"], 1.0);
     let median_m = json["error_median_m"].as_f64().unwrap();
     assert!((0.005..0.03).contains(&median_m), "{median_m}");

@@ -108,7 +108,7 @@ fn cfclient(flight: &Flight, block: &[Variable]) -> String {
 }
 
 /// A µSD log without its CRC: header and records.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "as the card has it")]
+#[expect(clippy::cast_possible_truncation, reason = "as the card has it")]
 fn usd_body(flight: &Flight, version: u16) -> Vec<u8> {
     let mut bytes = vec![0xBC];
     bytes.extend(version.to_le_bytes());

@@ -74,7 +74,7 @@ impl Log<'_> {
         text.push('\n');
         let n = self.anchors.len() + usize::from(self.peer);
         let mut held = vec![0.0; n];
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a minute")]
+        #[expect(clippy::cast_possible_truncation, reason = "a minute")]
         let rows = ((self.to_s - self.from_s) * RATE_HZ) as usize;
         for row in 0..rows {
             let time_s = self.from_s + row as f64 / RATE_HZ;
@@ -136,8 +136,7 @@ fn arguments<'a>(n: usize, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 fn located(folder: &Path, n: usize, more: &[&str]) -> Value {
-    let arguments = arguments(n, more);
-    run_json(folder, &[&arguments[..], &["--json"]].concat())
+    run_json(folder, &arguments(n, more))
 }
 
 fn rmse_m(json: &Value) -> Vec<f64> {

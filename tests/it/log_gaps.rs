@@ -75,7 +75,7 @@ fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
     let import = ["import", "log.json", "--word", "NO", "-o", "flown.csv"];
     let run = noctograph(folder.path()).args(import).assert().success();
     run.stderr(predicate::str::contains("letters of ae483-2022"));
-    let gaps = run_json(folder.path(), &[&import[..], &["--json"]].concat())["gaps_s"].clone();
+    let gaps = run_json(folder.path(), &import)["gaps_s"].clone();
     let read = Flight::read_csv(&folder.path().join("flown.csv")).unwrap();
     assert_eq!(json!(read.gaps), gaps);
     assert!(read.gaps.len() == 1 && (read.gaps[0][0] - from_s).abs() < 0.02, "{gaps}");
@@ -123,7 +123,7 @@ fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
     let import = |variable: &'static str, half_s: f64| {
         let lost = |name: &str, time_s: f64| name == variable && (time_s - middle_s).abs() < half_s;
         std::fs::write(folder.path().join("log.json"), log(&flight, lost)).unwrap();
-        run_json(folder.path(), &["import", "log.json", "--json"])["gaps_s"].clone()
+        run_json(folder.path(), &["import", "log.json"])["gaps_s"].clone()
     };
     assert_eq!(import("stateEstimate.roll", 0.3), json!([]));
     assert_eq!(import("stateEstimate.roll", 0.7).as_array().unwrap().len(), 1);

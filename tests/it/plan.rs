@@ -2,21 +2,13 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use predicates::str::contains;
 
-fn noctograph() -> Command {
-    Command::cargo_bin("noctograph").unwrap()
-}
-
-fn json(command: &mut Command, code: i32) -> serde_json::Value {
-    let output = command.arg("--json").assert().code(code).get_output().stdout.clone();
-    serde_json::from_slice(&output).unwrap()
-}
+use crate::cli::{noctograph, run_json};
 
 #[test]
 fn the_papers_letters_are_flagged_and_may_fly() {
-    let report = json(noctograph().args(["check", "WX", "--scene", "team"]), 0);
+    let report = run_json(Path::new("."), &["check", "WX", "--scene", "team"]);
     assert_eq!(report["fly"], true);
     let findings = report["findings"].as_array().unwrap();
     let found = |check: &str| {
@@ -40,7 +32,7 @@ fn the_papers_letters_are_flagged_and_may_fly() {
 
 #[test]
 fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
-    let report = json(noctograph().args(["check", "NOOR", "--style", "even"]), 0);
+    let report = run_json(Path::new("."), &["check", "NOOR", "--style", "even"]);
     let findings = report["findings"].as_array().unwrap();
     for check in ["lit dwell", "evenness", "tilt", "acceleration", "jump"] {
         let finding = findings.iter().find(|finding| finding["check"] == check).unwrap();
@@ -56,13 +48,13 @@ fn an_even_noor_passes_and_is_too_fast_for_the_careful() {
     assert!(memory.contains(" of 31 pieces as poly4d; it can be exported as "), "{memory}");
     assert_eq!(row("LED memory"), ("fine".into(), "not used".to_owned()));
     assert_eq!(row("lit transit").0, "fine", "{:?}", row("lit transit"));
-    let long = json(noctograph().args(["check", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"]), 0);
+    let long = run_json(Path::new("."), &["check", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"]);
     let memory = long["findings"].as_array().unwrap().iter().find(|f| f["check"] == "memory");
     let found = memory.unwrap()["found"].as_str().unwrap();
     assert!(found.contains("pieces as poly4d, too many"), "pieces bind before bytes: {found}");
     let careful = ["check", "NOOR", "--style", "even", "--profile", "careful"];
-    noctograph().args(careful).assert().code(1).stdout(contains("STOP  speed"));
-    noctograph().args(["check", "NOOR", "--profile", "brave"]).assert().code(2);
+    noctograph(Path::new(".")).args(careful).assert().code(1).stdout(contains("STOP  speed"));
+    noctograph(Path::new(".")).args(["check", "NOOR", "--profile", "brave"]).assert().code(2);
 }
 
 #[test]
@@ -71,28 +63,31 @@ fn drones_share_a_word_into_a_folder_and_their_plans_are_checked_together() {
     let shared = folder.path().join("shared");
     let at = |name: &str| shared.join(name);
     let args = ["plan", "NO", "--scene", "team", "--style", "even", "--drones", "2", "-o"];
-    let report = json(noctograph().args(args).arg(&shared), 0);
+    let report = run_json(folder.path(), &[&args[..], &["shared"]].concat());
     assert_eq!(report["drones"].as_array().unwrap().len(), 2);
     assert!(report["drones"][0]["worst_streak_mm"].as_f64().unwrap() < 10.0, "{report}");
     let drawing = folder.path().join("both.svg");
-    noctograph().args(args).arg(&drawing).assert().code(0);
+    noctograph(folder.path()).args(args).arg(&drawing).assert().code(0);
     assert!(drawing.exists(), "a drawing of both");
     let both = || {
-        let mut command = noctograph();
+        let mut command = noctograph(folder.path());
         command.arg("check").arg(at("plan-1.csv"));
         command
     };
     both().arg(at("plan-2.csv")).assert().code(0).stdout(contains("m or more apart sideways"));
     both().arg(at("plan-1.csv")).assert().code(1).stdout(contains("STOP  separation"));
     let team = ["plan", "NO", "--style", "team", "--drones", "2", "-o"];
-    noctograph().args(team).arg(folder.path().join("team")).assert().code(2);
+    noctograph(folder.path()).args(team).arg("team").assert().code(2);
 }
 
 #[test]
 fn a_plan_is_drawn_where_its_name_ends_in_svg() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("noor.svg");
-    noctograph().args(["plan", "NOOR", "--style", "even", "-o"]).arg(&path).assert().code(0);
+    noctograph(folder.path())
+        .args(["plan", "NOOR", "--style", "even", "-o", "noor.svg"])
+        .assert()
+        .code(0);
     let svg = std::fs::read_to_string(Path::new(&path)).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("NOOR, planned: "), "{}", &svg[..200]);
 }

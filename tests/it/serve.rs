@@ -251,7 +251,6 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
     let left = server.figure("Threads");
     assert!(left <= threads, "{threads} threads before, {left} after");
     let after = server.figure("VmRSS");
-    #[expect(clippy::cast_precision_loss, reason = "kilobytes")]
     let growth = after as f64 / memory as f64;
     assert!(growth <= 1.1, "{memory} kB before, {after} kB after");
     assert_eq!(server.post("live", &word("OSLO")).1["verdict"]["read"], "OSLO", "it lives on");

@@ -19,7 +19,7 @@ use noctograph::vehicle::Gusts;
 use predicates::prelude::*;
 use serde_json::Value;
 
-use crate::cli::{json, noctograph};
+use crate::cli::{json, noctograph, run_json};
 
 /// A file of the team's; `NOCTOGRAPH_SHARED` names the folder that holds `data/`.
 pub(crate) fn team_file(name: &str) -> PathBuf {
@@ -30,10 +30,6 @@ pub(crate) fn team_file(name: &str) -> PathBuf {
 
 fn noor_log() -> String {
     team_file("noor_flight.json").to_str().unwrap().to_owned()
-}
-
-fn run_json(folder: &Path, arguments: &[&str]) -> Value {
-    json(&noctograph(folder).args(arguments).arg("--json").assert().success().get_output().stdout)
 }
 
 fn assert_near(found: &Value, want: [f64; 3], tolerance: f64) {
