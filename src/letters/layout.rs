@@ -142,7 +142,6 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
     for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
-        #[expect(clippy::cast_precision_loss, reason = "text lengths are below MAX_LETTERS")]
         let up_m = (options.cap_height_m + options.lines_apart_m()) * below as f64;
         glyphs.extend(lay_line(line, font, options, options.baseline_m + up_m));
     }

@@ -15,7 +15,7 @@ const MAX_SAMPLES: f64 = 6000.0;
 /// The filled area. Edges are sorted into bins by height, so that a query tests few of them, each of
 /// which is a step of the budget.
 #[derive(Debug)]
-pub(super) struct Ink<'a> {
+pub(super) struct Filled<'a> {
     budget: &'a Budget,
     bottom: f64,
     bin_height: f64,
@@ -24,7 +24,7 @@ pub(super) struct Ink<'a> {
     bins: Vec<Vec<u32>>,
 }
 
-impl<'a> Ink<'a> {
+impl<'a> Filled<'a> {
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = edges(contours).collect();
@@ -65,7 +65,7 @@ impl<'a> Ink<'a> {
         winding != 0
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bins are few")]
+    #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
     fn bin(&self, y: f64) -> usize {
         (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
     }
@@ -81,7 +81,7 @@ fn edges(contours: &[Contour]) -> impl Iterator<Item = [[f64; 2]; 2]> {
 /// The rim of the ink: runs of samples along the contours where there is ink on one side only;
 /// contours within the ink are left out. Samples are at most `spacing` apart. Closed runs repeat
 /// their first point.
-pub(super) fn rim(contours: &[Contour], ink: &Ink<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
     let length: f64 = edges(contours).map(|[a, b]| distance(a, b)).sum();
     let spacing = spacing.max(length / MAX_SAMPLES);
     let mut runs = Vec::new();
@@ -159,16 +159,16 @@ mod tests {
         hole.iter_mut().for_each(|point| point[1] += 1.0);
         hole.reverse();
         let budget = budget();
-        let ink = Ink::new(&[square(0.0, 3.0), hole], &budget);
+        let ink = Filled::new(&[square(0.0, 3.0), hole], &budget);
         assert!(ink.holds([0.5, 0.5]) && !ink.holds([1.5, 1.5]) && !ink.holds([3.5, 1.0]));
-        let ink = Ink::new(&[square(0.0, 3.0), square(2.0, 3.0)], &budget);
+        let ink = Filled::new(&[square(0.0, 3.0), square(2.0, 3.0)], &budget);
         assert!(ink.holds([2.5, 1.0]), "wound about twice");
     }
 
     #[test]
     fn the_rim_leaves_out_contours_within_the_ink() {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
-        let rim = rim(&contours, &Ink::new(&contours, &budget()), 0.1);
+        let rim = rim(&contours, &Filled::new(&contours, &budget()), 0.1);
         let length: f64 = rim.iter().map(|run| polyline_length_m(run)).sum();
         // Two squares of 12, less a side of 3 of each; the shared bottom and top are counted twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");

@@ -373,7 +373,7 @@ mod tests {
         let face = roboto(Trace::CenterLine);
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
             let budget = Budget::of("Roboto-Thin.ttf", "none");
-            let ink = super::super::outline::Ink::new(
+            let ink = super::super::outline::Filled::new(
                 &face.contours(&[(face.face.glyph_id(character).0, [0; 2])], &budget).unwrap(),
                 &budget,
             );

@@ -7,7 +7,7 @@
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
-use super::super::outline::Ink;
+use super::super::outline::Filled;
 use super::super::vector::direction;
 use crate::geometry::distance;
 
@@ -27,7 +27,7 @@ pub(super) type Branch = Vec<usize>;
 
 impl Axis {
     /// The axis of the ink within a rim; empty where there is none.
-    pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Ink<'_>) -> Self {
+    pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
         let weld = |x: f64| (x / WELD).round() * WELD;
         let samples = rim.iter().flatten().map(|[x, y]| Point2::new(weld(*x), weld(*y))).collect();

@@ -1,7 +1,7 @@
 //! Junctions: where strokes meet, the medial axis leaves the center line of each stroke; here the
 //! lines are extended straight until they meet.
 
-use super::super::outline::Ink;
+use super::super::outline::Filled;
 use super::super::vector::{ahead, dot, mean};
 use super::axis::{Axis, Branch};
 use super::limbs::{Arm, Connection, Knot, Limb, chain};
@@ -31,7 +31,7 @@ const REACH: f64 = 3.0;
 const STEPS: usize = 3;
 
 /// Lines through the junctions of an axis, straight strokes joined.
-pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Ink<'_>) -> Vec<Vec<Knot>> {
+pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
     let is_key = |node: usize| {
         let degree = axis.degree(node);
         degree != 2 && degree != 0 || degree == 2 && bends[node]
@@ -99,7 +99,7 @@ fn clusters(axis: &Axis, branches: &[Branch]) -> (Vec<usize>, Vec<bool>) {
 struct Joint<'a> {
     middle: [f64; 2],
     radius: f64,
-    ink: &'a Ink<'a>,
+    ink: &'a Filled<'a>,
 }
 
 impl Joint<'_> {

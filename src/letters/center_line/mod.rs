@@ -5,7 +5,7 @@
 //! ([`junctions`]); between corners lines are smoothed within a stated error. A blob without a line,
 //! such as a full stop, becomes a dot.
 
-use super::outline::{Contour, Ink, mean_stroke_width, rim};
+use super::outline::{Contour, Filled, mean_stroke_width, rim};
 use super::smooth::{MAX_POINTS, simplified, smooth};
 use crate::files::Budget;
 use crate::geometry::{distance, polyline_length_m, segment_distance};
@@ -56,7 +56,7 @@ const STEPS: [usize; 3] = [2000, 500, 5];
 
 /// The center lines of an outline in cap heights; a part of them once the budget is spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
-    let ink = Ink::new(contours, budget);
+    let ink = Filled::new(contours, budget);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let rim = rim(contours, &ink, spacing);
     if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
@@ -94,7 +94,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
 
 /// The rim in cap heights, as few points as its error allows.
 pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
-    let rim = rim(contours, &Ink::new(contours, budget), 0.01);
+    let rim = rim(contours, &Filled::new(contours, budget), 0.01);
     rim.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
@@ -165,7 +165,7 @@ fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let mut fitted: Vec<[f64; 2]> = Vec::new();
     for span in cuts.windows(2) {
         let points: Vec<[f64; 2]> = line[span[0]..=span[1]].iter().map(|knot| knot.at).collect();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let n_smoothed = (polyline_length_m(&points) / SPACING) as usize;
         if !budget.spend_steps(STEPS[1] * (n_smoothed.min(MAX_POINTS) + points.len())) {
             break;
@@ -242,7 +242,7 @@ mod tests {
         let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]].map(contour);
         assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
         let budget = budget();
-        let ink = Ink::new(&tee, &budget);
+        let ink = Filled::new(&tee, &budget);
         let axis = Axis::new(&rim(&tee, &ink, 0.01), &ink);
         let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
         let found = lost(&axis, &axis.neighbors, &stem, 0.1);

@@ -20,7 +20,7 @@ use crate::files::Budget;
 use crate::geometry::{bounds, distance};
 use crate::letters::center_line::{center_lines, outlines};
 use crate::letters::options::{LetterOptions, Picture, Trace};
-use crate::letters::outline::{Contour, Ink, mean_stroke_width};
+use crate::letters::outline::{Contour, Filled, mean_stroke_width};
 
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
@@ -238,8 +238,9 @@ impl Field {
             let within = |[left, bottom, right, top]: &[f64; 4]| {
                 (*left..=*right).contains(&x) && (*bottom..=*top).contains(&y)
             };
-            let owner = (0..patches.len())
-                .find(|k| within(&boxes[*k]) && Ink::new(&patches[*k][..1], &budget).holds([x, y]));
+            let owner = (0..patches.len()).find(|k| {
+                within(&boxes[*k]) && Filled::new(&patches[*k][..1], &budget).holds([x, y])
+            });
             if let Some(owner) = owner {
                 patches[owner].push(hole);
             }
@@ -379,13 +380,13 @@ fn quantile(counts: &[usize; 256], share: f64) -> usize {
         .unwrap_or(255)
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn level(value: f64) -> usize {
     (value as usize).min(255)
 }
 
 /// The pixel of the field at a place, which is not in its margin.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the picture")]
+#[expect(clippy::cast_possible_truncation, reason = "within the picture")]
 fn pixel(place: f64, side: usize) -> usize {
     (place.round().max(1.0) as usize).min(side - 2)
 }

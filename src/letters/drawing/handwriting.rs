@@ -11,7 +11,7 @@
 
 use serde::Deserialize;
 
-use super::Trace;
+use super::Written;
 use crate::error::{Error, Result};
 
 #[derive(Deserialize)]
@@ -32,7 +32,7 @@ enum Upward {
 }
 
 /// Reads the strokes.
-pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
+pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
     let hint = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
     let page: Page = serde_json::from_str(text).map_err(|broken| {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
@@ -57,7 +57,7 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
     let mut n_values = None;
     let mut latest_s = f64::NEG_INFINITY;
     for (stroke, points) in page.strokes.iter().enumerate() {
-        let mut trace = Trace { color: page.colors.get(stroke).copied(), ..Trace::default() };
+        let mut trace = Written { color: page.colors.get(stroke).copied(), ..Written::default() };
         for (point, values) in points.iter().enumerate() {
             let refuse = |wanted: &str| {
                 let place = format!("{file}: stroke {}, point {}", stroke + 1, point + 1);

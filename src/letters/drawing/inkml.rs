@@ -8,7 +8,7 @@
 
 use usvg::roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Trace, xml};
+use super::{Written, xml};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 
@@ -34,7 +34,7 @@ enum Coding {
 }
 
 /// Reads the traces.
-pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
+pub(super) fn read(text: &str, file: &str) -> Result<Vec<Written>> {
     let hint = "export the ink as plain InkML: a traceFormat and traces, without references";
     xml::check_tags(text, &Budget::of(file, hint))?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
@@ -52,7 +52,7 @@ pub(super) fn read(text: &str, file: &str) -> Result<Vec<Trace>> {
         let place = format.map_or_else(|| file.to_owned(), at);
         Error::input(place, "other channels", "channels X and Y", hint)
     })?;
-    let mut traces: Vec<Trace> = Vec::new();
+    let mut traces: Vec<Written> = Vec::new();
     let mut latest_s = f64::NEG_INFINITY;
     for node in root.descendants().filter(|node| node.tag_name().name() == "trace") {
         if node.attribute("type") == Some("penUp") {
@@ -112,8 +112,8 @@ impl Format {
     }
 
     /// The points of a trace; `None` where one is invalid.
-    fn trace(&self, text: &str, offset_s: f64) -> Option<Trace> {
-        let mut trace = Trace::default();
+    fn trace(&self, text: &str, offset_s: f64) -> Option<Written> {
+        let mut trace = Written::default();
         let mut coding = vec![Coding::Explicit; self.n_channels];
         let (mut value, mut step) = (vec![0.0; self.n_channels], vec![0.0; self.n_channels]);
         for point in text.split(',').map(str::trim).filter(|point| !point.is_empty()) {

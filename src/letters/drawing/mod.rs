@@ -67,7 +67,7 @@ pub enum Ink {
 
 /// A stroke of handwriting: points, y up, in the writer's units, and when each was written.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Trace {
+struct Written {
     points: Vec<[f64; 2]>,
     /// As many as points, or none.
     times_s: Vec<f64>,
@@ -159,7 +159,7 @@ fn by_color(
 }
 
 /// Handwriting placed and smoothed.
-fn write(traces: Vec<Trace>, options: &LetterOptions, ink: Ink, file: &str) -> Result<Strokes> {
+fn write(traces: Vec<Written>, options: &LetterOptions, ink: Ink, file: &str) -> Result<Strokes> {
     let n_points: usize = traces.iter().map(|trace| trace.points.len()).sum();
     if n_points > MAX_POINTS {
         return Err(too_many(file));

@@ -54,13 +54,13 @@ pub(super) fn edges(picture: &RgbImage) -> Vec<Vec<[f64; 2]>> {
     let mut sorted = gradient.clone();
     sorted.sort_by(f64::total_cmp);
     let [weak, strong, strongest] = SHARES.map(|share| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
+        #[expect(clippy::cast_possible_truncation, reason = "an index")]
         let rank = (share * sorted.len() as f64) as usize;
         sorted[rank]
     });
     let strong = strong.max(STRONG * strongest);
     let weak = weak.max(WEAK * strong);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
+    #[expect(clippy::cast_possible_truncation, reason = "in the picture")]
     let strength = |[x, y]: &[f64; 2]| gradient[(-y).round() as usize * width + x.round() as usize];
     let least = SHORTEST * width.max(height) as f64;
     let mut edges = Vec::new();

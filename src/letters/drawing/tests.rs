@@ -415,7 +415,7 @@ fn sheet(lines: &[&[[f32; 2]]], pen_px: f32) -> image::RgbImage {
     image::RgbImage::from_raw(width, height, rgb).unwrap()
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "levels")]
+#[expect(clippy::cast_possible_truncation, reason = "levels")]
 fn change(picture: &mut image::RgbImage, of: impl Fn(f64, f64, f64) -> f64) {
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         pixel.0 = pixel.0.map(|value| of(f64::from(x), f64::from(y), f64::from(value)) as u8);
