@@ -89,7 +89,6 @@ fn main() {
     );
     for (name, options) in cases {
         let (used, wall) = thousand(&plan, &options, n);
-        #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
         let each_ms = used.as_secs_f64() * 1e3 / n as f64;
         let (wall_s, half_s) = (wall.as_secs_f64(), used.as_secs_f64() / 2.0);
         println!("{name:26}{each_ms:16.2}{wall_s:13.2}{half_s:13.2}");

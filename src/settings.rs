@@ -154,7 +154,6 @@ macro_rules! number {
         impl Described for $type {
             const SHAPE: Shape = Shape::Plain;
 
-            #[allow(clippy::cast_lossless, clippy::cast_precision_loss, reason = "one body")]
             fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
                 let [min, max] = range.unwrap_or([f64::MIN, f64::MAX]);
                 if (min..=max).contains(&(*self as f64)) {

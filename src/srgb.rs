@@ -48,7 +48,6 @@ pub(crate) fn encoded_from_linear(linear: f64) -> f64 {
 
 /// Linear light 0…1 for each 8-bit level.
 pub(crate) fn linear_from_level() -> [f32; 256] {
-    #[expect(clippy::cast_precision_loss, reason = "levels are below 256")]
     #[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
     std::array::from_fn(|level| linear_from_encoded(level as f64 / 255.0) as f32)
 }

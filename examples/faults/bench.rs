@@ -140,7 +140,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
             let (_, [_, foot, head]) = setting.sight()?;
             let camera = &mut setting.actual.camera;
             let smaller = cap_px / (foot.y_px - head.y_px);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "smaller")]
+            #[expect(clippy::cast_possible_truncation, reason = "smaller")]
             let side = |side_px: u32| (f64::from(side_px) * smaller).round() as u32;
             [camera.width_px, camera.height_px] = [camera.width_px, camera.height_px].map(side);
             Ok(())
@@ -174,7 +174,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
 ];
 
 /// A share of some rows.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1")]
+#[expect(clippy::cast_possible_truncation, reason = "0 to 1")]
 fn share_of(n: usize, share: f64) -> usize {
     (share * n as f64) as usize
 }

@@ -59,7 +59,7 @@ fn sheet(path: &Path) -> Outcome<()> {
             let width = SHOWN * f64::from(picture.width());
             let height = width * f64::from(SIZE_PX[1]) / f64::from(SIZE_PX[0]);
             let from = [f64::from(picture.width()) - width, f64::from(picture.height()) - height];
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+            #[expect(clippy::cast_possible_truncation, reason = "pixels")]
             let [x, y, width, height] =
                 [0.5 * from[0], 0.5 * from[1], width, height].map(|px| px.round().max(0.0) as u32);
             let cut = picture.crop_imm(x, y, width, height).to_luma8();

@@ -95,7 +95,7 @@ impl CameraOptions {
         let turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
         let longer = self.width_px.max(self.height_px);
         let shorter = f64::from(longer) * (width.min(height) / width.max(height));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+        #[expect(clippy::cast_possible_truncation, reason = "a side")]
         let shorter = (shorter.round() as u32).max(1);
         let upright = (width < height) != turned;
         [self.width_px, self.height_px] =

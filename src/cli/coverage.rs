@@ -163,7 +163,6 @@ fn text_of(grid: &Coverage, n_stations: usize, [left, bottom, right, top]: [f64;
     }
     let rows = (0..=n_stations).filter_map(|n| {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
-        #[expect(clippy::cast_precision_loss, reason = "at most a million")]
         let share = 100.0 * places as f64 / grid.places.len() as f64;
         (places > 0).then(|| format!("{n}\t{places}\t{share:.1} %"))
     });

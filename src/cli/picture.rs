@@ -142,7 +142,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
             Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
             None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
         Some(Size { px, dots_per_inch: Some(dots) })
     };

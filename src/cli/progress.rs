@@ -47,11 +47,7 @@ impl Progress {
             self.bar = Some(bar.with_style(style.expect("the template is fixed")));
         }
         if let Some(bar) = &self.bar {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "0..=STEPS"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "0..=STEPS")]
             bar.set_position((done_frac.clamp(0.0, 1.0) * 1000.0) as u64);
         }
     }

@@ -132,7 +132,6 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     let progress = Mutex::new(Progress::new(what));
     move |done| {
         if let Ok(mut progress) = progress.lock() {
-            #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
             progress.update(done as f64 / total.max(1) as f64);
         }
     }

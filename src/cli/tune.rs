@@ -111,7 +111,6 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
             warn_of_short_time(&args.budget, options.least_budget(), spent, n_flights);
         }
-        #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
         let spent = spent.unwrap_or(n_flights as f64 / budget.flights as f64);
         progress.update(spent);
         progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
@@ -163,7 +162,6 @@ fn options(args: &TuneArgs, scene: &Scene, budget: usize) -> Result<TuneOptions>
 
 /// Warns where the time that the first flights took says that the budget is too short.
 fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights: usize) {
-    #[expect(clippy::cast_precision_loss, reason = "counts of flights")]
     let needed = spent * least_flights as f64 / n_flights as f64;
     if needed > 1.0 {
         let text = format!(

@@ -24,7 +24,7 @@ impl StepResponse {
         let Some(last) = self.values.len().checked_sub(1).filter(|_| place >= 0.0) else {
             return 0.0;
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 or more")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 or more")]
         let index = (place as usize).min(last);
         let next = self.values[(index + 1).min(last)];
         let part = (place - place.floor()).clamp(0.0, 1.0);
@@ -36,9 +36,7 @@ impl StepResponse {
     pub fn settled_s(&self) -> f64 {
         let end = self.values.last().copied().unwrap_or_default();
         let unsettled = self.values.iter().rposition(|v| (v - end).abs() > SETTLED);
-        #[expect(clippy::cast_precision_loss, reason = "a few thousand values")]
-        let settled_s = unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s;
-        settled_s
+        unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
     /// Output at a time of a loop that rests at `rest` until the first of its inputs, `(time,
@@ -56,7 +54,6 @@ impl StepResponse {
     /// Multiplications of [`Self::inverse`] for so many inputs, an interval apart.
     #[must_use]
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 inputs")]
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
         n * (per_input + 1.0) * 0.5 * width * width
@@ -93,7 +90,6 @@ impl StepResponse {
             normal.add(k, ridge, &[1.0]);
             normal.right[k] += ridge * (wanted(*time_s) - rest);
         }
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 inputs")]
         let (n, per_input) = (times_s.len() as f64, OUTPUTS_PER_INPUT as f64);
         let step_s = (end_s - start_s) / (n * per_input).max(1.0);
         let mut time_s = *start_s;

@@ -98,7 +98,6 @@ fn mean_pole(a: &Square, g: &Square, q: &Square) -> f64 {
     hamiltonian.view_mut((n, 0), (n, n)).copy_from(&-q);
     hamiltonian.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
-    #[expect(clippy::cast_precision_loss, reason = "a matrix size is far below 2^53")]
     let n = pivots.len() as f64;
     libm::exp(pivots.iter().map(|pivot| libm::log(pivot.abs())).sum::<f64>() / n)
 }

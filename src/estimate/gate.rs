@@ -121,7 +121,6 @@ impl StepTest {
         if self.beyond_m.len() < STEP_READINGS {
             return Floor::Open;
         }
-        #[expect(clippy::cast_precision_loss, reason = "two")]
         let n = self.beyond_m.len() as f64;
         Floor::Stepped(self.beyond_m.drain(..).sum::<f64>() / n)
     }

@@ -64,7 +64,7 @@ fn color(
         _ => (COLOR_LED_COLORS, options.wrgb_of(letter)),
     };
     std::array::from_fn(|k| match plan.lights.get(channels[k]) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         Some(levels) => (255.0 * levels[row].clamp(0.0, 1.0)).round() as u8,
         None => own[k],
     })
@@ -152,7 +152,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
         let until_s = commands.get(index + 1).map_or(command.time_s + RING_TIMING_S, |c| c.time_s);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+        #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
         let until = until.max(played + 1);

@@ -180,7 +180,7 @@ fn flown_alone(
     let way = |time_s: f64| timeline.position_m(time_s, &position_m);
     let mut changes_s: Vec<f64> = plan.setpoints.iter().map(|s| s.time_s - zero_s).collect();
     changes_s.retain(|time_s| *time_s > 0.0 && *time_s < end_s);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let steps = (end_s / STEP_S).ceil() as u32;
     let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
     times_s.extend(changes_s);

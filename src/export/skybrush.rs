@@ -98,7 +98,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
 fn program(commands: &[Command]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
     for command in commands {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+        #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let step = (command.time_s * LIGHT_HZ).round() as u64;
         colors.push((step, rgb(command)));
     }

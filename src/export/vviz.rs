@@ -70,7 +70,7 @@ fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
 
 /// Times and places of a plan at a rate, to its end.
 fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (plan.duration_s() * hz).ceil() as u32;
     (0..=n).map(move |row| {
         let time_s = f64::from(row) / hz;

@@ -257,7 +257,7 @@ pub(super) mod tests {
             let e_lx_s = 1.8 * height_m * height_m / d_sq / d_sq * 3.0;
             let cos = image.depth_m / (point_m - camera.position_m).norm();
             let wanted = 0.5 * 0.9 / (4.0 * 64.0) * e_lx_s * cos * cos * cos * cos;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
+            #[expect(clippy::cast_possible_truncation, reason = "a pixel")]
             let index = image.y_px as usize * 320 + image.x_px as usize;
             let found = film.exposure_lx_s(1, index);
             assert!((found / wanted - 1.0).abs() < 0.03, "{found} at {x}, {y}, wanted {wanted}");

@@ -90,27 +90,15 @@ struct Tint {
     records: Vec<Record>,
 }
 
-/// Where a film is exposed. Both backends leave the same bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
-    /// A graphics device.
-    Wgpu,
-    /// The processor.
-    Cpu,
-}
-
-impl Backend {
-    /// Name in tables and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wgpu => "wgpu",
-            Self::Cpu => "cpu",
-        }
-    }
-}
-
 settings! {
+    /// Where a film is exposed. Both backends leave the same bits.
+    pub enum Backend {
+        /// A graphics device.
+        "wgpu" => Wgpu,
+        /// The processor.
+        "cpu" => Cpu,
+    }
+
     /// Choice of the backend.
     pub enum BackendChoice {
         /// A graphics device where one works, else the processor.
@@ -341,7 +329,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         if most == 0.0 {
             continue;
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^31")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
         let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
         let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
             tints.push(Tint { shares, records: Vec::new() });

@@ -92,7 +92,7 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
         let height_m = (a.position_m.z.min(b.position_m.z) - floor_z_m).max(LOWEST_M);
         let step_m = 0.25 * OPENING * height_m;
         let length_m = (b.position_m - a.position_m).norm();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 1000")]
+        #[expect(clippy::cast_possible_truncation, reason = "1 to 1000")]
         let n = (length_m / step_m).ceil().clamp(1.0, 1000.0) as u32;
         for i in 0..n {
             let time_s = from_s + (to_s - from_s) * (f64::from(i) + 0.5) / f64::from(n);

@@ -221,13 +221,12 @@ pub(crate) fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>>
 
 /// The file's letter number (0 outside letters) for an index.
 pub(crate) fn number_from_letter(letter: Option<usize>) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "words are short")]
     letter.map_or(0.0, |index| index as f64 + 1.0)
 }
 
 /// The index of a letter for the file's number.
 pub(crate) fn letter_from_number(number: f64) -> Option<usize> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)
 }
 

@@ -237,7 +237,7 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
         line.extend_from_slice(value.to_string().as_bytes());
         return;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4.5e15")]
+    #[expect(clippy::cast_possible_truncation, reason = "below 4.5e15")]
     let rest = (scaled + 0.5) as u64;
     if value < 0.0 && rest > 0 {
         line.push(b'-');

@@ -52,7 +52,6 @@ pub(super) fn reaction(
         return None;
     }
     let all = Fit::new(spans.iter().copied());
-    #[expect(clippy::cast_precision_loss, reason = "twenty")]
     let n = STRETCHES as f64;
     let without = |stretch: usize| {
         let left = spans.iter().enumerate();

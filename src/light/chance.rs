@@ -17,7 +17,6 @@ impl Chance {
 
     /// Uniform in `[0, 1)`.
     pub(super) fn uniform(&self, index: u64) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
         let bits = (split_mix(self.key.wrapping_add(index.wrapping_mul(GOLDEN))) >> 11) as f64;
         bits / 9_007_199_254_740_992.0
     }

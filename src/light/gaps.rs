@@ -95,7 +95,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     let end = after.partition_point(|s| s.time_s <= b.time_s + VELOCITY_S);
     let v_a = velocity_m_s(&before[start..]).unwrap_or(chord_m_s);
     let v_b = velocity_m_s(&after[..end]).unwrap_or(chord_m_s);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "under a minute")]
+    #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
     let sample = |step: u32| {
         let u = f64::from(step) / f64::from(steps);

@@ -147,7 +147,7 @@ impl<'a> Programs<'a> {
         let mut changes = self.steady(at_first);
         changes.extend(timer.hold(&arrivals));
         let levels = |change: &Change| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "packed")]
+            #[expect(clippy::cast_possible_truncation, reason = "packed")]
             let wrgb = (change.level as u32).to_be_bytes();
             color_led_levels(wrgb, self.options.color_led_levels)
         };
@@ -217,7 +217,7 @@ impl<'a> Programs<'a> {
 /// Bytes of a color at a level, the first one in the highest place, as decks are sent them.
 #[must_use]
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
     bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }

@@ -207,16 +207,14 @@ fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2])
 }
 
 /// A level of 0 to 1 as the nearest of 255 steps.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn byte(level: f64) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let byte = (255.0 * level).round().clamp(0.0, 255.0) as u8;
-    byte
+    (255.0 * level).round().clamp(0.0, 255.0) as u8
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
 fn cut(value: f32) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "as the firmware")]
-    let value = value as u8;
-    value
+    value as u8
 }
 
 #[cfg(test)]

@@ -150,7 +150,6 @@ fn warn_of_slow_clock(recording: &mut Recording) {
         let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let middle_s = median(steps.iter().copied())?;
         let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
-        #[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
         let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
         (steps.len() >= 50).then_some(mean_s)
     };

@@ -94,12 +94,10 @@ impl<'de> Visitor<'de> for Tree<'_> {
         Ok(Node::Number(f64::from(u8::from(on))))
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "the log's columns are floats")]
     fn visit_i64<E>(self, number: i64) -> std::result::Result<Node, E> {
         Ok(Node::Number(number as f64))
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "the log's columns are floats")]
     fn visit_u64<E>(self, number: u64) -> std::result::Result<Node, E> {
         Ok(Node::Number(number as f64))
     }

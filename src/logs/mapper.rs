@@ -142,7 +142,7 @@ fn axis(
             "cut the log to one flight, or lower the sample rate",
         ));
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 4e6")]
+    #[expect(clippy::cast_possible_truncation, reason = "below 4e6")]
     let steps = steps as u32;
     budget.steps(STEPS * steps as usize * pose.len())?;
     let known =

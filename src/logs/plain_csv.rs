@@ -156,7 +156,6 @@ fn spread_rows(time_s: &mut [f64]) -> bool {
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         any |= n > 1;
-        #[expect(clippy::cast_precision_loss, reason = "row counts are far below 2^53")]
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
             *t += next_s.clamp(0.0, ROW_S) * k as f64 / n as f64;
         }

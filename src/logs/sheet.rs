@@ -154,7 +154,6 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         return None;
     }
     let days = date.map_or(Some(0), days_from_date)?;
-    #[expect(clippy::cast_precision_loss, reason = "a few ten thousand days")]
     let days = days as f64;
     Some(days * 86_400.0 + hour * 3600.0 + minute * 60.0 + second)
 }

@@ -230,7 +230,7 @@ fn angles_from_quaternions(
 /// left out; the others follow with a sign and nine bits of 1/√2 each. Error below 0.1°.
 fn unpacked(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let mut code = code as u32;
     let largest = (code >> 30) as usize;
     let (mut q, mut sum_sq) = ([0.0; 4], 0.0);

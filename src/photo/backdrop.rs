@@ -159,7 +159,7 @@ impl Picture {
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let place = place.clamp(0.0, f64::from(n - 1));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     let first = place as usize;
     ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
 }

@@ -63,7 +63,7 @@ impl Difference {
             [-50.768_525, 29.046_583, 4.234_153],
             [18.655_705, -11.489_774, -5.601_961_5],
         ];
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         let level = |share: f32| (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         let color = |value: f32| -> [u8; 3] {
             std::array::from_fn(|c| level(FIT.iter().rev().fold(0.0, |sum, k| sum * value + k[c])))

@@ -127,7 +127,7 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let share = |index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
         let inner = edge(sigmas[index]).min(outer);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to WHOLE")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to WHOLE")]
         let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
         share
     };

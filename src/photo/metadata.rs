@@ -103,7 +103,7 @@ fn rational(value: f64) -> Value {
     Value::Rational(vec![Rational { num: whole(value * f64::from(denom)), denom }])
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn whole(value: f64) -> u32 {
     value.round() as u32
 }

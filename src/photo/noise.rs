@@ -218,7 +218,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
         (0..NUMBERS).partition(|&number| shares[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
     while let (Some(&from), Some(to)) = (more.last(), less.pop()) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 1")]
+        #[expect(clippy::cast_possible_truncation, reason = "below 1")]
         let own = (shares[to] * f64::from(1 << WITHIN_BITS)) as u32;
         cells[to] = own << COLUMN_BITS | u32::try_from(from).expect("a column");
         shares[from] -= 1.0 - shares[to];

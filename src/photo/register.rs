@@ -295,7 +295,7 @@ fn trails(ink: &LightMap) -> Vec<[f64; 2]> {
     (0..ink.values.len()).filter(lit).map(point).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels, not below 0")]
+#[expect(clippy::cast_possible_truncation, reason = "pixels, not below 0")]
 fn whole(px: f64) -> usize {
     px as usize
 }
@@ -332,7 +332,7 @@ mod tests {
             let off = near.fold(f64::INFINITY, f64::min) / (3.0 * place.scale);
             let room = floor * f64::from(y) / f64::from(height_px);
             let light = libm::exp(-0.5 * off * off) + room;
-            #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "0 to 255")]
+            #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
             let level = (255.0 * crate::srgb::encoded_from_linear(light.min(1.0))) as u8;
             [level; 3]
         };

@@ -213,7 +213,7 @@ fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels, not below 0")]
+#[expect(clippy::cast_possible_truncation, reason = "pixels, not below 0")]
 fn whole(px: f64) -> usize {
     px as usize
 }

@@ -31,7 +31,7 @@ fn film([width_px, height_px]: [u32; 2], count: impl Fn(usize, usize, usize) -> 
     Film { width_px, height_px, counts, scale_log2: -20 }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below u32::MAX")]
+#[expect(clippy::cast_possible_truncation, reason = "far below u32::MAX")]
 fn count(share_of_saturation: f64) -> u32 {
     (share_of_saturation * 0.78 * libm::exp2(20.0)) as u32
 }
@@ -78,7 +78,7 @@ fn with_all_effects_off_the_sensor_clips_and_the_curve_is_srgb() {
     let thresholds: Vec<u32> = (0..255)
         .map(|level| {
             let light = srgb::linear_from_encoded((f64::from(level) + 0.5) / 255.0);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts")]
+            #[expect(clippy::cast_possible_truncation, reason = "counts")]
             let count = (light * 0.78 * libm::exp2(20.0)).ceil() as u32;
             count
         })
@@ -206,7 +206,6 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
             if (60.0..90.0).contains(&libm::hypot(x, y)) {
                 let turns = libm::atan2(y, x) / std::f64::consts::TAU + 0.5;
                 #[expect(clippy::cast_possible_truncation, reason = "a share of 120")]
-                #[expect(clippy::cast_sign_loss, reason = "a share of 120")]
                 let direction = (turns * 119.999) as usize;
                 around[direction] += change.counts[1];
             }
@@ -291,7 +290,7 @@ fn few_electrons_are_poisson() {
     let mut histogram = [0_u32; 40];
     let stream = Stream::new(1, 0, 0, Source::Shot);
     for x in 0..n {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
+        #[expect(clippy::cast_possible_truncation, reason = "few")]
         let number = POISSON.number(mean, stream.bits(x)) as usize;
         histogram[number.min(39)] += 1;
     }

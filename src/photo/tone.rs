@@ -169,7 +169,7 @@ impl Levels16 {
             let share = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
             self.nodes[node] + share * (self.nodes[node + 1] - self.nodes[node])
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
         let level = (encoded * 65535.0 + 0.5) as u16;
         level
     }
@@ -189,7 +189,6 @@ mod tests {
                 let light = f32::from_bits(step.wrapping_mul(20_411) % 1.01_f32.to_bits());
                 let wanted = tone.encode(f64::from(light).min(1.0));
                 #[expect(clippy::cast_possible_truncation, reason = "a level")]
-                #[expect(clippy::cast_sign_loss, reason = "a level")]
                 let level = (wanted * 255.0 + 0.5) as u8;
                 assert_eq!(eight.level(light), level, "{tone:?} {light}");
                 let off = f64::from(sixteen.level(light)) - wanted * 65535.0;

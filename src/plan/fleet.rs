@@ -74,7 +74,6 @@ fn shares(
     let mut drawn_m = 0.0;
     for stroke in all {
         let length_m = stroke.length_m();
-        #[expect(clippy::cast_precision_loss, reason = "at most 16 drones")]
         let full_m = each_m * shares.len() as f64;
         if drawn_m + 0.5 * length_m > full_m && shares.last().is_some_and(|s| !s.is_empty()) {
             shares.push(Vec::new());

@@ -169,7 +169,7 @@ mod tests {
 
     /// A flight that follows the design exactly, late by `lag_s` and 0.1 m to the left.
     fn late(plan: &Plan, lag_s: f64) -> Flight {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a flight")]
+        #[expect(clippy::cast_possible_truncation, reason = "a flight")]
         let n = (plan.duration_s() * 250.0) as u32;
         let sample = |k: u32| {
             let time_s = f64::from(k) / 250.0;

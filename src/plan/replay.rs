@@ -121,7 +121,7 @@ impl MedianStep {
         let [length_m, lasts_s] = step(from, to);
         let steps = length_m / self.length_m;
         let at_speed = LOST_SPEED.contains(&(length_m / (lasts_s * self.speed_m_s)));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let n = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
         n
     }

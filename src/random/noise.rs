@@ -78,7 +78,6 @@ impl<const N: usize> Field<N> {
             phase_rad: TAU * noise.uniform(),
         };
         let waves = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
-        #[expect(clippy::cast_precision_loss, reason = "eight")]
         let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
         Self { waves, amplitude }
     }

@@ -97,7 +97,6 @@ impl pulp::NullaryFnOnce for Fill<'_> {
 /// Uniform in `[0, 1)` from 64 random bits, as `rand` makes it of their first 53.
 #[inline(always)]
 fn uniform(bits: u64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "53 bits")]
     let whole = (bits >> 11) as f64;
     whole * (f64::EPSILON / 2.0)
 }

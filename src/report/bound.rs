@@ -158,7 +158,6 @@ fn draw_anchors(canvas: &mut Canvas<'_>, above: &View, uwb: &UwbOptions, n_drone
             libm::hypot(other_x_m - x_m, other_y_m - y_m) * above.px_per_m < 80.0
         };
         let line = uwb.anchors_m[..index].iter().filter(near).count();
-        #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         canvas.dot([x, y], 6.0, BLUE);
         let text = format!("{index}: z {z_m:.1} m, heard by {by}");

@@ -75,7 +75,7 @@ impl Pen {
 impl<'a> Canvas<'a> {
     /// A white canvas; its sides are rounded up to whole pixels.
     pub(super) fn white(size_px: [f64; 2]) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "thousands")]
+        #[expect(clippy::cast_possible_truncation, reason = "thousands")]
         let size_px = size_px.map(|side| side.ceil() as u32);
         Self { size_px, photo: None, marks: Vec::new() }
     }

@@ -161,11 +161,10 @@ fn ticks(places_m: &[f64]) -> Vec<f64> {
 /// A color from dark (0) to light (1).
 pub(super) fn viridis(fraction: f64) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
     let i = (place as usize).min(3);
-    #[expect(clippy::cast_precision_loss, reason = "0 to 3")]
     let part = place - i as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     [0, 1, 2].map(|c| (VIRIDIS[i][c] + part * (VIRIDIS[i + 1][c] - VIRIDIS[i][c])).round() as u8)
 }
 

@@ -122,7 +122,6 @@ impl Figure {
 
     fn draw_legend<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
         let line_px = 28.0;
-        #[expect(clippy::cast_precision_loss, reason = "a file's name")]
         let entry_px = |name: &str| line_px + 32.0 + name.chars().count() as f64 * 8.0;
         let all_px: f64 = self.legend.iter().map(|(name, _)| entry_px(name)).sum();
         // One row where it fits, else two closer ones.
@@ -156,7 +155,7 @@ impl Panel {
             .x_label_area_size(fine(below_px))
             .y_label_area_size(fine(SIDES_PX[0] - EDGE_PX))
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
+        #[expect(clippy::cast_possible_truncation, reason = "a few")]
         let n_labels = |length_px: f64| (length_px / 60.0).max(3.0) as usize;
         chart
             .configure_mesh()
@@ -198,7 +197,6 @@ impl Panel {
         let place = |mark: &Mark| {
             let x_px = (mark.at.0 - self.x.start) / x_per_px;
             let y_px = (self.y.end - mark.at.1) / y_per_px;
-            #[expect(clippy::cast_precision_loss, reason = "a few letters")]
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
             let rows = (1..=6).map(|row| f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX);
             let sides = [4.0, -4.0 - wide_px, -0.5 * wide_px];
@@ -289,10 +287,9 @@ fn at(x_px: f64, y_px: f64) -> (i32, i32) {
 }
 
 /// Pixels on the fine canvas, also to the left or above.
+#[expect(clippy::cast_possible_truncation, reason = "a figure is a few thousand pixels")]
 fn whole(px: f64) -> i32 {
-    #[expect(clippy::cast_possible_truncation, reason = "a figure is a few thousand pixels")]
-    let whole = (px * FINENESS).round() as i32;
-    whole
+    (px * FINENESS).round() as i32
 }
 
 /// A length on the fine canvas.

@@ -54,7 +54,7 @@ pub fn placed(
     let back = transform.inverse();
     // A render with more pixels than the frame is shrunk first, or its trails would have gaps.
     let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let small = shrink(render.clone(), (smaller.round() as u32).max(1));
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
@@ -92,7 +92,7 @@ pub fn placed(
 fn between(place: f64, n: f64) -> (usize, usize, f32) {
     let place = (place - 0.5).clamp(0.0, n - 1.0);
     let (first, last) = (place.floor(), n - 1.0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     let pixels = (first as usize, (first + 1.0).min(last) as usize);
     #[expect(clippy::cast_possible_truncation, reason = "a share")]
     let share = (place - first) as f32;
@@ -119,10 +119,9 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
 }
 
 /// The nearest level of a light.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn encoded(light: f32) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let level = (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8;
-    level
+    (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8
 }
 
 #[cfg(test)]

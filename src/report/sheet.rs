@@ -126,7 +126,6 @@ impl Sheet {
     fn write(&mut self, text: &str, [left, top]: [usize; 2]) {
         let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
         let scaled = font.as_scaled(TEXT_PX);
-        #[expect(clippy::cast_precision_loss, reason = "pixels of a sheet")]
         let mut pen = point(left as f32, top as f32 + scaled.ascent() + 2.0);
         for character in text.chars() {
             let id = font.glyph_id(character);
@@ -136,12 +135,10 @@ impl Sheet {
             let corner = outline.px_bounds().min;
             outline.draw(|x, y, cover| {
                 #[expect(clippy::cast_possible_truncation, reason = "pixels of a sheet")]
-                #[expect(clippy::cast_sign_loss, reason = "right of and below the corner")]
                 let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
                 let at = 3 * (y * self.width + x);
                 if x < self.width && at + 3 <= self.rgb8.len() {
                     #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
-                    #[expect(clippy::cast_sign_loss, reason = "between two levels")]
                     // Thin strokes cover half a pixel: they are drawn twice as strong.
                     let level = (f32::from(GROUND)
                         + (2.0 * cover).min(1.0) * f32::from(INK - GROUND))

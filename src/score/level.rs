@@ -29,7 +29,6 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f
     let mut values = seen.values.clone();
     let mut level_at = |share: f64| {
         #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-        #[expect(clippy::cast_sign_loss, reason = "areas are positive")]
         let rank = ((share * ink_px) as usize).min(values.len() - 1);
         *values.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1
     };

@@ -260,7 +260,6 @@ pub(super) fn code_step(level: f32) -> f32 {
 fn light_of_level() -> [u32; 256] {
     linear_from_level().map(|linear| {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
-        #[expect(clippy::cast_sign_loss, reason = "0 to 65535")]
         let light = (65535.0 * linear).round() as u32;
         light
     })

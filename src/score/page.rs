@@ -24,7 +24,6 @@ impl LetterPage {
         let cell_px = [cell.width_m / pitch_m, f64::from(PX_PER_H)];
         let side = |axis: usize| {
             #[expect(clippy::cast_possible_truncation, reason = "some dozen pixels")]
-            #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
             let half = (0.5 * cell_px[axis] + MARGIN_PX[axis]).ceil() as usize;
             2 * (half + REACH_PX)
         };

@@ -70,7 +70,6 @@ impl Grid {
         let side = |length_m: f64| {
             let pixels = (length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m;
             #[expect(clippy::cast_possible_truncation, reason = "pixels of a grid")]
-            #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
             let pixels = pixels.ceil() as usize;
             // Halved twice by the alignment.
             pixels.next_multiple_of(4)

@@ -34,7 +34,6 @@ impl Raster {
     /// Gaussian blur, cut off at 3 σ; outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-        #[expect(clippy::cast_sign_loss, reason = "σ is positive")]
         let reach = (3.0 * sigma_px).ceil() as usize;
         let mut kernel: Vec<f32> = (0..=2 * reach)
             .map(|tap| (tap as f32 - reach as f32) / sigma_px)
@@ -98,7 +97,6 @@ pub(super) fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Ite
 
 /// Whole pixels of a length or an area in pixels.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
-#[expect(clippy::cast_sign_loss, reason = "callers keep it from falling below 0")]
 pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }

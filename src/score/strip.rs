@@ -119,7 +119,6 @@ impl Strip {
     /// The net's input, of some columns: both channels of each pixel, as square roots.
     pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-        #[expect(clippy::cast_sign_loss, reason = "0 to 255")]
         let byte = |light: f32| (255.0 * light.sqrt()).round() as u8;
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
         rows.flat_map(move |(bright, pure)| {

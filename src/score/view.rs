@@ -59,7 +59,6 @@ impl View {
         let [left, bottom, right, top] = bounds_m;
         let side = |length_m: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
-            #[expect(clippy::cast_sign_loss, reason = "lengths are positive")]
             let side_px = (length_m * px_per_m).clamp(1.0, MAX_SQUARE_ON_PX) as u32;
             side_px
         };
@@ -132,7 +131,6 @@ fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
     #[expect(clippy::cast_possible_truncation, reason = "a pixel of the photo")]
-    #[expect(clippy::cast_sign_loss, reason = "a pixel of the photo")]
     let at = 3 * (y as usize * photo.width_px as usize + x as usize);
     if inside { [photo.rgb8[at], photo.rgb8[at + 1], photo.rgb8[at + 2]] } else { [0; 3] }
 }

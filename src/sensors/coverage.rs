@@ -89,9 +89,7 @@ impl Coverage {
     #[must_use]
     pub fn seen_frac(&self) -> f64 {
         let seen = self.places.iter().filter(|place| place.n_stations >= 2).count();
-        #[expect(clippy::cast_precision_loss, reason = "at most a million")]
-        let frac = seen as f64 / self.places.len() as f64;
-        frac
+        seen as f64 / self.places.len() as f64
     }
 
     /// Errors where at least two stations see the drone, rising.
@@ -106,7 +104,7 @@ impl Coverage {
 
 /// Places from one end to the other, both included, no further apart than `step_m`.
 fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2e7")]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }

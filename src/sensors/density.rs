@@ -23,7 +23,6 @@ impl Series {
 /// means over blocks of length T: `σ²(T) = n²/2T`.
 pub(super) fn white_density(series: &Series) -> [f64; 3] {
     BLOCKS.map(|block| {
-        #[expect(clippy::cast_precision_loss, reason = "small")]
         let length = block as f64;
         let means: Vec<f64> =
             series.values.chunks_exact(block).map(|b| b.iter().sum::<f64>() / length).collect();
@@ -35,7 +34,6 @@ pub(super) fn white_density(series: &Series) -> [f64; 3] {
 /// over T has the variance `b² T/2`.
 pub(super) fn random_walk_density(series: &Series) -> [f64; 3] {
     BLOCKS.map(|block| {
-        #[expect(clippy::cast_precision_loss, reason = "small")]
         let length = block as f64;
         let thinned: Vec<f64> = series.values.iter().copied().step_by(block).collect();
         (2.0 * variance_of_steps(&thinned) * series.rate_hz / length).sqrt()
@@ -44,7 +42,6 @@ pub(super) fn random_walk_density(series: &Series) -> [f64; 3] {
 
 fn variance_of_steps(values: &[f64]) -> f64 {
     let steps = values.windows(2).map(|pair| (pair[1] - pair[0]) * (pair[1] - pair[0]));
-    #[expect(clippy::cast_precision_loss, reason = "small")]
     let n = (values.len() - 1) as f64;
     steps.sum::<f64>() / n
 }

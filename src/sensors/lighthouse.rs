@@ -181,7 +181,6 @@ impl Rotor {
 
         let mut chance = noise(&format!("station {i} sweeps"));
         let is_v1 = |station: &&Station| station.generation == Generation::V1;
-        #[expect(clippy::cast_precision_loss, reason = "at most 16 stations")]
         let (turn_hz, phases, generation) = match station.generation {
             Generation::V1 => {
                 // First-generation stations take turns; the others sweep on their own.

@@ -416,7 +416,6 @@ mod tests {
                 .filter(|sweep| (sweep.station, sweep.plane) == (1, 0))
                 .map(|sweep| sweep.angles_rad[2])
                 .collect();
-            #[expect(clippy::cast_precision_loss, reason = "small")]
             let (n, seconds) = (angles.len() as f64, seconds as f64);
             let rate = n / seconds;
             assert!((rate / per_second - 1.0).abs() < 0.04, "{generation:?}: {rate} a second");

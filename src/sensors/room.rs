@@ -47,7 +47,6 @@ impl Room {
 
     /// Whether a station sends nothing at a time.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
-        #[expect(clippy::cast_precision_loss, reason = "at most 16 stations")]
         let of_station = |silence: &&[f64; 3]| silence[0] == station as f64;
         self.silent
             .iter()

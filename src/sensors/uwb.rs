@@ -230,7 +230,6 @@ mod tests {
         errors
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "small")]
     fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
         let n = values.len() as f64;
         values.sum::<f64>() / n
@@ -272,7 +271,6 @@ mod tests {
         for differences in [false, true] {
             let all: Vec<f64> = errors(&options, differences).concat();
             let strays: Vec<f64> = all.iter().copied().filter(|e| e.abs() > 1e-9).collect();
-            #[expect(clippy::cast_precision_loss, reason = "small")]
             let share = strays.len() as f64 / all.len() as f64;
             assert!((share - 0.14).abs() < 0.005, "share {share}");
             let size = mean(strays.iter().map(|e| e.abs()));

@@ -101,7 +101,7 @@ pub fn recommended(
     }
     // A small picture is exposed as a large one is.
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
     let (f_number, iso) = (8.0, 100.0);
     let vignetting = options.vignetting_at(f_number);
@@ -139,7 +139,7 @@ pub fn recommended(
         trail_stops: trail_stops + more,
         room_stops: room_stops.map(|stops| stops + more),
         gave_way: gave_way && too_many < 0.5,
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few stops")]
+        #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
         filter_stops: too_many.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })

@@ -270,7 +270,6 @@ impl Shoot {
             self.fly_drone(drone, &mut |share| {
                 let Ok(mut done) = done.lock() else { return };
                 done[drone] = share;
-                #[expect(clippy::cast_precision_loss, reason = "a few drones")]
                 let mean = done.iter().sum::<f64>() / n as f64;
                 drop(done);
                 watch(Stage::Flying, mean);

@@ -214,12 +214,11 @@ fn glow(picture: &mut Photo, ImagePoint { x_px, y_px, .. }: ImagePoint, sigma_px
     let reach = 4.0 * sigma_px;
     let span = |at: f64, most: u32| {
         let [first, last] = [at - reach, at + reach].map(|px| px.clamp(0.0, f64::from(most)));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         (first as usize..last as usize)
     };
     for y in span(y_px, picture.height_px) {
         for x in span(x_px, picture.width_px) {
-            #[expect(clippy::cast_precision_loss, reason = "pixels")]
             let [dx, dy] = [x as f64 + 0.5 - x_px, y as f64 + 0.5 - y_px];
             let share = libm::exp(-0.5 * (dx * dx + dy * dy) / (sigma_px * sigma_px));
             let at = 3 * (y * picture.width_px as usize + x);
@@ -232,7 +231,7 @@ fn glow(picture: &mut Photo, ImagePoint { x_px, y_px, .. }: ImagePoint, sigma_px
 
 fn mixed(from: u8, to: u8, share: f64) -> u8 {
     let level = f64::from(from) + (f64::from(to) - f64::from(from)) * share;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     (level.round().clamp(0.0, 255.0) as u8)
 }
 

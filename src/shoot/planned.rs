@@ -98,7 +98,6 @@ const MAX_INVERSE: f64 = 4e9;
 /// Refuses a plan of so many setpoints within the loop's response that its inverse takes minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 setpoints")]
     let interval_s = plan.duration_s() / n.max(1) as f64;
     let cost: f64 = responses.iter().map(|response| response.inverse_cost(n, interval_s)).sum();
     if cost <= MAX_INVERSE {

@@ -256,7 +256,6 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
         histogram[usize::from(pixel[0].max(pixel[1]).max(pixel[2]))] += 1;
     }
     let n = photo.rgb8.len() / 3;
-    #[expect(clippy::cast_precision_loss, reason = "pixels")]
     let brighter =
         |level: u8| histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64;
     let level_of =

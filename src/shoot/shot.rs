@@ -171,7 +171,6 @@ pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     let tracked = flights.iter().filter_map(|flight| track(flight, Part::from_flight(flight)).ok());
     let tracked: Vec<_> = tracked.collect();
     let mean = |value: fn(&crate::flight::tracking::Tracking) -> f64| {
-        #[expect(clippy::cast_precision_loss, reason = "a few drones")]
         let n = tracked.len() as f64;
         (!tracked.is_empty()).then(|| tracked.iter().map(value).sum::<f64>() / n)
     };

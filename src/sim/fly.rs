@@ -268,7 +268,7 @@ fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
             hint: "write a shorter word, or draw faster".into(),
         });
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 7.2e6")]
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 7.2e6")]
     Ok(((duration_s + TIME_TOLERANCE_S) * f64::from(rate_hz)) as u32)
 }
 
@@ -390,7 +390,6 @@ mod tests {
                 let flight = fly(&hover, &drone, &mut |_| {}).unwrap();
                 let error_m = |s: &FlightSample| s.estimate_m - s.position_m;
                 let errors_m: Vec<Vector3<f64>> = flight.samples.iter().map(error_m).collect();
-                #[expect(clippy::cast_precision_loss, reason = "50 001")]
                 let mean_m = errors_m.iter().sum::<Vector3<f64>>() / errors_m.len() as f64;
                 (flight, errors_m.iter().map(|e| e - mean_m).collect::<Vec<_>>())
             };

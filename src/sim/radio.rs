@@ -40,7 +40,6 @@ impl Link {
         }
         let n = f64::from(options.drones);
         let switch_s = if options.drones > 1 { SWITCH_S } else { 0.0 };
-        #[expect(clippy::cast_precision_loss, reason = "a few drones")]
         let place = (index % u64::from(options.drones)) as f64;
         let mut link = Self {
             loss_frac: options.loss_frac,

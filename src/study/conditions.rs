@@ -345,7 +345,7 @@ impl Conditions {
         sim.battery.capacity_ah *= (1.0 - 0.2 * age).max(0.05);
         let mut propeller = chance("propeller");
         let lost_frac = self.motor_loss_frac * propeller.uniform();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
         let own = &mut sim.vehicle.motor_loss_frac[motor];
         *own = 1.0 - (1.0 - *own) * (1.0 - lost_frac);

@@ -60,7 +60,7 @@ pub fn correct(
     let limited: Vec<_> = seen.iter().map(limited).collect();
     let [seen, limited] = [&seen, &limited].map(|errors| smoothed(errors, options.smooth_s));
     let at = |errors: &[Vector3<f64>], time_s: f64| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         let index = (time_s / STEP_S).round().max(0.0) as usize;
         errors.get(index).copied().unwrap_or_default()
     };
@@ -141,17 +141,15 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
 fn repeating(flights: &[Flight]) -> Vec<Vector3<f64>> {
     let ends = flights.iter().filter_map(|flight| flight.samples.last());
     let end_s = ends.map(|last| last.time_s).fold(0.0, f64::max);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour at most")]
+    #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (end_s / STEP_S) as usize + 1;
     let mut errors: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); n];
     for flight in flights {
         let mut next = 0;
         for sample in flight.samples.iter().filter(|sample| sample.letter.is_some()) {
-            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
             while next < n && (next as f64) * STEP_S < sample.time_s - STEP_S {
                 next += 1;
             }
-            #[expect(clippy::cast_precision_loss, reason = "an hour at most")]
             if next < n && (next as f64) * STEP_S <= sample.time_s {
                 errors[next].push(sample.position_m - sample.design_m);
                 next += 1;
@@ -185,7 +183,6 @@ fn smoothed(values: &[Vector3<f64>], sigma_s: f64) -> Vec<Vector3<f64>> {
     #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
     let reach = (3.0 * sigma).ceil() as isize;
     let weight = |tap: isize| {
-        #[expect(clippy::cast_precision_loss, reason = "some seconds")]
         let z = tap as f64 / sigma;
         libm::exp(-0.5 * z * z)
     };

@@ -108,9 +108,7 @@ impl Knob {
                 (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range, at)),
                 (Turn::To(range), Some(_)) => toml::Value::Float(between(*range, at)),
                 (Turn::Choice(words), None) if value.is_str() => {
-                    #[expect(clippy::cast_precision_loss, reason = "a few words")]
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    #[expect(clippy::cast_sign_loss, reason = "0 to 1")]
                     let index = (at * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }

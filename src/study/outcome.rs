@@ -128,7 +128,6 @@ impl Outcome {
         let p = verdict.read_probability();
         let letters = &verdict.letters;
         let shares: Vec<f64> = letters.iter().filter_map(|letter| letter.p).collect();
-        #[expect(clippy::cast_precision_loss, reason = "at most 256 letters")]
         let n = shares.len().max(1) as f64;
         Self {
             read: verdict.read.clone(),

@@ -107,7 +107,6 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
 /// flights that are needed to tell any apart.
 fn pairs(contenders: &[(&str, Vec<f64>)]) -> (Vec<Pair>, u32) {
     let n_pairs = contenders.len() * contenders.len().saturating_sub(1) / 2;
-    #[expect(clippy::cast_precision_loss, reason = "few")]
     let level = 1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64;
     let mut pairs = Vec::with_capacity(n_pairs);
     for (place, (better, a)) in contenders.iter().enumerate() {

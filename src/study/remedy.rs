@@ -61,7 +61,6 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
         let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         gains.push(first);
-        #[expect(clippy::cast_precision_loss, reason = "three")]
         let gain = gains.iter().sum::<f64>() / gains.len() as f64;
         if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
             found.push(Remedy { changes, gain });

@@ -61,12 +61,7 @@ impl Search {
                 Way::Tpe { coordinates: (0..n_coordinates).map(|_| one()).collect(), n_told: 0 }
             }
             SearchKind::Grid => {
-                #[expect(clippy::cast_precision_loss, reason = "a budget")]
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "small"
-                )]
+                #[expect(clippy::cast_possible_truncation, reason = "small")]
                 let levels =
                     (libm::pow(n_points.max(1) as f64, 1.0 / n_coordinates as f64) + 1e-9) as u64;
                 let levels = levels.max(2);
@@ -99,7 +94,6 @@ impl Search {
                 let mut at = *next;
                 *next = next.wrapping_add(*stride);
                 let coordinate = |_| {
-                    #[expect(clippy::cast_precision_loss, reason = "a few levels")]
                     let middle = ((at % *levels) as f64 + 0.5) / *levels as f64;
                     at /= *levels;
                     middle

@@ -113,7 +113,6 @@ impl Band {
     /// `(n − 1) / (n + 1)`.
     #[must_use]
     pub fn holds_frac(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "flights of a spread")]
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
@@ -125,7 +124,6 @@ impl Band {
         let writes = self.ends_m.iter().zip(&self.writes).filter(|(_, writes)| **writes || !any);
         let widths_m: Vec<Vector3<f64>> =
             writes.map(|([low, _, high], _)| 0.5 * (high - low)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "moments of a flight")]
         let n = widths_m.len().max(1) as f64;
         widths_m.iter().sum::<Vector3<f64>>() / n
     }
@@ -149,9 +147,8 @@ impl Band {
             }
         }
         let inside = |shares: &Vec<f64>| {
-            #[expect(clippy::cast_precision_loss, reason = "moments of a flight")]
-            let part = |n: usize| n as f64 / shares.len().max(1) as f64;
-            part(shares.iter().filter(|share| **share <= 1.0).count())
+            let n_inside = shares.iter().filter(|share| **share <= 1.0).count();
+            n_inside as f64 / shares.len().max(1) as f64
         };
         let width = |shares: &Vec<f64>| {
             let mut sorted = shares.clone();
@@ -176,9 +173,8 @@ fn ends(mut values: Vec<f64>) -> [f64; 3] {
 /// they reach.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
-    #[expect(clippy::cast_precision_loss, reason = "a few thousand values")]
     let place = (share * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     let below = place.floor() as usize;
     let above = (below + 1).min(last);
     sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())

@@ -59,7 +59,6 @@ impl Estimate {
 /// Mean; 0 of nothing.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let n = values.len().max(1) as f64;
     values.iter().sum::<f64>() / n
 }
@@ -69,7 +68,6 @@ pub fn mean(values: &[f64]) -> f64 {
 pub(super) fn standard_error(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: Vec<f64> = values.iter().map(|v| (v - middle) * (v - middle)).collect();
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let n = values.len() as f64;
     if n < 2.0 { 0.0 } else { (mean(&squares) / (n - 1.0)).sqrt() }
 }
@@ -144,7 +142,6 @@ impl Spread {
         let strata = if strata.iter().any(|values| values.len() == 1) { &pooled } else { strata };
         let (mut n, mut freedom, mut squares) = (0.0, 0.0, 0.0);
         for values in strata.iter().filter(|values| values.len() > 1) {
-            #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
             let n_values = values.len() as f64;
             let error = n_values * standard_error(values);
             n += n_values;
@@ -178,12 +175,7 @@ pub fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
 #[must_use]
 pub fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let mut means = subset_means(differences);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "within the subsets"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]
     let beyond = (0.5 * (1.0 - level) * (means.len() + 1) as f64 + 1e-9) as usize;
     let (low, high) = (beyond.checked_sub(1)?, means.len() - beyond);
     let low = *means.select_nth_unstable_by(low, f64::total_cmp).1;
@@ -193,10 +185,9 @@ pub fn center(differences: &[f64], level: f64) -> Option<Estimate> {
 
 /// Least number of differences that [`center`] needs at `level`.
 #[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "small")]
 pub(super) fn least_for_center(level: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
-    let least = libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32;
-    least
+    libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
 /// Means of all subsets but the empty one, or of many drawn at random.
@@ -285,12 +276,7 @@ pub(super) fn bootstrap(
         })
         .collect();
     drawn.sort_unstable_by(f64::total_cmp);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "within the samples"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "within the samples")]
     let at = |share: f64| drawn[((share * RESAMPLES as f64) as usize).min(RESAMPLES - 1)];
     let beyond = 0.5 * (1.0 - level);
     Estimate { value, low: at(beyond), high: at(1.0 - beyond) }

@@ -206,7 +206,7 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     if factor >= 1.0 {
         return Ok(());
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "smaller")]
+    #[expect(clippy::cast_possible_truncation, reason = "smaller")]
     let smaller = |side_px: u32| (f64::from(side_px) * factor).round().max(1.0) as u32;
     let camera = &mut scene.camera;
     (camera.width_px, camera.height_px) = (smaller(camera.width_px), smaller(camera.height_px));

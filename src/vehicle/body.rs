@@ -343,10 +343,7 @@ mod tests {
             drag_n_s_m: 0.002,
             spin_n_m_s: 1e-5,
         };
-        let end = |n: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "small")]
-            fly(&options, tumbling(), load, 0.4 / n as f64, n)
-        };
+        let end = |n: usize| fly(&options, tumbling(), load, 0.4 / n as f64, n);
         let exact = end(12_800);
         let error = |n: usize| (end(n).row() - exact.row()).norm();
         let order = libm::log2(error(100) / error(200));

@@ -234,9 +234,8 @@ impl BatteryOptions {
     #[inline(always)]
     pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {
         let tenths = charge_frac * 10.0;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 10")]
         let below = (tenths as usize).min(9);
-        #[expect(clippy::cast_precision_loss, reason = "0 to 9")]
         let above = tenths - below as f64;
         let [low, high] = [self.open_circuit_v[below], self.open_circuit_v[below + 1]];
         low + (high - low) * above

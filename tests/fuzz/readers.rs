@@ -239,11 +239,7 @@ fn log_usd(version: u16) -> Vec<u8> {
     VARIABLES.iter().for_each(|(name, _)| bytes.extend(format!("{name}(f)\0").as_bytes()));
     for sample in &flown().samples {
         bytes.extend(7_u16.to_le_bytes());
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a short flight"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "a short flight")]
         let ms = (1e3 * sample.time_s) as u32;
         match version {
             1 => bytes.extend(ms.to_le_bytes()),

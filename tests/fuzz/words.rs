@@ -61,11 +61,7 @@ fn photograph(strokes: &Strokes, view: &View) -> Photo {
                 if x < 0.0 || y < 0.0 || x >= f64::from(width_px) || y >= f64::from(height_px) {
                     continue;
                 }
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "within the picture"
-                )]
+                #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
                 let place = 3 * (y as usize * width_px as usize + x as usize);
                 rgb8[place..place + 3].fill(250);
             }

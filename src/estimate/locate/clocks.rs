@@ -105,7 +105,7 @@ fn best(
     [from_s, to_s]: [f64; 2],
 ) -> Option<f64> {
     let stride = n.div_ceil(MOST).max(1);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "hours")]
+    #[expect(clippy::cast_possible_truncation, reason = "hours")]
     let steps = ((to_s - from_s) / STEP_S).ceil().clamp(0.0, 1e6) as u32;
     let offset_s = |k: u32| from_s + STEP_S * f64::from(k);
     let tried: Vec<(f64, f64, f64)> = (0..=steps)

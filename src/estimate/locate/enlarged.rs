@@ -57,7 +57,6 @@ impl Enlarged {
     #[must_use]
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
-        #[expect(clippy::cast_precision_loss, reason = "a few drones")]
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
         let p: Vec<Vector3<f64>> = starts_m.iter().map(|start| start - origin_m).collect();
         let size = 4 * n + n * (n - 1) / 2;
@@ -203,7 +202,6 @@ impl Enlarged {
 
     /// The positions behind the middle of the anchors, along the weakest direction.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
         let mut p = self.normal.mean.rows(0, 3 * self.n).into_owned();

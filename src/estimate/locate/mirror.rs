@@ -96,7 +96,6 @@ pub(super) fn ambiguities_of_motion(
     let places = (0..n_drones).flat_map(|drone| located.position_m[drone][end].data.0[0]);
     let places_m = DVector::from_iterator(3 * n_drones, places);
     let step = samples.len().div_ceil(MOST_RANGES);
-    #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
     let weight = (step as f64).sqrt() / options.range_sigma_m;
     let range = |sample: &RangeSample| {
         let (one, other) = sample.link.drones();
@@ -244,7 +243,6 @@ fn plane(points_m: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vector3<f64>)> {
     if points_m.len() < 3 {
         return None;
     }
-    #[expect(clippy::cast_precision_loss, reason = "a few anchors")]
     let middle_m = points_m.iter().sum::<Vector3<f64>>() / points_m.len() as f64;
     let away = points_m.iter().map(|point| point - middle_m);
     let spread: Matrix3<f64> = away.map(|away| away * away.transpose()).sum();

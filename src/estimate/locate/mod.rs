@@ -161,9 +161,7 @@ mod tests {
     impl Random {
         fn uniform(&mut self) -> f64 {
             self.0 = split_mix(self.0);
-            #[expect(clippy::cast_precision_loss, reason = "a random number")]
-            let number = (self.0 >> 11) as f64 / 9_007_199_254_740_992.0;
-            number
+            (self.0 >> 11) as f64 / 9_007_199_254_740_992.0
         }
 
         pub(super) fn normal(&mut self) -> f64 {

@@ -47,7 +47,6 @@ pub(super) struct Innovations {
 impl Innovations {
     /// Mean normalized innovation squared; `None` without a range.
     pub(super) fn nis(&self) -> Option<f64> {
-        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
         (self.taken > 0).then(|| self.sum / self.taken as f64)
     }
 }

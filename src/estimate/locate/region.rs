@@ -64,7 +64,6 @@ pub fn share_left(
     for _ in 0..n {
         let mut number = || {
             state = split_mix(state);
-            #[expect(clippy::cast_precision_loss, reason = "a random number")]
             let number = (state >> 11) as f64 / 9_007_199_254_740_992.0;
             2.0 * number - 1.0
         };
@@ -80,7 +79,6 @@ pub fn share_left(
     }
     shares.sort_by(f64::total_cmp);
     let fled = shares.iter().filter(|share| **share > FLED || share.is_nan()).count();
-    #[expect(clippy::cast_precision_loss, reason = "a few starts")]
     let fled_frac = fled as f64 / f64::from(n.max(1));
     ShareLeft {
         error_m,
@@ -99,7 +97,7 @@ fn run(
 ) -> f64 {
     let mut truth = path(0.0);
     let mut believed = [0, 1].map(|i| truth[i] + off[i]);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "minutes")]
+    #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
     for tick in 1..=ticks {
         let outputs = observer.outputs(&observer.ranges(&truth));
@@ -126,7 +124,7 @@ pub fn observability(
 ) -> Observability {
     let mut information = Matrix6::zeros();
     let rounds_hz = rate_hz / 5.0;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "minutes")]
+    #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let rounds = (span_s * rounds_hz) as u32;
     for round in 0..=rounds {
         information += seen(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);

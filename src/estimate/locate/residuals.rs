@@ -43,7 +43,6 @@ pub struct LinkResidual {
 /// The interval of the mean normalized innovation squared of `n` ranges.
 #[must_use]
 pub fn nis_interval(n: usize) -> [f64; 2] {
-    #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
     let chance = 3.0 * (2.0 / n.max(1) as f64).sqrt();
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
@@ -90,7 +89,6 @@ pub(super) fn link_residuals(
 ) -> Vec<LinkResidual> {
     let row = |(link, (median_m, scatter_m, ranges)): (Link, (f64, f64, usize))| {
         let refused = refused.get(&link).copied().unwrap_or(0);
-        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
         let (n, n_refused) = (ranges as f64, refused as f64);
         let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
         let is_off = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
@@ -114,9 +112,7 @@ impl Located {
         let residuals_m = residuals_m(anchors_m, samples, &self.position_m, &self.biases);
         self.links = link_residuals(samples, &residuals_m, refused, sigma_m);
         self.ranges = samples.len();
-        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
-        let refused_frac = refused.values().sum::<usize>() as f64 / samples.len().max(1) as f64;
-        self.refused_frac = refused_frac;
+        self.refused_frac = refused.values().sum::<usize>() as f64 / samples.len().max(1) as f64;
     }
 
     /// What the ranges contradict, in words.
@@ -130,7 +126,6 @@ impl Located {
         });
         let suspects = self.links.iter().filter(|link| link.suspect && !is_out(link));
         let of_link = |link: &LinkResidual| {
-            #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(

@@ -115,7 +115,6 @@ fn best_fit(
         let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let from = DVector::from_fn(n, |i, _| {
             // Drones apart from each other, or their range has no direction.
-            #[expect(clippy::cast_precision_loss, reason = "a few drones")]
             let apart = 0.05 * (i / 3) as f64;
             middle[i % 3] + reach_m * (share[i % 3] + apart)
         });

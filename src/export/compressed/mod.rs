@@ -129,7 +129,7 @@ fn piece(
     rounding: Rounding,
 ) -> Piece {
     let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 65 535")]
+    #[expect(clippy::cast_possible_truncation, reason = "below 65 535")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
     let duration_s = f64::from(duration_ms) / 1000.0;
     let (here, there) = (stretch.setpoint(from), stretch.setpoint(to));
@@ -195,10 +195,9 @@ fn check_range(stretch: &Stretch) -> Result<()> {
 }
 
 /// A coordinate in whole millimeters; control points beyond the range saturate.
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn round_mm(x_m: f64) -> i16 {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let mm = (x_m * 1000.0).round() as i16;
-    mm
+    (x_m * 1000.0).round() as i16
 }
 
 #[cfg(test)]
@@ -215,7 +214,7 @@ mod tests {
 
     /// Largest speed and acceleration, sampled every ms.
     fn sampled(trajectory: &Compressed) -> [f64; 2] {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a minute")]
+        #[expect(clippy::cast_possible_truncation, reason = "a minute")]
         let n = (trajectory.duration_s() * 1000.0) as u32;
         (0..n).fold([0.0; 2], |[v, a], ms| {
             let [_, velocity, acceleration] = trajectory.motion(f64::from(ms) / 1000.0);

@@ -38,7 +38,7 @@ fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
 fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a log is short")]
+    #[expect(clippy::cast_possible_truncation, reason = "a log is short")]
     let n = ((to_s - from_s) / STEP_S) as u32 + 1;
     let (mut walk_a, mut walk_b) = (a.walk(), b.walk());
     let times_s = (0..n).map(|k| from_s + f64::from(k) * STEP_S);

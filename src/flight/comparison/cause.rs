@@ -98,9 +98,7 @@ fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3
             sum -= values[from];
             from += 1;
         }
-        #[expect(clippy::cast_precision_loss, reason = "samples of a flight")]
-        let n = (to - from) as f64;
-        sum / n
+        sum / (to - from) as f64
     };
     (0..values.len()).map(&mut around).collect()
 }

@@ -12,7 +12,7 @@ pub(crate) fn flight(
     position_m: impl Fn(f64) -> Vector3<f64>,
     design_m: impl Fn(f64) -> Vector3<f64>,
 ) -> Flight {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few hundred")]
+    #[expect(clippy::cast_possible_truncation, reason = "a few hundred")]
     let n = (end_s / step_s).round() as u32;
     let samples = (0..=n).map(|k| {
         // Through a division, so that 0.3 is 0.3 and not 0.30000000000000004.

@@ -56,7 +56,7 @@ pub(crate) fn minimize(
     mut coarse: impl FnMut(f64) -> f64,
     mut fine: impl FnMut(f64) -> f64,
 ) -> f64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+    #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
     let costs = grid.map(|at| (at, coarse(at)));

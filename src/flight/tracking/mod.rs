@@ -192,7 +192,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     distances_m.sort_unstable_by(f64::total_cmp);
     let n = distances_m.len();
     let both: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
-    let both = both / count(n);
+    let both = both / n as f64;
     ContourError {
         mean_m: both.x,
         rms_m: both.y.sqrt(),
@@ -206,8 +206,8 @@ fn drift(samples: &[FlightSample]) -> Drift {
     Drift {
         min_y_m: y_m().fold(f64::INFINITY, f64::min),
         max_y_m: y_m().fold(f64::NEG_INFINITY, f64::max),
-        in_corridor_frac: count(y_m().filter(|y| y.abs() <= CORRIDOR_M).count())
-            / count(samples.len()),
+        in_corridor_frac: y_m().filter(|y| y.abs() <= CORRIDOR_M).count() as f64
+            / samples.len() as f64,
     }
 }
 
@@ -230,7 +230,7 @@ pub(super) fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
 /// Mean; zero of nothing.
 pub(super) fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
-    sum / count(n.max(1))
+    sum / n.max(1) as f64
 }
 
 /// Yaw, pitch and roll as a vector.
@@ -242,9 +242,4 @@ pub(super) fn angles_rad(attitude: &Attitude) -> Vector3<f64> {
 pub(super) fn attitude(angles_rad: Vector3<f64>) -> Attitude {
     let [yaw_rad, pitch_rad, roll_rad] = angles_rad.into();
     Attitude { yaw_rad, pitch_rad, roll_rad }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "sample counts are far below 2^53")]
-fn count(n: usize) -> f64 {
-    n as f64
 }

@@ -186,11 +186,7 @@ mod tests {
                 let delay_s = one.phase_rad.unwrap() / one.crossover_rad_s.unwrap();
                 println!("{kind:?} {name}: {delay_s:.4} s, {one:?}");
                 // Commands are held for 2 ms, which is 1 ms of delay.
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "0 to 1000"
-                )]
+                #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
                 let ticks = |share: f64| (share * delay_s / 0.002 - 0.5).max(0.0) as usize;
                 let stays = |share: f64| comes_to_rest(&options, input, ticks(share));
                 assert!(stays(0.8), "{kind:?} {name}: 0.8 of {delay_s} s");

@@ -82,7 +82,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let end_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let step_s = 1.0 / RATE_HZ.max(uwb.rate_hz);
     let (mut measured, mut read) = (0_u32, [0_u32; 2]);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour")]
+    #[expect(clippy::cast_possible_truncation, reason = "an hour")]
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;

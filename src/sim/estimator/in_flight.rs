@@ -203,7 +203,6 @@ fn noor(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Flight {
     fly(&plan, &Drone::new(&options, seed), &mut |_| {}).unwrap()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "small")]
 fn rms(values: &[Vector3<f64>]) -> f64 {
     (values.iter().map(Vector3::norm_squared).sum::<f64>() / values.len() as f64).sqrt()
 }
@@ -220,7 +219,6 @@ fn lighthouse_errors_in_flight_are_those_measured() {
         let (mut mean_m, mut slow_m, mut fast_m) = (0.0, 0.0, 0.0);
         for seed in 0..8 {
             let errors = errors_m(positioning, kind, seed);
-            #[expect(clippy::cast_precision_loss, reason = "small")]
             let mean = errors.iter().map(Vector3::norm).sum::<f64>() / errors.len() as f64;
             let (mut slow, mut fast) = (Vec::new(), Vec::new());
             for second in errors.chunks_exact(250) {

@@ -29,7 +29,7 @@ use crate::vehicle::{RigidBody, State};
 /// An estimator of the drone's motion.
 #[derive(Debug)]
 pub(super) enum Estimator {
-    Luenberger(Observer),
+    Luenberger(Box<Observer>),
     Ekf(Box<Ekf>),
     Altitude(Box<Altitude>),
     Cooperative(Box<Cooperative>),
@@ -86,7 +86,7 @@ pub(super) fn estimator(
     let ekf = || Ekf::new(&observer.ekf, sensors, position_m);
     Ok(match observer.kind {
         EstimatorKind::Luenberger => {
-            Estimator::Luenberger(Observer::new(&observer.luenberger, position_m)?)
+            Estimator::Luenberger(Box::new(Observer::new(&observer.luenberger, position_m)?))
         }
         EstimatorKind::Ekf => Estimator::Ekf(Box::new(ekf())),
         EstimatorKind::Altitude => {

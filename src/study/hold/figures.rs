@@ -6,6 +6,7 @@ use super::flight::{Hold, HoldSample, STATE_NAMES};
 use super::scenario::HoldScenario;
 use super::{HoldModel, hold};
 use crate::error::{Error, Result};
+use crate::settings::settings;
 use crate::sim::SimOptions;
 use crate::study::statistics::{bootstrap, mean};
 
@@ -61,16 +62,16 @@ pub struct Consistency {
     pub verdict: HoldVerdict,
 }
 
-/// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum HoldVerdict {
-    /// It is.
-    Consistent,
-    /// It is too small.
-    Overconfident,
-    /// It is too large.
-    Conservative,
+settings! {
+    /// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
+    pub enum HoldVerdict {
+        /// It is.
+        "consistent" => Consistent,
+        /// It is too small.
+        "overconfident" => Overconfident,
+        /// It is too large.
+        "conservative" => Conservative,
+    }
 }
 
 impl HoldVerdict {
@@ -82,16 +83,6 @@ impl HoldVerdict {
             Self::Overconfident
         } else {
             Self::Consistent
-        }
-    }
-
-    /// Its name in tables.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Consistent => "consistent",
-            Self::Overconfident => "overconfident",
-            Self::Conservative => "conservative",
         }
     }
 }

@@ -34,7 +34,7 @@ pub(super) fn hold(
         .collect();
     let mut filter = AltitudeFilter::new(observer, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour")]
+    #[expect(clippy::cast_possible_truncation, reason = "at most an hour")]
     let n_ticks = (duration_s * f64::from(TRUTH_HZ)).round() as u32;
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
