@@ -100,11 +100,16 @@ impl Plan {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }
 
+    /// Row of the setpoint in force at a time; before the first one, its row.
+    #[must_use]
+    pub fn row_at(&self, time_s: f64) -> usize {
+        self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
+    }
+
     /// The setpoint in force at a time; before the first one, that one.
     #[must_use]
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
-        let next = self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s);
-        self.setpoints.get(next.max(1) - 1)
+        self.setpoints.get(self.row_at(time_s))
     }
 
     /// Position of the design at a time; before the first setpoint, at it. The origin for a plan

@@ -100,9 +100,7 @@ pub fn align(mut flight: Flight, sent: &Plan, ready: &Prepared, file: &str) -> R
     if flight.lights.is_empty() && !flight.samples.iter().any(writes) {
         relight(&mut flight, &ready.scene().strokes()?)?;
     }
-    let row_at = |time_s: f64| {
-        sent.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6).saturating_sub(1)
-    };
+    let row_at = |time_s: f64| sent.row_at(time_s + 1e-6);
     // A log's design is what was sent; that of a flight of this program is what was to be flown.
     let planned = rehearse(ready.scene(), sent)?;
     let mut as_sent = planned.clone();
@@ -211,8 +209,7 @@ mod tests {
         let flight = ready.fly(3).unwrap().remove(0);
         let mut log = flight.clone();
         for sample in &mut log.samples {
-            let row = sent.setpoints.partition_point(|s| s.time_s <= sample.time_s + 1e-6);
-            sample.design_m = sent.sent_m(row.saturating_sub(1));
+            sample.design_m = sent.sent_m(sent.row_at(sample.time_s + 1e-6));
             sample.time_s += 7.0;
         }
         for (given, clock_s) in [(flight.clone(), 0.0), (log, 7.0)] {

@@ -101,7 +101,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
             if time_s > plan.duration_s() {
                 continue;
             }
-            let row = plan.setpoints.partition_point(|s| s.time_s <= time_s).saturating_sub(1);
+            let row = plan.row_at(time_s);
             let bound = &mut found[drone];
             bound.time_s.push(time_s);
             bound
