@@ -23,6 +23,10 @@ pub(super) struct Altitude {
 }
 
 impl Estimator for Altitude {
+    fn face(&mut self, yaw_rad: f64) {
+        self.horizontal.face(yaw_rad);
+    }
+
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
         self.horizontal.update(&level, tick_s);

@@ -278,6 +278,11 @@ impl Cooperative {
 }
 
 impl Estimator for Cooperative {
+    fn face(&mut self, yaw_rad: f64) {
+        self.own.face(yaw_rad);
+        self.alone.face(yaw_rad);
+    }
+
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;

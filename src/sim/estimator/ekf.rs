@@ -257,6 +257,10 @@ impl Model {
 }
 
 impl Estimator for Ekf {
+    fn face(&mut self, yaw_rad: f64) {
+        self.motion.face(yaw_rad);
+    }
+
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let mut step_test = self.step_test.take();

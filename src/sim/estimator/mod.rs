@@ -33,6 +33,9 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
+    /// Learns how its nose was put down, from world x toward y, before the first update.
+    fn face(&mut self, yaw_rad: f64);
+
     /// Learns that the drone stands on the floor with its motors off.
     fn rest(&mut self) {}
 

@@ -24,6 +24,10 @@ impl Estimator for Truth {
         self.body = *readings.truth;
     }
 
+    fn face(&mut self, yaw_rad: f64) {
+        self.body = self.body.facing(yaw_rad);
+    }
+
     fn state(&self) -> State {
         self.body.state()
     }
