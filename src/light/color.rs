@@ -15,9 +15,12 @@ pub(super) fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
 pub(super) fn rgb(xyz: [f64; 3]) -> [f64; 3] {
     let row = |[x, y, z]: [f64; 3]| (x * xyz[0] + y * xyz[1] + z * xyz[2]).max(0.0);
     let [r, g, b] = RGB_FROM_XYZ.map(row);
-    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    let luminance = LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b;
     [r / luminance, g / luminance, b / luminance]
 }
+
+/// Luminance of the primary colors of linear sRGB (IEC 61966-2-1).
+pub(super) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Linear sRGB from XYZ (IEC 61966-2-1).
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [

@@ -429,7 +429,7 @@ mod tests {
         let mut scene = Scene { word: "IIIIIIII".to_owned(), ..Scene::preset(Preset::Cf21) };
         let evenness = |scene: &Scene| {
             let shoot = Shoot::new(scene.clone()).unwrap();
-            let found = preflight(&shoot, &Profile::default()).unwrap();
+            let found = preflight(&shoot, &Profile::indoor()).unwrap();
             let even = |checked: &Checked| match checked.finding {
                 Finding::Evenness(peak, evener) => Some((peak.value, evener)),
                 _ => None,
