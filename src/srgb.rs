@@ -1,7 +1,7 @@
 //! sRGB (IEC 61966-2-1): its transfer curve, its primaries and how bright they look.
 
 /// Luminance of red, green and blue.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+pub(crate) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Luminance of linear light.
 pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {

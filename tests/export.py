@@ -21,6 +21,7 @@ from cflib.crazyflie.commander import Commander
 from cflib.crazyflie.high_level_commander import HighLevelCommander
 from cflib.crazyflie.mem import MemoryElement
 from cflib.crazyflie.mem.trajectory_memory import CompressedSegment, CompressedStart, Poly4D
+from cflib.utils.encoding import compress_quaternion
 
 WORK = sys.argv[1]
 
@@ -280,11 +281,31 @@ class Flights(unittest.TestCase):
         self.assertEqual(cf.sent[-1][3][0], STOP)
         self.assertTrue(all(t > cf.begun_s for t, *_ in cf.sent), "nothing before the key")
         names = [n for t, n, v in cf.params if t < cf.begun_s]
-        self.assertEqual(set(names), {"kalman.resetEstimation"}, "and no lamp")
+        self.assertEqual(set(names), {"kalman.initialYaw", "kalman.resetEstimation"}, "and no lamp")
         log = json.loads(content(os.path.abspath(drone.log_file)))
         self.assertIn("light.headlights", log)
         self.assertEqual(log["light.headlights"]["data"][0], 0.0)
         self.assertGreater(len(log["stateEstimate.x"]["data"]), 500)
+
+    def test_a_heading_is_sent_in_every_mode_and_stored_in_every_trajectory(self):
+        script = load("turned.py")
+        self.assertEqual(script.DATA["yaw_rad"], -1.5)
+        for mode in ("position", "full_state", "trajectory"):
+            cf, _, ended = flight(script, mode)
+            self.assertIsNone(ended)
+            self.assertIn(("kalman.initialYaw", -1.5), [(n, v) for _, n, v in cf.params])
+            for kind, at in ((TAKE_OFF, 6), (LAND, 6), (GO_TO, 16)):
+                for _, data in cf.packets(HIGH_LEVEL, kind):
+                    self.assertAlmostEqual(struct.unpack_from("<f", data, at)[0], -1.5, places=6)
+            for _, data in cf.packets(COMMANDER, POSITION):
+                yaw = struct.unpack("<ffff", data[1:])[3]
+                self.assertAlmostEqual(yaw, math.degrees(-1.5), places=4)
+            for _, data in cf.packets(COMMANDER, FULL_STATE):
+                heading = struct.unpack_from("<I", data, 19)[0]
+                self.assertEqual(heading, compress_quaternion([0.0, 0.0, math.sin(-0.75), math.cos(-0.75)]))
+        self.assertEqual(struct.unpack_from("<h", cf.upload, 6)[0], round(math.degrees(-15.0)))
+        pieces = struct.iter_unpack("<33f", content("turned.poly4d"))
+        self.assertEqual({numbers[24:32] for numbers in pieces}, {(-1.5,) + (0.0,) * 7})
 
     def test_full_states_are_rounded_not_truncated(self):
         cf, _, _ = flight(self.script, "full_state")
@@ -422,7 +443,7 @@ class Main(unittest.TestCase):
             for radio in radios:
                 self.assertEqual(radio.sent, [], "nothing is sent before the key")
                 names = {name for _, name, _ in radio.params}
-                self.assertEqual(names, {"kalman.resetEstimation"}, "and no lamp")
+                self.assertEqual(names, {"kalman.initialYaw", "kalman.resetEstimation"}, "and no lamp")
             return key()
 
         cflib.crtp.init_drivers = lambda: None

@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
-use crate::letters::Strokes;
+use crate::letters::{Picture, Strokes};
 use crate::score::{LetterVerdict, Reason, Verdict};
 use crate::shoot::Shot;
 
@@ -108,9 +108,21 @@ pub(super) fn add_drawing(strokes: &Strokes, text: &mut String, json: &mut Value
         found +=
             &format!("; left out: {} short ones, {share:.1} % of the length", left_out.strokes);
     }
+    found += match strokes.picture {
+        Picture::Auto => "",
+        Picture::Drawing => {
+            "; ink on paper (for a photograph, of lights at night too, set letters.picture=photograph)"
+        }
+        Picture::Photograph => {
+            "; edges of a photograph (for ink on paper set letters.picture=drawing)"
+        }
+    };
     *text += &line("drawing", &found);
     let left_out = json!({ "strokes": left_out.strokes, "share": left_out.share });
     json["drawing"] = json!({ "strokes": n, "length_m": length_m, "left_out": left_out });
+    if strokes.picture != Picture::Auto {
+        json["drawing"]["picture"] = json!(strokes.picture.name());
+    }
 }
 
 impl<'a> FlightFigures<'a> {

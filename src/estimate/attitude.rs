@@ -15,6 +15,12 @@ impl Turned {
         Self(Quaternion::identity())
     }
 
+    /// Level, turned from world x toward y.
+    pub fn facing(yaw_rad: f64) -> Self {
+        let half_yaw = 0.5 * yaw_rad;
+        Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
+    }
+
     /// The attitude after a turn by a small rotation vector in the body frame; the error grows with
     /// its fifth power, below 1e-9 rad for a tenth of a radian.
     #[inline(always)]

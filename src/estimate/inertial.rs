@@ -78,6 +78,12 @@ impl Inertial {
         }
     }
 
+    /// Turns it, level, from world x toward y.
+    pub fn face(&mut self, yaw_rad: f64) {
+        self.attitude = Turned::facing(yaw_rad);
+        self.world_from_body = self.attitude.matrix();
+    }
+
     /// Moves the state over a tick with the mean of the body rates at its ends and the specific
     /// force along it; returns the acceleration.
     pub fn predict(

@@ -5,8 +5,8 @@ Made by noctograph. Needs: pip install cflib
     python3 SCRIPT --dry-run      prints everything that would be sent, without a radio
     python3 SCRIPT --uri radio://0/80/2M/E7E7E7E7E7
 
-The drone stands where the plan takes off, its nose along the world's x axis, and the positioning
-system runs. Before you press Enter the script only reads, resets the position estimate and uploads.
+The drone stands where the plan takes off, its nose along the world's x axis, or turned to the left as
+far as the script says, and the positioning system runs. Before you press Enter the script only reads, resets the position estimate and uploads.
 Ctrl-C lands where the drone is; a second Ctrl-C stops the motors.
 """
 
@@ -101,13 +101,15 @@ class Drone:
         self._note(channel, level)
 
     def position(self, x, y, z):
-        self.cf.commander.send_position_setpoint(x, y, z, 0.0)
+        self.cf.commander.send_position_setpoint(x, y, z, math.degrees(DATA["yaw_rad"]))
 
     def full_state(self, position, velocity, acceleration):
         # cflib truncates to millimeters; a quarter of one makes that rounding.
         rounded = [[(round(1000 * v) + math.copysign(0.25, v)) / 1000 for v in vector]
                    for vector in (position, velocity, acceleration)]
-        self.cf.commander.send_full_state_setpoint(*rounded, [0.0, 0.0, 0.0, 1.0], 0.0, 0.0, 0.0)
+        half_yaw = DATA["yaw_rad"] / 2
+        heading = [0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw)]
+        self.cf.commander.send_full_state_setpoint(*rounded, heading, 0.0, 0.0, 0.0)
 
     def lit(self, channel, level):
         """A light that changes by the timing memory on board: nothing is sent."""
@@ -147,10 +149,10 @@ class Drone:
         self.high.start_trajectory(1, 1.0)
 
     def take_off(self, z, duration_s):
-        self.high.takeoff(z, duration_s)
+        self.high.takeoff(z, duration_s, yaw=DATA["yaw_rad"])
 
     def go_to(self, x, y, z, duration_s):
-        self.high.go_to(x, y, z, 0.0, duration_s)
+        self.high.go_to(x, y, z, DATA["yaw_rad"], duration_s)
 
     def arm(self):
         self.cf.supervisor.send_arming_request(True)
@@ -160,7 +162,7 @@ class Drone:
         self.cf.commander.send_notify_setpoint_stop()
 
     def land(self, duration_s):
-        self.high.land(0.0, duration_s)
+        self.high.land(0.0, duration_s, yaw=DATA["yaw_rad"])
 
     def stop(self):
         self.high.stop()
@@ -208,6 +210,7 @@ class Drone:
 
     def ready(self):
         """Waits for a position that has settled; refuses a low battery and a wrong place."""
+        self.param("kalman.initialYaw", DATA["yaw_rad"])
         self.param("kalman.resetEstimation", 1)
         self.wait_until(self.clock() + 0.1)
         self.param("kalman.resetEstimation", 0)
@@ -232,7 +235,8 @@ class Drone:
         if math.hypot(x - start_x, y - start_y) > START_RADIUS_M:
             raise Stopped(f"the drone stands at ({x:.2f}, {y:.2f}) m, the plan starts at "
                           f"({start_x:.2f}, {start_y:.2f}) m: carry it there")
-        print(f"ready: battery {battery_v:.2f} V, at ({x:.2f}, {y:.2f}) m")
+        print(f"ready: battery {battery_v:.2f} V, at ({x:.2f}, {y:.2f}) m; nose "
+              f"{math.degrees(DATA['yaw_rad']):.0f}° to the left of world x")
 
     def finish(self):
         for block in self.blocks:

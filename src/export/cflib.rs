@@ -114,6 +114,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "gains": gains::parameters(job.sim),
         "log": format!("{}_flight{number}.json", stem(job.word)),
         "start_m": [start_m.x, start_m.y],
+        "yaw_rad": plan.yaw_rad,
         "top_m": heights.fold(0.0, f64::max),
         "before_s": before_s,
         "end_s": sent_until_s,

@@ -32,7 +32,7 @@ def main():
             cf.takeoff(drone["first_m"][2], TAKE_OFF_S)
         clock.sleep(TAKE_OFF_S + 0.5)
         for cf, drone in crew:
-            cf.goTo(drone["first_m"], 0.0, TAKE_OFF_S)
+            cf.goTo(drone["first_m"], drone["yaw_rad"], TAKE_OFF_S)
         clock.sleep(TAKE_OFF_S + 0.5)
         events = [(drone["start_s"], cf.startTrajectory, (0,)) for cf, drone in crew]
         events += [(time_s, cf.setParam, (name, value))

@@ -187,7 +187,7 @@ fn flown_alone(
     times_s.sort_by(f64::total_cmp);
     times_s.dedup_by(|b, a| *b - *a < 1e-6);
     let lit = plan.lit();
-    let mut out = Plan::default();
+    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
     for time_s in times_s {
         let row = plan.setpoints.partition_point(|s| s.time_s <= time_s + zero_s + 1e-6);
         let row = row.checked_sub(1);

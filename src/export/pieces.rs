@@ -35,6 +35,8 @@ pub(super) struct Stretch {
     setpoints: Vec<Setpoint>,
     /// Acceleration at the end of the letters, where the run-out begins, m/s².
     stop_m_s2: Vector3<f64>,
+    /// Heading of its plan.
+    pub(super) yaw_rad: f64,
 }
 
 impl Stretch {
@@ -81,7 +83,8 @@ impl Stretch {
                 hint: "write higher (letters.baseline_m)".into(),
             });
         }
-        Ok(Self { setpoints, stop_m_s2: stop.acceleration_m_s2 })
+        let stop_m_s2 = stop.acceleration_m_s2;
+        Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
     }
 
     /// Time of the first setpoint in the plan, s.

@@ -29,6 +29,8 @@ const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poly4d {
     pieces: Vec<Polynomials>,
+    /// Heading throughout.
+    yaw_rad: f64,
 }
 
 impl Poly4d {
@@ -64,7 +66,7 @@ impl Poly4d {
         let stretch = Stretch::new(plan)?;
         let next = |from, to, _: &[Polynomials], _| fit(&stretch, from, to);
         let pieces = pieces(&stretch, tolerance_m, f64::INFINITY, next, |piece| *piece);
-        Ok(Self { pieces })
+        Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
     /// Number of pieces.
@@ -94,7 +96,7 @@ impl Poly4d {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
-            let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
+            let axes = piece.axes.into_iter().chain([self.yaw()]).flatten();
             axes.chain([piece.duration_s])
         });
         #[expect(clippy::cast_possible_truncation, reason = "the drone computes in f32")]
@@ -105,12 +107,17 @@ impl Poly4d {
     #[must_use]
     pub fn to_csv(&self) -> String {
         let row = |piece: &Polynomials| {
-            let axes = piece.axes.into_iter().chain([[0.0; 8]]).flatten();
+            let axes = piece.axes.into_iter().chain([self.yaw()]).flatten();
             let numbers = [piece.duration_s].into_iter().chain(axes);
             numbers.map(|number| format!("{number:?}")).collect::<Vec<_>>().join(",")
         };
         let rows = self.pieces.iter().map(row);
         [HEADER.to_owned()].into_iter().chain(rows).map(|line| line + "\n").collect()
+    }
+
+    /// Coefficients of the yaw.
+    fn yaw(&self) -> [f64; 8] {
+        [self.yaw_rad, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     }
 }
 
@@ -247,7 +254,7 @@ mod tests {
             Polynomials { duration_s: numbers[32], axes: [axis(0), axis(8), axis(16)] }
         };
         let pieces = bytes.chunks(PIECE_BYTES).map(piece).collect();
-        (bytes, rows, Poly4d { pieces })
+        (bytes, rows, Poly4d { pieces, yaw_rad: 0.0 })
     }
 
     #[test]

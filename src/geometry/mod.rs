@@ -86,6 +86,17 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
 }
 
+/// A vector turned about the vertical axis, from x toward y; by nothing, exactly itself.
+#[must_use]
+#[inline]
+pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
+    if angle_rad == 0.0 {
+        return *vector;
+    }
+    let (sin, cos) = libm::sincos(angle_rad);
+    Vector3::new(cos * vector.x - sin * vector.y, sin * vector.x + cos * vector.y, vector.z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

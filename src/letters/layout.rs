@@ -1,7 +1,7 @@
 //! Layout: characters side by side, lines below each other.
 
 use super::font::Font;
-use super::options::{Align, Fitting, LetterOptions};
+use super::options::{Align, Fitting, LetterOptions, Picture};
 use super::shape::{Fit, Shape};
 use super::shaping::is_shaped;
 use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
@@ -147,7 +147,8 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     }
     let word = word.to_owned();
     let (font, order) = (Some(font.clone()), StrokeOrder::Free);
-    Strokes { word, font, glyphs, order, colors: Vec::new(), left_out: LeftOut::default() }
+    let (colors, left_out, picture) = (Vec::new(), LeftOut::default(), Picture::Auto);
+    Strokes { word, font, glyphs, order, colors, left_out, picture }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

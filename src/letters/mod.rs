@@ -51,6 +51,9 @@ pub struct Strokes {
     pub colors: Vec<[u8; 3]>,
     /// What the detail of a drawing leaves out ([`LetterOptions::detail`]).
     pub left_out: LeftOut,
+    /// What a bitmap was taken for or is set to be ([`LetterOptions::picture`]), `Auto` where it is no
+    /// bitmap.
+    pub picture: Picture,
 }
 
 /// Strokes of a drawing that are not drawn.

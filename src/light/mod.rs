@@ -23,6 +23,7 @@ use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
 use crate::flight::{DroneIndex, Flight, Quantity};
+use crate::srgb::LUMINANCE;
 use programs::Programs;
 use radio::Change;
 
@@ -178,7 +179,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let coarse = LazyCell::new(|| way::stretches(&samples, way::COARSE_M));
     let mut trace = LightTrace::default();
     for fixture in &fixtures {
-        let sources = sources(fixture, &programs.changes(fixture)?);
+        let sources = sources(fixture, &programs.changes(fixture)?, options.pwm);
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
             let samples = way::shine(stretches, fixture, &changes, options);
@@ -214,12 +215,12 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     ))
 }
 
-/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per die.
+/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary color.
 const MAX_COLORS: usize = 8;
 
 /// The sources of light of a row with their levels: one for each color that it ever shows, or one for
-/// each die.
-fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
+/// each primary color.
+fn sources(fixture: &Fixture, dies: &[Vec<Change>], pwm: Pwm) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &moments {
@@ -227,7 +228,10 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
         if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
             colors.push(color);
             if colors.len() > MAX_COLORS {
-                return by_die(fixture, dies);
+                return match pwm {
+                    Pwm::Off => by_primary(fixture, &moments),
+                    Pwm::On => by_die(fixture, dies),
+                };
             }
         }
     }
@@ -238,6 +242,27 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
         (fixture.emitter(color), changes.collect())
     };
     colors.iter().map(shine).collect()
+}
+
+/// One source for each primary color of sRGB, with the share of it that every color has: dies lie
+/// outside sRGB, so that each clipped by itself would be paler than the mixture.
+fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
+    let parts = moments.iter().map(|(time_s, levels)| {
+        let Emitter { intensity_cd, rgb, .. } = fixture.emitter(levels);
+        (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))
+    });
+    let parts: Vec<(f64, [f64; 3])> = parts.collect();
+    let primary = |k: usize| {
+        let most_cd = parts.iter().map(|(_, part_cd)| part_cd[k]).fold(0.0, f64::max);
+        let mut rgb = [0.0; 3];
+        rgb[k] = 1.0 / LUMINANCE[k];
+        let level = |part_cd: f64| if most_cd > 0.0 { part_cd / most_cd } else { 0.0 };
+        let changes = parts
+            .iter()
+            .map(|(time_s, part_cd)| Change { time_s: *time_s, level: level(part_cd[k]) });
+        (Emitter { intensity_cd: most_cd, rgb, ..fixture.emitter(&[]) }, changes.collect())
+    };
+    [0, 1, 2].map(primary).into()
 }
 
 /// One source for each die.

@@ -433,3 +433,26 @@ fn colors_of_the_screen_are_those_of_the_lamps() {
         }
     }
 }
+
+#[test]
+fn colors_beyond_the_lamps_of_a_row_are_the_mixtures_of_its_dies_all_the_same() {
+    let fixture = &tables::color_led()[0];
+    let levels = |row: u32, die: u32| f64::from((row * (2 * die + 3) + die) % 11) / 10.0;
+    let changes = |die: u32| {
+        let change = |row: u32| Change { time_s: f64::from(row), level: levels(row, die) };
+        (0..12).map(change).collect()
+    };
+    let dies: Vec<Vec<Change>> = (0..4).map(changes).collect();
+    let sources = sources(fixture, &dies, Pwm::Off);
+    assert_eq!(sources.len(), 3);
+    for row in 0..12 {
+        let wanted = fixture.emitter(&[0, 1, 2, 3].map(|die| levels(row, die)));
+        let found = sources.iter().map(|(emitter, changes)| {
+            Vector3::from(emitter.rgb) * (emitter.intensity_cd * changes[row as usize].level)
+        });
+        let wanted = Vector3::from(wanted.rgb) * wanted.intensity_cd;
+        let off = (found.sum::<Vector3<f64>>() - wanted).norm();
+        assert!(off < 1e-9 * wanted.norm(), "{row}: {off}");
+    }
+    assert_eq!(super::sources(fixture, &dies, Pwm::On).len(), 4, "pulses are those of dies");
+}

@@ -6,14 +6,15 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{Plan, Setpoint};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
 /// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
-/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light channels.
+/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light channels,
+/// a heading other than 0 adds `yaw_rad`, which stays the same.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
@@ -23,6 +24,8 @@ pub const COLUMNS: [&str; 11] = [
 const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
 /// Column of the design's light level, where light commands are sent ahead of it.
 const LIT_COLUMN: &str = "lit";
+/// Column of the heading.
+const YAW_COLUMN: &str = "yaw_rad";
 
 impl Plan {
     /// Writes the plan as CSV, on the grid of 1e-6.
@@ -34,7 +37,8 @@ impl Plan {
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
         let lit = Some(&LIT_COLUMN).filter(|_| !self.lit.is_empty());
-        let names = COLUMNS.iter().chain(sent).chain(lit).map(|name| (*name).to_owned());
+        let yaw = Some(&YAW_COLUMN).filter(|_| self.yaw_rad != 0.0);
+        let names = COLUMNS.iter().chain(sent).chain(lit).chain(yaw).map(|name| (*name).to_owned());
         let header: Vec<String> = names.chain(lights).collect();
         let rows = self.setpoints.iter().enumerate().map(|(row, setpoint)| {
             let Setpoint { time_s, position_m: p, velocity_m_s: v, .. } = setpoint;
@@ -43,7 +47,9 @@ impl Plan {
             let numbers = [*time_s, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, letter];
             let sent = self.sent_m.get(row).into_iter().flat_map(|sent| [sent.x, sent.y, sent.z]);
             let lights = self.lights.values().map(move |levels| levels[row]);
-            numbers.into_iter().chain(sent).chain(self.lit.get(row).copied()).chain(lights)
+            let lit = self.lit.get(row).copied();
+            let yaw = Some(self.yaw_rad).filter(|yaw_rad| *yaw_rad != 0.0);
+            numbers.into_iter().chain(sent).chain(lit).chain(yaw).chain(lights)
         });
         write_table(out, &header, rows)
     }
@@ -92,7 +98,14 @@ impl Plan {
         }
         let lit =
             if table.has(LIT_COLUMN) { table.quantity(LIT_COLUMN)?.to_vec() } else { Vec::new() };
-        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m })
+        let yaws: &[f64] = if table.has(YAW_COLUMN) { table.quantity(YAW_COLUMN)? } else { &[] };
+        let yaw_rad = yaws.first().copied().unwrap_or_default();
+        if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
+            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
+            let hint = "turn the drone before take-off";
+            return Err(Error::input(YAW_COLUMN, other, wanted, hint));
+        }
+        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m, yaw_rad })
     }
 }
 
@@ -111,10 +124,13 @@ mod tests {
         let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
         assert_eq!(back, plan);
         let n = plan.setpoints.len();
-        let led = Plan { lit: vec![0.5; n], sent_m: vec![Vector3::x(); n], ..plan };
+        let led = Plan { lit: vec![0.5; n], sent_m: vec![Vector3::x(); n], yaw_rad: -1.5, ..plan };
         let mut file = Vec::new();
         led.write_csv(&mut file).unwrap();
         let back = Plan::from_table(&Table::parse(&file[..], "plan.csv").unwrap()).unwrap();
-        assert_eq!(back, led, "with feedforward and timed lights");
+        assert_eq!(back, led, "with feedforward, timed lights and a heading");
+        let turning = String::from_utf8(file).unwrap().replacen("-1.5", "-1.25", 1);
+        let error = Plan::parse_csv(turning.as_bytes(), "plan.csv").unwrap_err().to_string();
+        assert!(error.contains("one heading"), "{error}");
     }
 }

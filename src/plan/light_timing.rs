@@ -95,7 +95,7 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
 /// The plan with other light commands: `(sent at, level)` in rising order. Rows are added where a
 /// command is sent between two setpoints.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
-    let mut out = Plan::default();
+    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
     let has_sent = !plan.sent_m.is_empty();
     let (mut level, mut next) = (0.0, 0);
     let mut levels: Vec<f64> = Vec::new();

@@ -66,6 +66,8 @@ pub struct Plan {
     /// Positions that are sent in place of the setpoints' own ([`feedforward`]); as long as
     /// `setpoints`, or empty. See [`Plan::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
+    /// Heading of the nose over the whole flight, from world x toward y.
+    pub yaw_rad: f64,
 }
 
 /// One packet to the drone: where it should be now, and how the design moves on from there.
@@ -202,8 +204,10 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// The plan on the clock that will pace it, moved against the mean error of earlier flights.
+/// The plan with its heading, on the clock that will pace it, moved against the mean error of earlier
+/// flights.
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
+    let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
     let plan = match options.trajectory_clock {
         1.0 => plan,
         rate => light_timing::on_trajectory_clock(plan, rate),

@@ -32,6 +32,9 @@ settings! {
         /// sends them, 84/85 for a trajectory on board of firmware before August 2026
         /// (`usec_time.c`), while light commands from the host keep true time.
         trajectory_clock: f64 = 1.0, in 0.9..=1.1;
+        /// Heading of the nose from take-off to landing, from world x toward y: the drone is put down
+        /// so. Headlights shine along it; at -π/2 they face the audience, one beside the other.
+        yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Way of flying. It also sets the defaults of the other keys of this table.
         style: Style = Style::default();
     }

@@ -119,8 +119,9 @@ pub enum Finding {
     /// Longest light on one spot, in seconds of full light.
     LitDwell(Peak),
     /// Range of the exposure along the brightest trail in the picture, from the 5th to the 95th
-    /// percentile, in stops: that of the light meter.
-    Evenness(Peak),
+    /// percentile, in stops: that of the light meter. With the heading at which it would vary
+    /// least, rad, and by how much there, where that is half a stop less.
+    Evenness(Peak, Option<[f64; 2]>),
     /// Share of the flight's box that two base stations see.
     Coverage(f64),
     /// A problem of the picture; `None`: none was found.

@@ -20,6 +20,9 @@ pub(super) struct Flown<'a> {
     /// Range of the exposure along its brightest trail in the picture, stops; `None` where it
     /// leaves none.
     pub(super) evenness_stops: Option<f64>,
+    /// Heading at which it would vary least, rad, and by how much, stops; `None` where that is no
+    /// better.
+    pub(super) evener: Option<[f64; 2]>,
     /// Cap height of its letters; `None` of a drawing, and where no word is named.
     pub(super) cap_height_m: Option<f64>,
     /// Largest motor command.
@@ -161,7 +164,10 @@ fn dwell(flown: &Flown<'_>) -> Finding {
 
 fn evenness(flown: &Flown<'_>) -> Finding {
     match flown.evenness_stops {
-        Some(value) => Finding::Evenness(Peak { value, most: MAX_UNEVEN_STOPS, time_s: None }),
+        Some(value) => {
+            let peak = Peak { value, most: MAX_UNEVEN_STOPS, time_s: None };
+            Finding::Evenness(peak, flown.evener)
+        }
         None => without_light("evenness", "no light of the plan is in the picture"),
     }
 }
@@ -196,6 +202,7 @@ mod tests {
             ends: &[],
             painted: &[],
             evenness_stops: None,
+            evener: None,
             cap_height_m: Some(0.5),
             motor_max: 1.0,
             battery_modeled: true,

@@ -6,8 +6,11 @@
 //! picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its camera.
 //! Not checked: obstacles in the room.
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::Vector3;
 
+use crate::camera::Camera;
 use crate::crazyflie::RING_TIMING_ENTRIES;
 use crate::error::{Error, Result};
 use crate::export::lights::timing_entries;
@@ -170,11 +173,16 @@ fn check_flight(
     let scene = &shoot.scene;
     let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
     let trace = shoot.light_drone(drone, flight)?;
+    let trail = picture.and_then(|picture| Some((&picture.camera, picture.trail(drone)?)));
     let flown = Flown {
         flight,
         ends: &ends,
         painted: &painted(flight, &trace, scene),
-        evenness_stops: picture.and_then(|picture| picture.evenness_stops(drone)),
+        evenness_stops: trail.map(|(_, reading)| reading.evenness_stops()),
+        evener: match trail {
+            Some((Some(camera), now)) => evener(shoot, drone, flight, camera, now)?,
+            _ => None,
+        },
         cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
         motor_max: scene.vehicle.motor_max,
         battery_modeled: scene.battery.capacity_ah > 0.0,
@@ -281,6 +289,8 @@ pub fn placement(
 
 /// What the light of all drones leaves in the picture.
 struct Picture {
+    /// `None` where there is no picture.
+    camera: Option<Camera>,
     /// Of the lamps that write.
     readings: Vec<LampReading>,
     problems: Vec<Problem>,
@@ -293,22 +303,60 @@ impl Picture {
             Ok(Lighting { trace, camera, writing, problems, .. }) => {
                 let mut readings = meter(&trace, &camera).unwrap_or_default();
                 readings.retain(|reading| writing.contains(&reading.name));
-                Self { readings, problems }
+                Self { camera: Some(camera), readings, problems }
             }
             Err(error) => {
                 let problems = vec![Problem::NoPicture(error.to_string())];
-                Self { readings: Vec::new(), problems }
+                Self { camera: None, readings: Vec::new(), problems }
             }
         })
     }
 
-    /// Range of the exposure along the brightest trail of a drone's lamps, stops.
-    fn evenness_stops(&self, drone: usize) -> Option<f64> {
+    /// The brightest trail of a drone's lamps.
+    fn trail(&self, drone: usize) -> Option<&LampReading> {
         let own =
             self.readings.iter().filter(|reading| reading.drone.is_none_or(|of| of.0 == drone));
-        let brightest = own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
-        brightest.map(LampReading::evenness_stops)
+        brightest(own)
     }
+}
+
+fn brightest<'a>(readings: impl Iterator<Item = &'a LampReading>) -> Option<&'a LampReading> {
+    readings.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
+}
+
+/// Headings that are tried, in a turn.
+const HEADINGS: u32 = 24;
+/// Stops by which another heading is worth a turn of the nose.
+const WORTH_STOPS: f64 = 0.5;
+
+/// The heading at which the exposure along a flight's brightest trail varies least, rad, and by how
+/// much, stops, where that is worth a turn and the trail is as bright and as long as now: the same
+/// flight, lit with its nose turned.
+fn evener(
+    shoot: &Shoot,
+    drone: usize,
+    flight: &Flight,
+    camera: &Camera,
+    now: &LampReading,
+) -> Result<Option<[f64; 2]>> {
+    let mut best = None;
+    for step in 0..HEADINGS {
+        let yaw_rad = TAU * f64::from(step) / f64::from(HEADINGS) - PI;
+        let mut turned = flight.clone();
+        let turn_rad = yaw_rad - shoot.plans[drone].plan.yaw_rad;
+        turned.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad += turn_rad);
+        let trace = shoot.light_drone(drone, &turned)?;
+        let lamps = writing(std::slice::from_ref(&turned), &trace, &shoot.scene.light);
+        let trace = LightTrace { lamps: lamps.into_iter().cloned().collect() };
+        let readings = meter(&trace, camera).unwrap_or_default();
+        let Some(found) = brightest(readings.iter()) else { continue };
+        let least = best.map_or(now.evenness_stops() - WORTH_STOPS, |[_, stops]: [f64; 2]| stops);
+        let whole = found.median_stops >= now.median_stops && found.lit_s >= 0.99 * now.lit_s;
+        if whole && found.evenness_stops() < least {
+            best = Some([yaw_rad, found.evenness_stops()]);
+        }
+    }
+    Ok(best)
 }
 
 /// Cap height of a word's letters; `None` of a drawing.
@@ -376,6 +424,26 @@ fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Finding> {
 mod tests {
     use super::*;
     use crate::scene::Preset;
+
+    #[test]
+    fn the_heading_at_which_a_wide_word_is_even_is_named_with_what_it_brings() {
+        let mut scene = Scene { word: "IIIIIIII".to_owned(), ..Scene::preset(Preset::Cf21) };
+        let evenness = |scene: &Scene| {
+            let shoot = Shoot::new(scene.clone()).unwrap();
+            let found = preflight(&shoot, &Profile::indoor()).unwrap();
+            let even = |checked: &Checked| match checked.finding {
+                Finding::Evenness(peak, evener) => Some((peak.value, evener)),
+                _ => None,
+            };
+            found.iter().find_map(even).unwrap()
+        };
+        let (now_stops, evener) = evenness(&scene);
+        let [yaw_rad, stops] = evener.expect("headlights along the word");
+        assert!(stops < now_stops - 1.0, "{now_stops}, {stops}");
+        scene.plan.yaw_rad = yaw_rad;
+        let (then_stops, evener) = evenness(&scene);
+        assert!((then_stops - stops).abs() < 0.2 && evener.is_none(), "{then_stops}, {evener:?}");
+    }
 
     #[test]
     fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {

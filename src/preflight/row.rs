@@ -324,15 +324,21 @@ impl Finding {
                     },
                 )
             }
-            Self::Evenness(peak @ Peak { value, most, .. }) => {
+            Self::Evenness(peak @ Peak { value, most, .. }, evener) => {
+                let evener = evener.map_or_else(String::new, |[yaw_rad, stops]| {
+                    format!(
+                        "; by {stops:.1} with the nose at {yaw_rad:.2} rad (plan.yaw_rad), where \
+                         headlights draw two lines beside each other"
+                    )
+                });
                 peak.row("evenness", warn_if(value > most)).say(
-                    format!("exposure varies by {value:.1} stops along the trail"),
+                    format!("exposure varies by {value:.1} stops along the trail{evener}"),
                     format!(
                         "within {most:.0} stops, from the 5th to the 95th percentile, as `meter` \
                          reads"
                     ),
-                    "turn the writing lamp to the camera ({light.fixtures}), or write slower \
-                     ({plan.stroke_speed_m_s})",
+                    "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) to the \
+                     camera, or write slower ({plan.stroke_speed_m_s})",
                 )
             }
             Self::Coverage(seen_frac) => {

@@ -11,6 +11,7 @@ use super::recorder::Snapshot;
 use crate::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use crate::error::{Error, Result};
 use crate::flight::Warning;
+use crate::geometry::turned;
 use crate::plan::Plan;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
 use crate::vehicle::{Plant, RigidBody, State, attitude, velocity};
@@ -30,6 +31,8 @@ pub(crate) struct Avionics {
     motor_max: f64,
     tick_s: f64,
     kinds: (ControllerKind, EstimatorKind),
+    /// Heading that is held, from world x toward y.
+    yaw_rad: f64,
     estimate: State,
     /// Whether `estimate` is that of the present tick.
     fresh: bool,
@@ -52,16 +55,19 @@ pub(crate) struct Avionics {
 }
 
 impl Avionics {
-    /// The onboard system of a drone that starts at rest, where the fleet says.
-    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
+    /// The onboard system of a drone that starts at rest, where the fleet says, with a heading.
+    pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, yaw_rad: f64) -> Result<Self> {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
         let sensors = Sensors::in_room(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
+        let mut estimator = estimator(believed, settled_m, fleet)?;
+        estimator.face(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
-            estimator: estimator(believed, settled_m, fleet)?,
+            estimator,
+            yaw_rad,
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
@@ -122,7 +128,7 @@ impl Avionics {
                 filter.rest();
             }
             self.refresh_estimate();
-            self.controller.rest(&self.estimate);
+            self.controller.rest(&ahead(&self.estimate, self.yaw_rad));
             self.command = Command::default();
             return false;
         }
@@ -153,7 +159,8 @@ impl Avionics {
         if let Estimator::Altitude(filters) = &self.estimator {
             self.controller.set_thrust_map(filters.vertical.thrust_map());
         }
-        self.command = self.controller.command(&estimate, &reference);
+        let reference = reference.turned(-self.yaw_rad);
+        self.command = self.controller.command(&ahead(&estimate, self.yaw_rad), &reference);
     }
 
     /// Commands the motors m1…m4, which are held within their range; one that is no number stops.
@@ -282,6 +289,18 @@ impl Avionics {
             .chain(self.sensors.warnings())
             .collect()
     }
+}
+
+/// A state as if the heading that is held were that of world x, for which controllers are designed.
+fn ahead(state: &State, yaw_rad: f64) -> State {
+    if yaw_rad == 0.0 {
+        return *state;
+    }
+    let mut ahead = *state;
+    ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
+    let (sin, cos) = libm::sincos(state[3] - yaw_rad);
+    ahead[3] = libm::atan2(sin, cos);
+    ahead
 }
 
 /// What the firmware flies without setpoints: level, at the height of the last one, wherever that

@@ -154,8 +154,9 @@ impl Rig {
                 drone.seed,
                 drone.index,
                 start_m(plan, &drone.actual.floor),
-            ),
-            avionics: Avionics::new(drone, fleet)?,
+            )
+            .facing(plan.yaw_rad),
+            avionics: Avionics::new(drone, fleet, plan.yaw_rad)?,
             recorder: Recorder::new(plan, (n_ticks / ticks_per_sample + 1) as usize),
             n_ticks,
             tick_s: 1.0 / f64::from(rates.control_hz),
@@ -216,6 +217,9 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
     assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
     let hint = "plan the word again, or correct the file that the plan was read from";
+    if !plan.yaw_rad.is_finite() {
+        return Err(Error::input("plan.yaw_rad", plan.yaw_rad, "an angle in radians", hint));
+    }
     if plan.setpoints.is_empty() {
         return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));
     }
@@ -320,6 +324,38 @@ mod tests {
         assert_eq!(end.velocity_body_m_s, Vector3::zeros());
         assert_eq!((flight.samples.len(), end.time_s), (2001, 8.0), "250 Hz, both ends");
         assert_eq!(flight.lights["headlights"], vec![0.5; 2001]);
+    }
+
+    #[test]
+    fn every_drone_writes_the_same_with_its_nose_turned_and_keeps_the_heading() {
+        let path = [(0.0, 0.0, 0.5), (1.0, 0.1, 0.5), (2.0, 0.1, 0.6), (5.0, 0.1, 0.6)];
+        // Ranges are noisy, so that their two flights differ.
+        for (controller, estimator, positioning, bound_m) in [
+            (ControllerKind::Pid, EstimatorKind::Ekf, Positioning::Sweeps, 0.03),
+            (ControllerKind::Lqr, EstimatorKind::Luenberger, Positioning::Position, 0.03),
+            (ControllerKind::Geometric, EstimatorKind::Truth, Positioning::Position, 0.03),
+            (ControllerKind::Pid, EstimatorKind::Cooperative, Positioning::UwbTwr, 0.4),
+        ] {
+            let mut options = SimOptions::default();
+            options.vehicle.center_of_mass_m = [0.0; 2];
+            options.vehicle.inertia_kg_m2[1] = options.vehicle.inertia_kg_m2[0];
+            (options.controller.kind, options.observer.kind) = (controller, estimator);
+            options.sensors.positioning = positioning;
+            let facing = |yaw_rad| flown(&Plan { yaw_rad, ..plan(&path) }, &options, 1).unwrap();
+            let (ahead, turned) = (facing(0.0), facing(-2.0));
+            for (a, b) in ahead.samples.iter().zip(&turned.samples) {
+                let apart_m = (a.position_m - b.position_m).norm();
+                let believed_m = (a.estimate_m - b.estimate_m).norm();
+                let off_rad = (b.attitude.yaw_rad + 2.0).abs();
+                assert!(
+                    apart_m.max(believed_m) < bound_m && off_rad < 0.06,
+                    "{estimator:?} at {}: {apart_m} m, {believed_m} m, {off_rad} rad",
+                    a.time_s
+                );
+            }
+        }
+        let error = flown(&Plan { yaw_rad: f64::NAN, ..plan(&path) }, &SimOptions::default(), 1);
+        assert!(error.unwrap_err().to_string().contains("yaw_rad"));
     }
 
     #[test]

@@ -39,6 +39,15 @@ impl RigidBody {
         }
     }
 
+    /// The same place, level and at rest, with the nose turned from world x toward y.
+    #[must_use]
+    pub fn facing(&self, yaw_rad: f64) -> Self {
+        let half_yaw = 0.5 * yaw_rad;
+        let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
+        let world_from_body = UnitQuaternion::new_unchecked(level);
+        Self { world_from_body, ..Self::at(self.position_m) }
+    }
+
     /// The body in a state of the design model.
     #[cfg(test)]
     pub(crate) fn from_state(state: &State) -> Self {
@@ -63,12 +72,8 @@ impl RigidBody {
     /// The same place and yaw on a floor of a height, level and at rest.
     pub(super) fn on_floor(&self, floor_m: f64) -> Self {
         let [y, x] = self.yaw();
-        let half_yaw = 0.5 * libm::atan2(y, x);
-        let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
-        Self {
-            world_from_body: UnitQuaternion::new_unchecked(level),
-            ..Self::at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
-        }
+        Self::at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
+            .facing(libm::atan2(y, x))
     }
 
     /// Attitude as a matrix.

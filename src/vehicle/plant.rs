@@ -97,6 +97,12 @@ impl Plant {
         }
     }
 
+    /// The same drone, level and at rest, with its nose turned from world x toward y.
+    #[must_use]
+    pub fn facing(self, yaw_rad: f64) -> Self {
+        Self { row: self.body().facing(yaw_rad).row(), ..self }
+    }
+
     /// The stream of air below the drone.
     pub(crate) fn wake(&self) -> Wake {
         let size_m = std::f64::consts::SQRT_2 * self.arm_m;

@@ -107,7 +107,7 @@ impl Compressed {
     pub fn to_bytes(&self) -> Vec<u8> {
         let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
-        bytes.extend([0, 0]);
+        bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
             let [x, y, z] = piece.axes.map(Axis::code);
             bytes.push(x | y << 2 | z << 4);
@@ -127,7 +127,7 @@ impl Compressed {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let mut reader = Reader { bytes, at: 0 };
         let mut start_mm = [reader.int16()?, reader.int16()?, reader.int16()?];
-        reader.int16()?;
+        let yaw = reader.int16()?;
         let mut pieces = Vec::new();
         loop {
             let header = reader.take::<1>()?[0];
@@ -135,7 +135,7 @@ impl Compressed {
             if duration_ms == 0 {
                 return match pieces.is_empty() {
                     true => Err(reader.broken("no piece", "a piece at least")),
-                    false => Ok(Self { pieces }),
+                    false => Ok(Self { pieces, yaw }),
                 };
             }
             let mut axes = [Axis::Constant; 3];
@@ -192,6 +192,14 @@ mod tests {
         let trajectory = Compressed::from_bytes(&bytes).unwrap();
         recorded::assert_same(&rows, |time_s| trajectory.motion(time_s));
         assert_eq!(trajectory.to_bytes(), bytes);
+    }
+
+    #[test]
+    fn a_heading_is_the_firmwares_first_yaw_and_constant() {
+        let (mut bytes, _) = recorded::read(include_str!("../recorded/compressed.txt"));
+        bytes[6..8].copy_from_slice(&(-900_i16).to_le_bytes());
+        let trajectory = Compressed::from_bytes(&bytes).unwrap();
+        assert_eq!((trajectory.yaw, trajectory.to_bytes()), (-900, bytes));
     }
 
     #[test]

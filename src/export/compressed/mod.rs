@@ -31,6 +31,8 @@ const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Compressed {
     pieces: Vec<Piece>,
+    /// Heading throughout, in tenths of a degree.
+    yaw: i16,
 }
 
 impl Compressed {
@@ -80,7 +82,9 @@ impl Compressed {
             piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
         };
         let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
-        Ok(Self { pieces })
+        #[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
+        let yaw = (10.0 * stretch.yaw_rad.to_degrees()).round() as i16;
+        Ok(Self { pieces, yaw })
     }
 
     /// Number of pieces.

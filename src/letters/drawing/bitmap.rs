@@ -53,13 +53,13 @@ const THICK: f64 = 0.1;
 const CHROMA: f64 = 0.35;
 
 /// The lines of a bitmap in pixels, y up, and their colors; black where the ink is gray. `size` gives the
-/// size of a pixel in cap heights from the bounds of the ink. The detail in which they are drawn.
+/// size of a pixel in cap heights from the bounds of the ink. The detail in which they are drawn, and what the picture is taken for.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
     size: impl Fn([f64; 4]) -> Result<f64>,
     file: &str,
-) -> Result<(Vec<ColoredLine>, f64)> {
+) -> Result<(Vec<ColoredLine>, f64, Picture)> {
     let hint = "photograph the drawing in even light, or draw with a darker pen";
     let budget = Budget::of(file, "make the picture smaller, or draw less");
     let picture = upright(bytes, &budget, file)?;
@@ -74,7 +74,8 @@ pub(super) fn read(
     };
     if is_photograph {
         let edges = edges(&picture).into_iter().map(|line| (line, [0; 3]));
-        return Ok((edges.collect(), options.detail.unwrap_or(PHOTOGRAPH)));
+        let detail = options.detail.unwrap_or(PHOTOGRAPH);
+        return Ok((edges.collect(), detail, Picture::Photograph));
     }
     let Some((threshold, strong)) = thresholds else {
         let found = "a picture without lines that stand out from its paper";
@@ -104,7 +105,7 @@ pub(super) fn read(
         let color = field.color(&picture, &line, threshold);
         (line, color)
     });
-    Ok((colored.collect(), options.detail.unwrap_or(1.0)))
+    Ok((colored.collect(), options.detail.unwrap_or(1.0), Picture::Drawing))
 }
 
 /// The picture in upright position, on white where it is transparent, and at most as large as needed.

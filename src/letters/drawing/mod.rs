@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::center_line::dot;
-use super::options::{Align, LetterOptions, Pace};
+use super::options::{Align, LetterOptions, Pace, Picture};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
@@ -107,14 +107,14 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
         Some("png" | "jpg" | "jpeg") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
             let size = |extent| Ok(placing(extent)?.scale / options.cap_height_m);
-            let (lines, detail) = bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
+            let (lines, detail, picture) = bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
             let extent = |lines: &[ColoredLine]| {
                 bounds(lines.iter().flat_map(|(line, _)| line.iter().copied()))
             };
             let larger = placing(extent(&lines))?.size();
             let drawn = reduced(lines, detail, larger, &file)?;
             let placing = placing(extent(&drawn.0))?;
-            by_color(drawn, &placing, ink, &file)
+            Ok(Strokes { picture, ..by_color(drawn, &placing, ink, &file)? })
         }
         Some("json") => {
             write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
@@ -306,7 +306,8 @@ impl Placing {
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
         let (colors, left_out) = (Vec::new(), LeftOut::default());
-        Strokes { word: String::new(), font: None, glyphs, order, colors, left_out }
+        let (word, font, picture) = (String::new(), None, Picture::Auto);
+        Strokes { word, font, glyphs, order, colors, left_out, picture }
     }
 }
 

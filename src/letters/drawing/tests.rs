@@ -502,7 +502,7 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let format = [image::ImageFormat::Png, image::ImageFormat::Jpeg][index % 2];
         picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
         let size = |_: [f64; 4]| Ok(1.0 / f64::from(SIZE[1]));
-        let (found, _) = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap();
+        let (found, ..) = bitmap::read(&file, &LetterOptions::default(), size, "a").unwrap();
         let mut flown = Vec::new();
         for leg in found.iter().flat_map(|(line, _)| line.windows(2)) {
             let n = distance(leg[0], leg[1]).ceil().max(1.0);
@@ -588,7 +588,9 @@ fn a_photograph_is_drawn_by_its_long_edges() {
     assert!(auto.left_out.strokes == 1 && auto.left_out.share < 0.05, "{:?}", auto.left_out);
     let all = drawn(&options(Some(1.0), Picture::Photograph));
     assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0), "the star");
+    assert_eq!(auto.picture, Picture::Photograph);
     let ink = drawn(&options(None, Picture::Drawing));
+    assert_eq!(ink.picture, Picture::Drawing);
     assert_ne!(ink, auto, "the kind can be given");
 }
 

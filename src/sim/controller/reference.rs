@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::crazyflie::GRAVITY_M_S2;
-use crate::geometry::Attitude;
+use crate::geometry::{Attitude, turned};
 use crate::plan::Setpoint;
 use crate::vehicle::State;
 
@@ -36,6 +36,14 @@ impl Reference {
     pub(in crate::sim) fn holding(place_m: Vector3<f64>) -> Self {
         let still = Vector3::zeros();
         Self { held_m: place_m, position_m: place_m, velocity_m_s: still, acceleration_m_s2: still }
+    }
+
+    /// The same, turned about the vertical axis.
+    pub(in crate::sim) fn turned(self, angle_rad: f64) -> Self {
+        let Self { held_m, position_m, velocity_m_s, acceleration_m_s2 } = self;
+        let [held_m, position_m, velocity_m_s, acceleration_m_s2] =
+            [held_m, position_m, velocity_m_s, acceleration_m_s2].map(|v| turned(&v, angle_rad));
+        Self { held_m, position_m, velocity_m_s, acceleration_m_s2 }
     }
 
     /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the

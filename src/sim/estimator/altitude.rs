@@ -23,6 +23,11 @@ pub(in crate::sim) struct Altitude {
 }
 
 impl Altitude {
+    /// Learns how its nose was put down.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        self.horizontal.face(yaw_rad);
+    }
+
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let level = Readings { time_of_flight_m: None, barometer_m: None, ..*readings };
         self.horizontal.update(&level, tick_s);

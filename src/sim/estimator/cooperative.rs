@@ -275,6 +275,12 @@ impl Cooperative {
         }
     }
 
+    /// Learns how its nose was put down.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        self.own.face(yaw_rad);
+        self.alone.face(yaw_rad);
+    }
+
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;

@@ -100,6 +100,11 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m) }
     }
 
+    /// Learns how its nose was put down.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        self.motion.face(yaw_rad);
+    }
+
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let mut step_test = self.step_test.take();

@@ -6,6 +6,7 @@ use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 use crate::control::{dynamic, linearize, observer_gain};
 use crate::crazyflie::GRAVITY_M_S2;
 use crate::error::{Error, Result};
+use crate::geometry::turned;
 use crate::sensors::Readings;
 use crate::sim::options::LuenbergerOptions;
 use crate::vehicle::{Motion, State, motion_derivative};
@@ -23,8 +24,11 @@ pub(in crate::sim) struct Observer {
     b: SMatrix<f64, 8, 4>,
     l: SMatrix<f64, 8, 3>,
     measured_m: Vector3<f64>,
+    /// As if the nose had been put down along world x.
     estimate: SVector<f64, 8>,
+    /// From this heading toward the left.
     yaw_rad: f64,
+    heading_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
 
@@ -46,13 +50,23 @@ impl Observer {
             measured_m: position_m,
             estimate,
             yaw_rad: 0.0,
+            heading_rad: 0.0,
             rate_rad_s: Vector3::zeros(),
         })
     }
 
+    /// Learns how its nose was put down.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        self.heading_rad = yaw_rad;
+        self.measured_m = turned(&self.measured_m, -yaw_rad);
+        self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
+    }
+
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
-        self.measured_m = readings.position_m.unwrap_or(self.measured_m);
+        if let Some(measured_m) = readings.position_m {
+            self.measured_m = turned(&measured_m, -self.heading_rad);
+        }
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
@@ -63,7 +77,9 @@ impl Observer {
     pub(super) fn state(&self) -> State {
         let x = &self.estimate;
         let w = &self.rate_rad_s;
-        State::from([x[0], x[1], x[2], self.yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
+        let p = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
+        let yaw_rad = self.heading_rad + self.yaw_rad;
+        State::from([p.x, p.y, p.z, yaw_rad, x[3], x[4], x[5], x[6], x[7], w.x, w.y, w.z])
     }
 }
 

@@ -38,6 +38,17 @@ pub(super) enum Estimator {
 }
 
 impl Estimator {
+    /// Learns how its nose was put down, from world x toward y, before the first update.
+    pub(super) fn face(&mut self, yaw_rad: f64) {
+        match self {
+            Self::Luenberger(observer) => observer.face(yaw_rad),
+            Self::Ekf(filter) => filter.face(yaw_rad),
+            Self::Altitude(filters) => filters.face(yaw_rad),
+            Self::Cooperative(filter) => filter.face(yaw_rad),
+            Self::Truth(body) => *body = body.facing(yaw_rad),
+        }
+    }
+
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         match self {
