@@ -320,7 +320,10 @@ mod tests {
         advance(&mut drone, hover(&options), 5000);
         assert_eq!(drone.body().position_m.z, 0.0);
         let warnings = drone.warnings();
-        assert!(matches!(warnings[..], [Warning::BatteryWeak(_), Warning::BatteryEmpty]), "{warnings:?}");
+        assert!(
+            matches!(warnings[..], [Warning::BatteryWeak(_), Warning::BatteryEmpty]),
+            "{warnings:?}"
+        );
     }
 
     #[test]
