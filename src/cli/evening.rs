@@ -5,29 +5,28 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::import::ImportArgs;
 use super::outcome::{Report, line, typed, wrapped};
 use super::output::OutputFolder;
 use super::studies::counter;
 use super::table::table;
-use crate::error::{Error, Result};
-use crate::logs::logs_in;
+use crate::error::Result;
+use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
+use crate::scene::Scene;
 use crate::study::{Conditions, Evening, EveningLog, MeanDrone};
 
-pub(super) fn run(args: &ImportArgs, folder: &Path) -> Result<Report> {
+pub(super) fn run(
+    folder: &Path,
+    scene: &Scene,
+    options: &ImportOptions,
+    output: &Path,
+) -> Result<Report> {
     let place = folder.display().to_string();
-    if let Some(word) = &args.word {
-        let hint = "import the log that writes it by itself";
-        return Err(Error::input("input", word, "no word for a folder of logs", hint));
-    }
-    let scene = args.scene.load(&[])?;
     let bar = counter("reading", logs_in(folder)?.len());
-    let evening = Evening::import(folder, &args.flight.options(), &scene, &bar)?;
+    let evening = Evening::import(folder, options, scene, &bar)?;
     drop(bar);
-    let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
     let written = OutputFolder::create(output)?;
-    let (found, mean) = (evening.conditions(&scene), evening.mean_drone(&scene));
+    let (found, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&found);
     Conditions::parse(&toml, "conditions.toml")?;
     let file = typed(&output.join("conditions.toml"));

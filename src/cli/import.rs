@@ -11,7 +11,7 @@ use super::outcome::{Report, line};
 use super::output::Output;
 use super::relit::relit;
 use super::show::FlightFigures;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::airborne;
 use crate::logs::is_one_log;
 
@@ -24,20 +24,25 @@ pub(super) struct ImportArgs {
     /// Word that was flown: its letters and the schedule of the headlights are inferred from the
     /// setpoints (in the letters of the scene or of a preset)
     #[arg(long, value_name = "WORD")]
-    pub(super) word: Option<String>,
+    word: Option<String>,
     #[command(flatten)]
-    pub(super) scene: SceneFlags,
+    scene: SceneFlags,
     #[command(flatten)]
-    pub(super) flight: FlightFlags,
+    flight: FlightFlags,
     /// Flight to write, or folder for evening.html and conditions.toml [default: flight.csv, or
     /// noctograph-evening]
     #[arg(short, long, value_name = "FILE|DIR")]
-    pub(super) output: Option<PathBuf>,
+    output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
-        return evening::run(args, &args.log);
+        if let Some(word) = &args.word {
+            let hint = "import the log that writes it by itself";
+            return Err(Error::input("input", word, "no word for a folder of logs", hint));
+        }
+        let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
+        return evening::run(&args.log, &args.scene.load(&[])?, &args.flight.options(), output);
     }
     let mut scene = args.scene.load(&[])?;
     let output = Output::create(args.output.as_deref().unwrap_or(Path::new("flight.csv")))?;

@@ -24,7 +24,7 @@ use crate::logs::{GatheredLog, ImportOptions, import, logs_in};
 use crate::preflight::MAX_SATURATED_S;
 use crate::scene::Scene;
 use crate::settings::Described;
-use crate::vehicle::{GustOptions, Gusts};
+use crate::vehicle::GustOptions;
 
 /// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that is
 /// 20 ms shorter.
@@ -185,7 +185,7 @@ impl Evening {
     /// The widths of conditions that the sound flights show, about their own mean; what they do not show
     /// is a room's. In the order of a conditions file.
     #[must_use]
-    pub fn conditions(&self, scene: &Scene) -> Vec<FoundCondition> {
+    pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let mut found = Vec::new();
         let mut add = |key, value: Option<f64>, from: String| {
@@ -214,12 +214,7 @@ impl Evening {
         let from = format!("spread of the rotors' lag, {} flights", lags_s.len());
         add("motor_lag_s", (lags_s.len() >= LEAST_FLIGHTS).then(lag_s), from);
         let gusts: Vec<f64> = figures.iter().filter_map(|f| f.gust_m_s).collect();
-        let own_m_s = match &scene.air.gusts {
-            Gusts::OrnsteinUhlenbeck(own) => own.sigma_m_s[0],
-            Gusts::None | Gusts::Dryden => 0.0,
-        };
-        let square = mean(gusts.iter().map(|gust| gust * gust));
-        let gust = square.map(|square| (square - own_m_s * own_m_s).max(0.0).sqrt());
+        let gust = mean(gusts.iter().map(|gust| gust * gust)).map(f64::sqrt);
         add("gust_m_s", gust, format!("torque of uneven air, {} flights", gusts.len()));
         let outages_s = figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| {
             // The longest of n exponential times is 1 + 1/2 + … + 1/n times their mean.
@@ -339,7 +334,7 @@ mod tests {
     use crate::scene::Preset;
     use crate::sim::{Drone, fly};
     use crate::study::Conditions;
-    use crate::vehicle::VehicleOptions;
+    use crate::vehicle::{Gusts, VehicleOptions};
 
     /// A flight as a log of the firmware at 100 Hz: its estimate, its gyroscope with noise, its motors.
     fn log(flight: &Flight, seed: u64) -> String {
@@ -380,7 +375,8 @@ mod tests {
     /// is found of each, and of all, against what was drawn.
     #[test]
     fn flights_of_drawn_drones_give_back_what_was_drawn() {
-        let scene = Scene { word: "NO".into(), ..Scene::preset(Preset::Cf21) };
+        let mut scene = Scene { word: "NO".into(), ..Scene::preset(Preset::Cf21) };
+        scene.air.gusts = Gusts::None;
         let wide = Conditions {
             mass_frac: 0.03,
             center_of_mass_m: 0.5e-3,
@@ -439,7 +435,7 @@ mod tests {
         let error_s = mean(lag_errors_s.iter().copied()).unwrap();
         assert!(error_s.abs() < 0.03, "{error_s}");
 
-        let found = evening.conditions(&scene);
+        let found = evening.conditions();
         let value = |key| found.iter().find(|found| found.key == key).unwrap().value;
         let of = |of: &dyn Fn(&VehicleOptions) -> f64| spread(drawn.iter().map(|v| (of(v), 0.0)));
         let mass = of(&|v| scene.vehicle.mass_kg / v.mass_kg);
