@@ -7,6 +7,8 @@ use crate::study::{Evening, EveningLog, LogFigures};
 
 /// Height of a panel.
 const HEIGHT_PX: f64 = 130.0;
+/// A figure of a log.
+type Of = fn(&LogFigures) -> Option<f64>;
 /// Most drones with a curve.
 const MOST_DRONES: usize = 7;
 
@@ -35,7 +37,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
             "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
              hold against; gusts: those that turn a drone as its air did. Empty: the log does not show it.",
         );
-    let curves = |of: fn(&LogFigures) -> Option<f64>| -> Vec<Curve> {
+    let curves = |of: Of| -> Vec<Curve> {
         let curve = |(logs, color): (&Vec<&EveningLog>, _)| {
             #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
             let value = |(index, log): (usize, &&EveningLog)| {
@@ -51,7 +53,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
         drones.values().zip(COLORS).map(curve).collect()
     };
     let most = drones.values().map(Vec::len).max().unwrap_or(1);
-    let panel = |(y_name, least, of): (&'static str, f64, fn(&LogFigures) -> Option<f64>)| {
+    let panel = |(y_name, least, of): (&'static str, f64, Of)| {
         let curves = curves(of);
         let values = curves.iter().flat_map(|curve| curve.pieces.iter().flatten().map(|p| p.1));
         #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
@@ -65,7 +67,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
             marks: Vec::new(),
         }
     };
-    let panels: [(&str, f64, fn(&LogFigures) -> Option<f64>); 4] = [
+    let panels: [(&str, f64, Of); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
         ("trim x (mm)", 0.5, |f| Some(1e3 * f.trim_m[0])),
         ("trim y (mm)", 0.5, |f| Some(1e3 * f.trim_m[1])),
