@@ -32,12 +32,7 @@ pub(super) struct IdentifyArgs {
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let vehicle = args.scene.load(&[])?.vehicle;
-    let of_the_scene = Assumed {
-        mass_kg: vehicle.mass_kg,
-        arm_m: vehicle.arm_m,
-        inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
-        motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
-    };
+    let of_the_scene = Assumed::of(&vehicle);
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia = swing.map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s));
     let inertia_kg_m2 = inertia.transpose()?;
@@ -84,6 +79,15 @@ fn text_of(found: &Identified) -> String {
          mass center   x {com_x:+.2} mm, y {com_y:+.2} mm from the middle of the motors\n",
         found.n_samples, found.k_f_n
     );
+    if let Some(lag) = found.lag {
+        let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
+        let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
+        text += &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms (95 %){note}\n");
+    }
+    if let Some(air) = found.air {
+        let [x, y] = air.torque_sigma_n_m;
+        text += &format!("uneven air    turns with sigma x {x:.1e}  y {y:.1e} N m\n");
+    }
     if let Some(reaction) = found.reaction {
         let ReactionTorque { k_m_n_m, half_width_n_m, correlation } = reaction;
         let per_unit = "N m per unit of a motor's command (95 %)";
@@ -126,6 +130,9 @@ fn to_json(
         "k_f_n": found.map(|found| found.k_f_n),
         "motor_torque_n_m": found.map(|found| found.motor_torque_n_m),
         "center_of_mass_m": found.map(|found| found.center_of_mass_m),
+        "rotor_lag_s": found.and_then(|found| found.lag).map(|lag| lag.lag_s),
+        "rotor_lag_half_width_s": found.and_then(|found| found.lag).map(|lag| lag.half_width_s),
+        "air_torque_n_m": found.and_then(|found| found.air).map(|air| air.torque_sigma_n_m),
         "k_m_n_m": reaction.map(|reaction| reaction.k_m_n_m),
         "k_m_half_width_n_m": reaction.map(|reaction| reaction.half_width_n_m),
         "k_m_identifiable": reaction.map(|reaction| reaction.is_identifiable()),

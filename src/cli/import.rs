@@ -1,22 +1,25 @@
-//! `noctograph import`: the log of a real flight becomes a flight file.
+//! `noctograph import`: the log of a real flight becomes a flight file, the logs of an evening a page.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
 
+use super::evening;
 use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::outcome::{Report, line};
 use super::output::Output;
 use super::relit::relit;
 use super::show::FlightFigures;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::flight::airborne;
+use crate::logs::is_one_log;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
-    /// CSV
+    /// CSV. Any other folder holds the logs of an evening, which become one page and a conditions
+    /// file: each drone's in a folder with its name, or with its name before the first - or _ of theirs
     log: PathBuf,
     /// Word that was flown: its letters and the schedule of the headlights are inferred from the
     /// setpoints (in the letters of the scene or of a preset)
@@ -26,14 +29,23 @@ pub(super) struct ImportArgs {
     scene: SceneFlags,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Flight to write
-    #[arg(short, long, value_name = "FILE", default_value = "flight.csv")]
-    output: PathBuf,
+    /// Flight to write, or folder for evening.html and conditions.toml [default: flight.csv, or
+    /// noctograph-evening]
+    #[arg(short, long, value_name = "FILE|DIR")]
+    output: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
+    if args.log.is_dir() && !is_one_log(&args.log)? {
+        if let Some(word) = &args.word {
+            let hint = "import the log that writes it by itself";
+            return Err(Error::input("input", word, "no word for a folder of logs", hint));
+        }
+        let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
+        return evening::run(&args.log, &args.scene.load(&[])?, &args.flight.options(), output);
+    }
     let mut scene = args.scene.load(&[])?;
-    let output = Output::create(&args.output)?;
+    let output = Output::create(args.output.as_deref().unwrap_or(Path::new("flight.csv")))?;
     let mut flight = args.flight.read(&args.log)?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;

@@ -19,6 +19,7 @@ mod compare;
 mod compare_photo;
 mod coverage;
 mod device;
+mod evening;
 mod export;
 mod expose;
 mod findings;

@@ -41,7 +41,7 @@ pub const RING_TIMING_ENTRIES: usize = 9;
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
 /// Silence of the host after which the firmware levels the drone out, and stops its motors for good, s
-/// (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`: `supervisor.c`, lines 61 and 62
+/// (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`: `supervisor.c`, lines 59 and 60
 /// of commit 0714e40; what follows: `supervisorOverrideSetpoint`).
 pub const LEVEL_OUT_S: f64 = 0.5;
 /// See [`LEVEL_OUT_S`].

@@ -43,6 +43,17 @@ impl Limit {
         self.check(&bytes, path).map(|()| bytes)
     }
 
+    /// Reads the beginning of a file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] where it cannot be read.
+    pub(crate) fn beginning(self, path: &Path, bytes: usize) -> Result<Vec<u8>> {
+        let mut head = Vec::with_capacity(bytes);
+        let read = self.open(path)?.take(bytes as u64).read_to_end(&mut head);
+        read.map(|_| head).map_err(|source| Error::read(path, source))
+    }
+
     /// Reads a text file.
     ///
     /// # Errors
@@ -80,10 +91,20 @@ impl Limit {
 ///
 /// [`Error::Io`] where the folder cannot be read.
 pub(crate) fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = entries_in(folder)?;
+    paths.retain(|path| path.is_file());
+    Ok(paths)
+}
+
+/// All that is in a folder, in the order of the names.
+///
+/// # Errors
+///
+/// [`Error::Io`] where the folder cannot be read.
+pub(crate) fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries = entries.map_err(|source| Error::read(folder, source))?;
     let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
-    paths.retain(|path| path.is_file());
     paths.sort();
     Ok(paths)
 }

@@ -17,6 +17,6 @@ mod staging;
 
 pub(crate) use budget::{Budget, push};
 pub(crate) use folder::OutputFolder;
-pub(crate) use input::{Limit, files_in};
+pub(crate) use input::{Limit, entries_in, files_in};
 pub(crate) use lines::Lines;
 pub(crate) use output::{Output, STANDARD_OUTPUT};

@@ -59,6 +59,20 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     (!longest.is_empty()).then_some(longest)
 }
 
+impl FlightSample {
+    /// Whether a motor is at an end of its range while any turns.
+    pub(crate) fn is_saturated(&self, motor_max: f64) -> bool {
+        let turns = self.motors.iter().any(|motor| *motor > 0.0);
+        turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
+    }
+}
+
+/// Time of a flight with a motor at an end of its range, s.
+pub(crate) fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
+    let pairs = samples.windows(2).filter(|pair| pair[0].is_saturated(motor_max));
+    pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
+}
+
 /// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
 #[must_use]
 pub(crate) fn on_floor(flight: &Flight) -> Option<String> {

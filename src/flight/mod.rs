@@ -17,7 +17,7 @@ pub mod tracking;
 mod warning;
 
 pub use airborne::airborne;
-pub(crate) use airborne::on_floor;
+pub(crate) use airborne::{on_floor, saturated_s};
 pub use warning::Warning;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the

@@ -6,18 +6,26 @@
 //! by finite differences; thrust per command is fitted to the accelerometer, and the mean motor
 //! commands show the torque that compensates a displaced center of mass. Inertia comes from a
 //! pendulum test ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' reaction torque is
-//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]).
+//! fitted to the yaw's acceleration, with its confidence: many flights hardly turn ([`yaw`]). The
+//! rotors' lag comes from how roll and pitch answer ([`RotorLag`]), uneven air from the torque that
+//! answers it ([`UnevenAir`]).
 //!
 //! Not done: inertia from flight, where slow logs do not show it.
 
+mod air;
+mod lag;
 pub mod yaw;
 
 use nalgebra::{SVector, Vector3, Vector4};
 
+pub use self::air::UnevenAir;
+pub use self::lag::RotorLag;
 use self::yaw::ReactionTorque;
+pub(crate) use self::yaw::T_95;
 use crate::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
 use crate::error::{Error, Result, within};
 use crate::flight::{Flight, FlightSample, Quantity, airborne};
+use crate::vehicle::VehicleOptions;
 
 /// Names of the nine states of the model's errors.
 pub const MODEL_STATES: [&str; 9] =
@@ -43,6 +51,19 @@ pub struct Assumed {
     pub motor_lag_s: f64,
 }
 
+impl Assumed {
+    /// As a scene says of its drone.
+    #[must_use]
+    pub fn of(vehicle: &VehicleOptions) -> Self {
+        Self {
+            mass_kg: vehicle.mass_kg,
+            arm_m: vehicle.arm_m,
+            inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
+            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
+        }
+    }
+}
+
 /// Properties of a drone, estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
@@ -57,6 +78,10 @@ pub struct Identified {
     pub motor_torque_n_m: [f64; 2],
     /// The center of mass that explains that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
+    /// The rotors' lag; `None` where no body rate is logged.
+    pub lag: Option<RotorLag>,
+    /// Uneven air; `None` for a flight too short.
+    pub air: Option<UnevenAir>,
     /// The rotors' reaction torque from the yaw; `None` where no body rate is logged.
     pub reaction: Option<ReactionTorque>,
     /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
@@ -144,6 +169,8 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         motor_torque_n_m: [torque.x, torque.y],
         // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
+        lag: logged(Quantity::Rate).then(|| lag::lag(flight, samples)).flatten(),
+        air: air::uneven_air(flight, samples, k_f_n * assumed.arm_m),
         reaction: logged(Quantity::Rate).then(|| yaw::reaction(flight, samples, assumed)).flatten(),
         measurement_sigma_m: match lighthouse {
             [Some(x), Some(y), Some(z)] => Some(measurement_sigma_m(samples, [x, y, z])),
@@ -236,13 +263,7 @@ mod tests {
     use crate::sim::{Drone, SimOptions, fly};
 
     pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
-        let vehicle = &options.vehicle;
-        Assumed {
-            mass_kg: vehicle.mass_kg,
-            arm_m: vehicle.arm_m,
-            inertia_z_kg_m2: vehicle.inertia_kg_m2[2],
-            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
-        }
+        Assumed::of(&options.vehicle)
     }
 
     #[test]
@@ -253,6 +274,8 @@ mod tests {
             k_f_n: 0.0,
             motor_torque_n_m: [0.0; 2],
             center_of_mass_m: [0.0; 2],
+            lag: None,
+            air: None,
             reaction: None,
             measurement_sigma_m: Some([0.003, 0.004, 0.002]),
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),

@@ -13,11 +13,11 @@ use crate::flight::{Flight, FlightSample};
 /// 10 to 20 ms between two samples of a radio log.
 const SPAN_S: f64 = 0.05;
 /// Stretches of the flight that are left out in turn.
-const STRETCHES: usize = 20;
+pub(super) const STRETCHES: usize = 20;
 /// Fewest spans of a fit: ten to a stretch.
 const FEWEST_SPANS: usize = 10 * STRETCHES;
 /// Student's t of 95 % with nineteen degrees of freedom.
-const T_95: f64 = 2.093;
+pub(crate) const T_95: f64 = 2.093;
 /// Largest relative half width of the confidence interval of a usable result.
 const LARGEST_DOUBT: f64 = 0.25;
 

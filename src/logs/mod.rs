@@ -37,6 +37,7 @@ use crate::settings::{Described, settings};
 mod ae483_json;
 mod cfclient_csv;
 mod clock;
+mod gathered;
 mod json_tree;
 mod mapper;
 mod mocap;
@@ -48,6 +49,7 @@ mod sources;
 mod tests;
 mod usd;
 
+pub use gathered::{GatheredLog, is_one_log, logs_in};
 use recording::Recording;
 
 /// Largest log that is read: ten minutes of 200 columns at 100 Hz.

@@ -2,7 +2,7 @@
 
 use super::{Finding, Peak, Profile};
 use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample, Warning};
+use crate::flight::{Flight, FlightSample, Warning, saturated_s};
 use crate::plan::StrokeEnd;
 use crate::shoot::CHECK_LIGHT;
 use crate::statistics::weighted_quantile;
@@ -46,7 +46,7 @@ const MAX_UNEVEN_STOPS: f64 = 3.0;
 /// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or more.
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Time at a motor's limit from which the flight is stopped.
-pub(super) const MAX_SATURATED_S: f64 = 0.5;
+pub(crate) const MAX_SATURATED_S: f64 = 0.5;
 
 /// Checks a simulated flight.
 pub(super) fn check_flown(flown: &Flown<'_>, profile: &Profile) -> [Finding; 8] {
@@ -99,15 +99,10 @@ fn tilt(flown: &Flown<'_>, profile: &Profile) -> Finding {
 
 fn motors(flown: &Flown<'_>) -> Finding {
     let samples = &flown.flight.samples;
-    let saturated = |motors: &[f64; 4]| {
-        let flying = motors.iter().any(|m| *m > 0.0);
-        flying && motors.iter().any(|m| *m <= 0.0 || *m >= flown.motor_max)
-    };
-    let pairs = samples.windows(2).filter(|pair| saturated(&pair[0].motors));
-    let saturated_s = pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s);
-    let first = samples.iter().find(|s| saturated(&s.motors));
+    let first = samples.iter().find(|s| s.is_saturated(flown.motor_max));
     let time_s = first.map(|s| s.time_s);
-    Finding::Motors(Peak { value: saturated_s, most: BRIEF_SATURATED_S, time_s })
+    let value = saturated_s(samples, flown.motor_max);
+    Finding::Motors(Peak { value, most: BRIEF_SATURATED_S, time_s })
 }
 
 fn battery(flown: &Flown<'_>) -> Finding {

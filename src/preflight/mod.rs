@@ -37,6 +37,7 @@ mod written;
 
 use finding::largest;
 pub use finding::{Finding, Peak, Severity};
+pub(crate) use flown::MAX_SATURATED_S;
 use flown::{Flown, check_flown};
 use letters::check_letters;
 pub use placement::{CameraPlace, ShotPlan, frame_within, place};

@@ -16,6 +16,7 @@
 mod bound;
 mod canvas;
 mod coverage;
+mod evening;
 mod figure;
 mod flights;
 mod hold;
@@ -35,6 +36,7 @@ pub use bound::bound_map;
 #[cfg(feature = "python")]
 pub(crate) use canvas::escaped;
 pub use coverage::coverage_map;
+pub use evening::evening_page;
 pub use flights::{NamedFlight, error_over_time, front_view, top_view};
 pub use hold::hold_figure;
 pub use labels::{Label, labeled};

@@ -9,7 +9,7 @@ use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, Pen, VERMILION};
 const ORANGE: RGBColor = RGBColor(230, 159, 0);
 
 /// Okabe and Ito (2008), from the strongest on.
-const COLORS: [RGBColor; 7] = [
+pub(super) const COLORS: [RGBColor; 7] = [
     BLUE,
     VERMILION,
     RGBColor(0, 158, 115),
@@ -106,7 +106,7 @@ pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
 }
 
 /// What holds all values, with a margin.
-fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
+pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
         (low.min(value), high.max(value))
     });

@@ -20,6 +20,7 @@
 mod conditions;
 mod correct;
 mod design;
+mod evening;
 mod hold;
 mod knobs;
 mod learn;
@@ -39,6 +40,7 @@ mod tune;
 pub use conditions::{Conditions, Factor};
 pub use correct::{LearnOptions, align, correct};
 pub use design::{Study, Trial, evaluate};
+pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{
     Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
     HoldScenario, HoldVerdict, Interval, STATE_NAMES, hold, hold_figures,

@@ -76,6 +76,7 @@ pub fn robustness(
         let hint = "for example 0, 1, 2, 4, 8";
         return Err(Error::input("times", format!("{:?}", options.times), wanted, hint));
     }
+    options.usual.times(options.times[options.times.len() - 1]).check()?;
     let mut before = 0;
     let mut endurances = Vec::new();
     for factor in Factor::ALL.map(Some).into_iter().chain([None]) {
@@ -208,6 +209,19 @@ mod tests {
         assert!(at(Factor::Gusts) < at(Factor::LedDelay), "{found:?}");
         let scene = found[0].levels[0];
         assert!(found.iter().all(|e| e.levels[0] == scene), "0 times is the scene: {found:?}");
+        let wide = RobustnessOptions {
+            usual: Conditions { inertia_frac: 0.3, ..options.usual.clone() },
+            ..options.clone()
+        };
+        let counted = std::sync::atomic::AtomicUsize::new(0);
+        let count = |n| counted.store(n, std::sync::atomic::Ordering::Relaxed);
+        let error = robustness(&wide, None, &count).unwrap_err().to_string();
+        assert!(
+            error.starts_with("inertia_frac") && counted.into_inner() == 0,
+            "before any flight: {error}"
+        );
+        let evening = Conditions::evening().times(8.0);
+        assert!(evening.check().is_ok(), "the command's own multiples of its own conditions");
         let wrong = RobustnessOptions { times: vec![1.0, 1.0], ..options };
         assert!(robustness(&wrong, None, &|_| {}).unwrap_err().to_string().starts_with("times"));
     }

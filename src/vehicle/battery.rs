@@ -3,6 +3,9 @@
 use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
+/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`, firmware `pm.h`):
+/// a sag at take-off empties no battery.
+const CUT_OFF_S: f64 = 5.0;
 
 /// A battery in use.
 #[derive(Clone, Debug)]
@@ -12,8 +15,8 @@ pub(super) struct Battery {
     charge_frac: f64,
     voltage_v: f64,
     energy_j: f64,
-    /// Whether the voltage has been below the cut-off.
-    cut_off: bool,
+    /// For how long the voltage has been below the cut-off.
+    low_s: f64,
 }
 
 /// Limits of one motor at the present voltage.
@@ -34,7 +37,7 @@ impl Battery {
             charge_frac: options.charge_frac,
             voltage_v: 0.0,
             energy_j: 0.0,
-            cut_off: false,
+            low_s: 0.0,
         };
         battery.drain(0.0, 0.0);
         (options.capacity_ah > 0.0).then_some(battery)
@@ -50,9 +53,9 @@ impl Battery {
         self.energy_j
     }
 
-    /// Whether the voltage has been below the cut-off; the motors stay off from then on.
+    /// Whether the voltage has been below the cut-off for too long; the motors stay off from then on.
     pub(super) fn is_cut_off(&self) -> bool {
-        self.cut_off
+        self.low_s >= CUT_OFF_S
     }
 
     /// Supplies a total thrust of all rotors for `dt_s`.
@@ -65,13 +68,17 @@ impl Battery {
         self.voltage_v =
             options.open_circuit_v(self.charge_frac) - options.resistance_ohm * current_a;
         self.energy_j += self.voltage_v * current_a * dt_s;
-        self.cut_off |= self.voltage_v < options.cut_off_v;
+        if self.voltage_v < options.cut_off_v {
+            self.low_s += dt_s;
+        } else if !self.is_cut_off() {
+            self.low_s = 0.0;
+        }
     }
 
     /// Limits at the present voltage; `full_n` is the thrust of a motor's largest command.
     #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
-        if self.cut_off {
+        if self.is_cut_off() {
             return Limit { gain: 0.0, max_n: 0.0 };
         }
         let [a, b, c, d] = self.options.thrust_from_v_n;
@@ -148,7 +155,11 @@ mod tests {
     fn an_empty_battery_cuts_off_for_good() {
         let (mut battery, weight_n) = cf21();
         battery.charge_frac = 0.001;
-        battery.drain(weight_n, 1.0);
+        battery.drain(weight_n, 4.5);
+        assert!(battery.voltage_v() < 3.0 && !battery.is_cut_off(), "a sag");
+        battery.drain(0.0, 1e-3);
+        assert!(battery.voltage_v() < 3.0, "{} V at rest", battery.voltage_v());
+        battery.drain(weight_n, 0.5);
         assert!(battery.is_cut_off(), "{} V", battery.voltage_v());
         battery.drain(0.0, 0.0);
         assert_eq!(battery.limit(0.12).max_n, 0.0, "also without load");

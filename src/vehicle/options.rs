@@ -100,7 +100,8 @@ settings! {
     /// table of 2015 (firmware `docs/functional-areas/pwm-to-thrust.md`), 0.24 A at rest and 2.39 A
     /// at 32.8 g. Resistance: from the median drop of 0.57 V at take-off in 98 flights of
     /// `NanoBench` (arXiv 2603.09908) and the change of current. Thrust: firmware
-    /// `platform_defaults_cf2.h`, legacy propellers. Cut-off: its critical voltage.
+    /// `platform_defaults_cf2.h`, legacy propellers. Cut-off: its critical voltage, and five
+    /// seconds (`pm.h`, whose shutdown is not written; nobody flies on).
     pub struct BatteryOptions {
         /// Charge of a full battery, A h; 0: no battery, full thrust at all times.
         capacity_ah: f64 = 0.0, in 0.0..=1000.0;
@@ -119,7 +120,7 @@ settings! {
         thrust_from_v_n: [f64; 4] = [-0.014831, 0.047245, -0.018474, 0.005961], in -1e3..=1e3;
         /// Compensation of a falling voltage by the firmware.
         compensation: Compensation = Compensation::Firmware;
-        /// Voltage under load below which the motors stop for good; 0: never.
+        /// Voltage under load below which, after 5 s, the motors stop for good; 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
 

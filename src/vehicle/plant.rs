@@ -325,7 +325,11 @@ mod tests {
         let mut drone = plant(&options, 1.0);
         advance(&mut drone, hover(&options), 5000);
         assert_eq!(drone.body().position_m.z, 0.0);
-        assert_eq!(drone.warnings(), [Warning::BatteryEmpty]);
+        let warnings = drone.warnings();
+        assert!(
+            matches!(warnings[..], [Warning::BatteryWeak(_), Warning::BatteryEmpty]),
+            "{warnings:?}"
+        );
     }
 
     #[test]

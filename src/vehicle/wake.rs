@@ -40,7 +40,7 @@ const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
 /// Distance from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
 /// Growth of the jet's standard deviation with the distance: where the speed is half of that on the
-/// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1), 1.177 σ.
+/// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1; quoted, the book could not be opened), 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
 /// Standard deviations from the axis beyond which there is no wake: 0.03 % of it.
 const REACH: f64 = 4.0;

@@ -79,3 +79,40 @@ fn a_report_of_what_is_no_folder_of_ours_is_refused() {
     }
     assert_eq!(names_in(folder.path()), ["broken.png", "empty"], "nothing half-written");
 }
+
+#[test]
+fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |command: &str| {
+        noctograph(folder.path())
+            .args(command.split_whitespace())
+            .assert()
+            .code(predicates::ord::le(1))
+    };
+    std::fs::create_dir(folder.path().join("logs")).unwrap();
+    run("plan O -o plan.csv");
+    for seed in 1..=3 {
+        run(&format!(
+            "fly plan.csv --seed {seed} --set air.gusts=ornstein-uhlenbeck -o logs/cf1-{seed}.csv"
+        ));
+    }
+    std::fs::write(folder.path().join("logs/cf2-1.csv"), "no log").unwrap();
+    run("import logs").stdout(predicates::str::contains("4 logs, 3 sound"));
+    let out = folder.path().join("noctograph-evening");
+    let html = std::fs::read_to_string(out.join("evening.html")).unwrap();
+    for part in [
+        "4 logs of 2 drone(s); 3 sound.",
+        "<td>cf2</td>",
+        "unreadable: ",
+        "rotor lag (ms)",
+        "gust_m_s",
+    ] {
+        assert!(html.contains(part), "{part}");
+    }
+    run(
+        "preview O --spread 2 --conditions noctograph-evening/conditions.toml --backend cpu --size 320x180",
+    );
+    noctograph(folder.path()).args(["import", "logs", "--word", "O"]).assert().code(2);
+    std::fs::create_dir(folder.path().join("none")).unwrap();
+    noctograph(folder.path()).args(["import", "none"]).assert().code(2);
+}

@@ -245,3 +245,26 @@ fn the_band_of_the_room_holds_the_real_flight_nine_tenths_of_the_time() {
     let [truth, estimate] = held(&Conditions::default().only(Factor::Gusts));
     assert!(truth.inside.z < 0.85 && estimate.inside.z < 0.85, "gusts alone are too narrow");
 }
+
+/// The folder with the team's log as an evening: their drone's trim by their own figures (1.0 and 0.4 mm),
+/// gusts and outages as the conditions of a room and an evening have them, which were taken from it.
+#[test]
+#[ignore = "needs ../shared/data"]
+fn the_teams_log_gives_back_the_conditions_that_were_taken_from_it() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("logs/team")).unwrap();
+    std::fs::copy(noor_log(), folder.path().join("logs/team/noor.json")).unwrap();
+    let found = run_json(folder.path(), &["import", "logs", "--scene", "team"]);
+    let figures = &found["logs"][0]["figures"];
+    assert_near(&figures["trim_m"], [-1.0e-3, 0.4e-3, 0.0], 0.15e-3);
+    let near = |value: &Value, want: f64, off: f64| {
+        assert!((value.as_f64().unwrap() - want).abs() < off, "{value} for {want}: {found}");
+    };
+    near(&figures["thrust_frac"], 1.0, 0.03);
+    near(&figures["gust_m_s"], 0.08, 0.02);
+    // Published lags of such rotors: 0.02 to 0.14 s.
+    near(&figures["lag_s"], 0.08, 0.06);
+    let outage =
+        found["conditions"].as_array().unwrap().iter().find(|c| c["key"] == "radio_outage_s");
+    near(&outage.unwrap()["value"], 0.3, 0.05);
+}

@@ -1,0 +1,135 @@
+//! The logs of an evening: which of a folder's files and folders are one, and which drone's each is.
+
+use std::path::{Path, PathBuf};
+
+use super::{LIMIT, cfclient_csv, sheet};
+use crate::error::{Error, Result};
+use crate::files::entries_in;
+
+/// Most logs of a folder.
+const MAX_LOGS: usize = 2000;
+/// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
+const DEPTH: usize = 4;
+/// Endings of what lies beside logs and is none.
+const OTHERS: [&str; 14] = [
+    "html", "toml", "md", "yaml", "yml", "png", "apng", "jpg", "jpeg", "svg", "pdf", "mp4", "mov",
+    "zip",
+];
+/// Beginning of a file, in which its first line ends.
+const HEAD_BYTES: usize = 1 << 16;
+
+/// A log among others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GatheredLog {
+    /// A file, or a folder of cfclient's.
+    pub path: PathBuf,
+    /// The folder in which it lies within that of the evening; of a log in the latter itself, its name
+    /// up to the first `-`, `_`, `.` or space.
+    pub drone: String,
+    /// Its path within the folder of the evening.
+    pub name: String,
+}
+
+/// Whether a folder is one log: it holds cfclient's files of one connection.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read.
+pub fn is_one_log(folder: &Path) -> Result<bool> {
+    for path in entries_in(folder)? {
+        let is_csv = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"));
+        // What cannot be read is no file of cfclient's; its import says why.
+        let head = || LIMIT.beginning(&path, HEAD_BYTES).ok();
+        let of_cfclient = |head: Vec<u8>| {
+            sheet::header(&head).is_some_and(|header| cfclient_csv::is_header(&header))
+        };
+        if is_csv && path.is_file() && head().is_some_and(of_cfclient) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The logs in a folder and in its folders, in the order of their names, which is taken for that of
+/// their flights. Hidden files and pictures, pages and settings are none.
+///
+/// # Errors
+///
+/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too many.
+pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
+    let (mut logs, mut folders) = (Vec::new(), vec![(folder.to_owned(), 0)]);
+    while let Some((inside, depth)) = folders.pop() {
+        for path in entries_in(&inside)? {
+            let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with('.') || (path.is_file() && OTHERS.contains(&&*end)) {
+                continue;
+            }
+            if path.is_dir() && !is_one_log(&path)? {
+                if depth < DEPTH {
+                    folders.push((path, depth + 1));
+                }
+            } else if path.is_dir() || path.is_file() {
+                logs.push(path);
+            }
+        }
+    }
+    if logs.is_empty() || logs.len() > MAX_LOGS {
+        let place = folder.display().to_string();
+        let hint = "name a folder with a log (or a folder of cfclient's) for each flight";
+        return Err(Error::input(
+            place,
+            format!("{} logs", logs.len()),
+            format!("1 to {MAX_LOGS}"),
+            hint,
+        ));
+    }
+    logs.sort();
+    Ok(logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect())
+}
+
+impl GatheredLog {
+    fn new(path: PathBuf, folder: &Path) -> Self {
+        let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
+        let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
+        let first = parts.next().unwrap_or_default();
+        let drone = match parts.next() {
+            Some(_) => first,
+            None => first.split(['-', '_', '.', ' ']).next().unwrap_or_default().to_owned(),
+        };
+        Self { path, drone, name: within.display().to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logs_are_told_apart_by_folder_or_name_and_what_is_none_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let cfclient = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n0,1,2,3\n";
+        for (name, text) in [
+            ("cf2-1.csv", "t,x,y,z\n"),
+            ("cf10/log01", "\u{bc}"),
+            ("cf10/20260101T19-00-00/Stabilizer.csv", cfclient),
+            ("cf10/20260101T19-00-00/Motors.csv", cfclient),
+            ("evening.html", "<"),
+            (".hidden.csv", "t"),
+            ("photo.PNG", ""),
+        ] {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        let found = logs_in(folder.path()).unwrap();
+        let named: Vec<[&str; 2]> = found.iter().map(|log| [&*log.drone, &*log.name]).collect();
+        let wanted =
+            [["cf10", "cf10/20260101T19-00-00"], ["cf10", "cf10/log01"], ["cf2", "cf2-1.csv"]];
+        assert_eq!(named, wanted);
+        assert!(!is_one_log(folder.path()).unwrap());
+        assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
+        let empty = tempfile::tempdir().unwrap();
+        assert!(logs_in(empty.path()).unwrap_err().to_string().contains("found 0 logs"));
+    }
+}

@@ -1,0 +1,485 @@
+//! Evening: what the logs of an evening's flights say of drones and air, and the conditions
+//! ([`super::Conditions`]) that these make.
+//!
+//! In: a folder of logs, and the scene's drone, of which a log does not tell the mass. Out: a row for
+//! each log, with its figures and what speaks against it, and the widths of conditions as they were
+//! found. Each log is identified by itself ([`identify`]); of its figures the thrust per command is that
+//! over the weight, so that a heavy drone and a weak one are the same.
+//!
+//! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
+//! position; inertia; delay of the lamps; charge and age of the battery.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::conditions::ROOM_GUST_M_S;
+use crate::error::Result;
+use crate::flight::{Flight, airborne, saturated_s};
+use crate::identify::{Assumed, RotorLag, T_95, identify};
+use crate::logs::{GatheredLog, ImportOptions, import, logs_in};
+use crate::preflight::MAX_SATURATED_S;
+use crate::scene::Scene;
+use crate::settings::Described;
+use crate::vehicle::GustOptions;
+
+/// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that is
+/// 20 ms shorter.
+const LEAST_RATE_HZ: f64 = 500.0;
+/// Shortest flight that is used: the trim's error falls with its root.
+const LEAST_AIR_S: f64 = 10.0;
+/// Largest share of a flight of which the log knows nothing.
+const MOST_UNKNOWN: f64 = 0.1;
+/// Flights from which a spread is taken.
+const LEAST_FLIGHTS: usize = 3;
+/// Time from one outage of the radio to the next, as conditions have it.
+const OUTAGE_EVERY_S: f64 = super::conditions::OUTAGE_EVERY_S;
+
+/// The logs of a folder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evening {
+    /// One for each flight, those of a drone in the order of their names.
+    pub logs: Vec<EveningLog>,
+}
+
+/// A log, and what it says.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EveningLog {
+    /// Its drone's name.
+    pub drone: String,
+    /// Its path within the folder.
+    pub log: String,
+    /// What speaks against it; a sound one has none.
+    pub flaws: Vec<Flaw>,
+    /// What it says of its drone; `None` where it says nothing.
+    pub figures: Option<LogFigures>,
+}
+
+/// What speaks against a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flaw {
+    /// It cannot be read, for this reason.
+    Unreadable(String),
+    /// It has no motor commands, or is of the floor: for this reason nothing is identified.
+    Silent(String),
+    /// It is in the air for so many seconds only.
+    Short(f64),
+    /// It knows nothing of this share of the flight.
+    Gaps(f64),
+    /// A motor was at its limit for so many seconds.
+    Saturated(f64),
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreadable(why) => write!(f, "unreadable: {why}"),
+            Self::Silent(why) => write!(f, "says nothing: {why}"),
+            Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
+            Self::Gaps(share) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * share),
+            Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),
+        }
+    }
+}
+
+/// What a log says of its drone and its air.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LogFigures {
+    /// Time in the air.
+    pub air_s: f64,
+    /// Longest time of which nothing is known.
+    pub longest_gap_s: f64,
+    /// Thrust per command and weight, as a share of the scene's.
+    pub thrust_frac: f64,
+    /// Center of mass in body x and y.
+    pub trim_m: [f64; 2],
+    /// Its standard deviation by uneven air; `None` for a flight too short.
+    pub trim_sigma_m: Option<[f64; 2]>,
+    /// Lag of the rotors; `None` where the log does not show it.
+    pub lag_s: Option<f64>,
+    /// Its standard deviation.
+    pub lag_sigma_s: Option<f64>,
+    /// Gusts that turn a drone as its air did, σ; `None` for a flight too short.
+    pub gust_m_s: Option<f64>,
+}
+
+/// A width of the conditions that was found, with what it was found from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundCondition {
+    /// Key of [`Conditions`].
+    pub key: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// From what.
+    pub from: String,
+}
+
+/// Mean of the sound flights' figures, which a scene of these drones has.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeanDrone {
+    /// Thrust of a motor per unit of its command, with the scene's mass.
+    pub k_f_n: f64,
+    /// Center of mass in body x and y.
+    pub center_of_mass_m: [f64; 2],
+    /// Lag of the rotors; `None` where no log shows it.
+    pub lag_s: Option<f64>,
+}
+
+impl Evening {
+    /// Reads and identifies the logs of a folder ([`logs_in`]). `done` is told how many are.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`logs_in`] and of options out of range. A log that cannot be read is a row.
+    pub fn import(
+        folder: &Path,
+        options: &ImportOptions,
+        scene: &Scene,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> Result<Self> {
+        options.check("import", None)?;
+        let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
+        let options = &ImportOptions { sample_rate_hz, ..options.clone() };
+        let counted = std::sync::atomic::AtomicUsize::new(0);
+        let logs = logs_in(folder)?;
+        let row = |log: &GatheredLog| {
+            let row = EveningLog::new(log, import(&log.path, options), scene);
+            done(1 + counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
+            row
+        };
+        let mut logs: Vec<EveningLog> = logs.par_iter().map(row).collect();
+        logs.sort_by(|a, b| a.drone.cmp(&b.drone).then_with(|| a.log.cmp(&b.log)));
+        Ok(Self { logs })
+    }
+
+    /// The drones with their logs.
+    #[must_use]
+    pub fn drones(&self) -> BTreeMap<&str, Vec<&EveningLog>> {
+        let mut drones: BTreeMap<&str, Vec<&EveningLog>> = BTreeMap::new();
+        for log in &self.logs {
+            drones.entry(&log.drone).or_default().push(log);
+        }
+        drones
+    }
+
+    /// Figures of the sound flights.
+    pub fn sound(&self) -> impl Iterator<Item = &LogFigures> {
+        self.logs.iter().filter(|log| log.flaws.is_empty()).filter_map(|log| log.figures.as_ref())
+    }
+
+    /// The mean of the sound flights; `None` where there are none.
+    #[must_use]
+    pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
+        let mean = |of: &dyn Fn(&LogFigures) -> Option<f64>| mean(self.sound().filter_map(of));
+        Some(MeanDrone {
+            k_f_n: scene.vehicle.k_f_n * mean(&|f| Some(f.thrust_frac))?,
+            center_of_mass_m: [mean(&|f| Some(f.trim_m[0]))?, mean(&|f| Some(f.trim_m[1]))?],
+            lag_s: mean(&|f| f.lag_s),
+        })
+    }
+
+    /// The widths of conditions that the sound flights show, about their own mean; what they do not show
+    /// is a room's. In the order of a conditions file.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<FoundCondition> {
+        let figures: Vec<&LogFigures> = self.sound().collect();
+        let mut found = Vec::new();
+        let mut add = |key, value: Option<f64>, from: String| {
+            found.extend(value.map(|value| FoundCondition { key, value, from }));
+        };
+        let n = figures.len();
+        let enough = n >= LEAST_FLIGHTS;
+        let thrust = || spread(figures.iter().map(|f| (f.thrust_frac, 0.0)));
+        add("mass_frac", enough.then(thrust), format!("thrust over weight, {n} flights"));
+        let trim = || {
+            let axis =
+                |axis: usize| {
+                    spread(figures.iter().map(|f| {
+                        (f.trim_m[axis], f.trim_sigma_m.map_or(0.0, |sigma_m| sigma_m[axis]))
+                    }))
+                };
+            libm::hypot(axis(0), axis(1)) / std::f64::consts::SQRT_2
+        };
+        let from = format!("trim beyond what gusts explain, {n} flights");
+        add("center_of_mass_m", enough.then(trim), from);
+        let lags_s: Vec<(f64, f64)> =
+            figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
+        // The spread of a uniform number is its largest over the root of twelve. The mean is no use: it
+        // has the errors that all logs of an evening share.
+        let lag_s = || 12_f64.sqrt() * spread(lags_s.iter().copied());
+        let from = format!("spread of the rotors' lag, {} flights", lags_s.len());
+        add("motor_lag_s", (lags_s.len() >= LEAST_FLIGHTS).then(lag_s), from);
+        let gusts: Vec<f64> = figures.iter().filter_map(|f| f.gust_m_s).collect();
+        let gust = mean(gusts.iter().map(|gust| gust * gust)).map(f64::sqrt);
+        add("gust_m_s", gust, format!("torque of uneven air, {} flights", gusts.len()));
+        let outages_s = figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| {
+            // The longest of n exponential times is 1 + 1/2 + … + 1/n times their mean.
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "at least 1"
+            )]
+            let n = (f.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
+            f.longest_gap_s / (1..=n).map(|k| 1.0 / f64::from(k)).sum::<f64>()
+        });
+        let outage_s = mean(outages_s);
+        add("radio_outage_s", outage_s, "longest gaps, of one in 10 s".into());
+        found
+    }
+
+    /// A conditions file (TOML) with what was found.
+    #[must_use]
+    pub fn conditions_toml(&self, found: &[FoundCondition]) -> String {
+        let (n, drones) = (self.sound().count(), self.drones().len());
+        let mut toml = format!(
+            "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
+             # room's: rank, robustness and preview --spread take this file as --conditions.\n",
+            self.logs.len()
+        );
+        for FoundCondition { key, value, from } in found {
+            toml += &format!("{key} = {value:.3e}  # {from}\n");
+        }
+        toml
+    }
+}
+
+impl EveningLog {
+    fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
+        let row = |flaws, figures| Self {
+            drone: log.drone.clone(),
+            log: log.name.clone(),
+            flaws,
+            figures,
+        };
+        let flight = match flight {
+            Ok(flight) => flight,
+            Err(error) => return row(vec![Flaw::Unreadable(error.to_string())], None),
+        };
+        let mut figures = match figures(&flight, scene) {
+            Ok(figures) => figures,
+            Err(error) => return row(vec![Flaw::Silent(error.to_string())], None),
+        };
+        let air = airborne(&flight).unwrap_or_default();
+        let samples = &flight.samples[air];
+        let [from_s, to_s] = [samples[0].time_s, samples[samples.len() - 1].time_s];
+        let within = flight.gaps.iter().filter(|gap| from_s <= gap[0] && gap[1] <= to_s);
+        let lengths_s: Vec<f64> = within.map(|gap| gap[1] - gap[0]).collect();
+        figures.longest_gap_s = lengths_s.iter().copied().fold(0.0, f64::max);
+        let unknown = lengths_s.iter().sum::<f64>() / figures.air_s;
+        let saturated_s = saturated_s(samples, scene.vehicle.motor_max);
+        let flaws = [
+            (figures.air_s < LEAST_AIR_S).then_some(Flaw::Short(figures.air_s)),
+            (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
+            (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
+        ];
+        row(flaws.into_iter().flatten().collect(), Some(figures))
+    }
+}
+
+fn figures(flight: &Flight, scene: &Scene) -> Result<LogFigures> {
+    let vehicle = &scene.vehicle;
+    let found = identify(flight, &Assumed::of(vehicle))?;
+    let air = airborne(flight).unwrap_or_default();
+    let lag = found.lag.filter(RotorLag::is_identifiable);
+    let weight_n = found.k_f_n * found.mean_motors.iter().sum::<f64>();
+    let room = GustOptions::default().torque_sigma_n_m;
+    let gust = found.air.map(|air| {
+        let share = |axis: usize| air.torque_sigma_n_m[axis] / room[axis];
+        ROOM_GUST_M_S * 0.5 * (share(0) + share(1))
+    });
+    Ok(LogFigures {
+        air_s: flight.samples[air.end - 1].time_s - flight.samples[air.start].time_s,
+        longest_gap_s: 0.0,
+        thrust_frac: found.k_f_n / vehicle.k_f_n,
+        trim_m: found.center_of_mass_m,
+        // A torque about y is a center of mass off in x, and the other way around.
+        trim_sigma_m: found
+            .air
+            .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
+        lag_s: lag.map(|lag| lag.lag_s),
+        lag_sigma_s: lag.map(|lag| lag.half_width_s / T_95),
+        gust_m_s: gust,
+    })
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+    (n > 0.0).then(|| sum / n)
+}
+
+/// Standard deviation of values beyond that which each one has by itself.
+fn spread(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let Some(middle) = mean(values.clone().map(|(value, _)| value)) else { return 0.0 };
+    let squares = values.map(|(value, own)| {
+        let off = value - middle;
+        [1.0, off * off, own * own]
+    });
+    let [n, square, own] = squares.fold([0.0; 3], |sum, part| [0, 1, 2].map(|k| sum[k] + part[k]));
+    (square / (n - 1.0) - own / n).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+
+    use super::*;
+    use crate::flight::FlightSample;
+    use crate::letters::{LetterOptions, write};
+    use crate::plan::plan;
+    use crate::random::{Noise, Normals};
+    use crate::scene::Preset;
+    use crate::sim::{Drone, fly};
+    use crate::study::Conditions;
+    use crate::vehicle::{Gusts, VehicleOptions};
+
+    /// A flight as a log of the firmware at 100 Hz: its estimate, its gyroscope with noise, its motors.
+    fn log(flight: &Flight, seed: u64) -> String {
+        let mut text =
+            String::from("t,x,y,z,yaw,pitch,roll,wx,wy,wz,vx_body,vy_body,vz_body,m1,m2,m3,m4\n");
+        let mut noise = Normals::new(Noise::new(seed, 0, "gyroscope"));
+        let mut due_s = 0.0;
+        for sample in &flight.samples {
+            if sample.time_s + 1e-9 < due_s {
+                continue;
+            }
+            due_s = sample.time_s + 0.01;
+            let (p, v, a, m) =
+                (sample.estimate_m, sample.velocity_body_m_s, sample.attitude, sample.motors);
+            let w = sample.rate_body_rad_s.map(|w| w + 0.003 * noise.next());
+            let numbers = [
+                sample.time_s,
+                p.x,
+                p.y,
+                p.z,
+                a.yaw_rad,
+                a.pitch_rad,
+                a.roll_rad,
+                w.x,
+                w.y,
+                w.z,
+                v.x,
+                v.y,
+                v.z,
+            ];
+            let cells = numbers.iter().chain(&m).map(|number| format!("{number:.5}"));
+            writeln!(text, "{}", cells.collect::<Vec<_>>().join(",")).unwrap();
+        }
+        text
+    }
+
+    /// Flights of three drones, each with a mass, trim, lag and gusts of its own, as logs in a folder: what
+    /// is found of each, and of all, against what was drawn.
+    #[test]
+    fn flights_of_drawn_drones_give_back_what_was_drawn() {
+        let mut scene = Scene { word: "NO".into(), ..Scene::preset(Preset::Cf21) };
+        scene.air.gusts = Gusts::None;
+        let wide = Conditions {
+            mass_frac: 0.03,
+            center_of_mass_m: 0.5e-3,
+            motor_lag_s: 0.06,
+            gust_m_s: 0.1,
+            ..Conditions::still()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let strokes = write(
+            "NO",
+            &LetterOptions { font: scene.letters.font.clone(), ..LetterOptions::default() },
+        )
+        .unwrap();
+        let believed = scene.sim();
+        let plan = plan(&strokes, &scene.plan).unwrap();
+        let mut drawn: Vec<VehicleOptions> = Vec::new();
+        for seed in 0..9_u64 {
+            let actual = wide.draw(&scene, seed, 0).sim;
+            let drone = Drone { actual: &actual, ..Drone::new(&believed, seed) };
+            let flight = fly(&plan, &drone, &mut |_| {}).unwrap();
+            let path = folder.path().join(format!("cf{}/{seed}.csv", seed % 3));
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, log(&flight, seed)).unwrap();
+            drawn.push(actual.vehicle);
+        }
+        std::fs::write(folder.path().join("cf0/broken.csv"), "no log").unwrap();
+        let evening =
+            Evening::import(folder.path(), &ImportOptions::default(), &scene, &|_| {}).unwrap();
+        assert_eq!(
+            (evening.logs.len(), evening.sound().count(), evening.drones().len()),
+            (10, 9, 3)
+        );
+        let broken = evening.logs.iter().find(|log| log.log.contains("broken")).unwrap();
+        assert!(matches!(broken.flaws[..], [Flaw::Unreadable(_)]), "{broken:?}");
+        let mut lag_errors_s = Vec::new();
+        let scene_s =
+            |vehicle: &VehicleOptions| 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
+        for (seed, true_) in drawn.iter().enumerate() {
+            let name = format!("{seed}.csv");
+            let found = evening.logs.iter().find(|log| log.log.ends_with(&name)).unwrap();
+            let found = found.figures.unwrap();
+            let thrust = found.thrust_frac * true_.mass_kg / scene.vehicle.mass_kg;
+            assert!((thrust - 1.0).abs() < 0.005, "{seed}: {found:?}");
+            for axis in 0..2 {
+                let off_m = (found.trim_m[axis] - true_.center_of_mass_m[axis]).abs();
+                assert!(
+                    off_m < 3.0 * found.trim_sigma_m.unwrap()[axis],
+                    "{seed}: {off_m} of {found:?}"
+                );
+            }
+            lag_errors_s.push(found.lag_s.unwrap() - scene_s(true_));
+            assert!((found.gust_m_s.unwrap() - 0.1).abs() < 0.035, "{seed}: {found:?}");
+        }
+        // A log at 83 Hz makes the lag of these rotors, 0.12 to 0.18 s, too long by an eighth.
+        assert!(lag_errors_s.iter().all(|s| (-0.02..0.05).contains(s)), "{lag_errors_s:?}");
+        let error_s = mean(lag_errors_s.iter().copied()).unwrap();
+        assert!(error_s.abs() < 0.03, "{error_s}");
+
+        let found = evening.conditions();
+        let value = |key| found.iter().find(|found| found.key == key).unwrap().value;
+        let of = |of: &dyn Fn(&VehicleOptions) -> f64| spread(drawn.iter().map(|v| (of(v), 0.0)));
+        let mass = of(&|v| scene.vehicle.mass_kg / v.mass_kg);
+        assert!((value("mass_frac") / mass - 1.0).abs() < 0.05, "{found:?} of {mass}");
+        let trims_m = [0, 1].map(|axis: usize| of(&|v| v.center_of_mass_m[axis]));
+        let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
+        assert!((value("center_of_mass_m") - trim_m).abs() < 0.15e-3, "{found:?} of {trim_m}");
+        let lag_s = 12_f64.sqrt() * of(&scene_s);
+        assert!((value("motor_lag_s") - lag_s).abs() < 0.035, "{found:?} of {lag_s}");
+        assert!((value("gust_m_s") - 0.1).abs() < 0.015, "{found:?}");
+        assert!(found.iter().all(|found| found.key != "radio_outage_s"), "no gap: {found:?}");
+        let read = Conditions::parse(&evening.conditions_toml(&found), "conditions.toml").unwrap();
+        assert!((read.mass_frac / value("mass_frac") - 1.0).abs() < 1e-3);
+        assert_eq!(read.led_delay_s, Conditions::default().led_delay_s, "a room's");
+    }
+
+    #[test]
+    fn what_speaks_against_a_log_is_named_with_its_number() {
+        let scene = Scene::preset(Preset::Cf21);
+        let sample = |i: u32| FlightSample {
+            time_s: f64::from(i) * 0.01,
+            position_m: nalgebra::Vector3::z(),
+            motors: [43_000.0; 4],
+            ..FlightSample::default()
+        };
+        let hover = || Flight { samples: (0..3000).map(sample).collect(), ..Flight::default() };
+        let flaws = |flight: Result<Flight>| {
+            let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
+            EveningLog::new(&log, flight, &scene).flaws
+        };
+        assert_eq!(flaws(Ok(hover())), []);
+        let (mut short, mut holed, mut limited, mut silent) = (hover(), hover(), hover(), hover());
+        short.samples.truncate(500);
+        assert!(matches!(flaws(Ok(short))[..], [Flaw::Short(s)] if (s - 4.99).abs() < 1e-9));
+        holed.samples.drain(1000..1500);
+        holed.gaps = vec![[9.99, 15.0]];
+        assert!(
+            matches!(flaws(Ok(holed))[..], [Flaw::Gaps(share)] if (share - 5.01 / 29.99).abs() < 1e-9)
+        );
+        limited.samples[..100].iter_mut().for_each(|s| s.motors[1] = 65_535.0);
+        assert!(matches!(flaws(Ok(limited))[..], [Flaw::Saturated(s)] if (s - 1.0).abs() < 1e-9));
+        silent.unlogged = [crate::flight::Quantity::Motors].into();
+        assert!(matches!(flaws(Ok(silent))[..], [Flaw::Silent(_)]));
+        let missing = crate::error::Error::Stopped;
+        assert!(matches!(flaws(Err(missing))[..], [Flaw::Unreadable(_)]));
+    }
+}
