@@ -12,7 +12,6 @@ src/score/calibration.rs.
 
 import argparse
 import csv
-import itertools
 import json
 import os
 import random
@@ -21,7 +20,7 @@ import tempfile
 
 import numpy as np
 
-from pairs import LETTERS, plain
+from spelling import LETTERS, plain, table
 
 READERS = ["a", "b"]
 
@@ -29,13 +28,11 @@ READERS = ["a", "b"]
 # visitors see few of them.
 WEIGHT_OF_WRONG = 0.15
 
-# Clean photographs of the default scene that two readers saw, and both read (docs/legible.md).
-CLEAN_READ = 62
 
-# -100 ln p of pairs of letters, as src/score/pairs.rs has them, and of a pair with a digit.
-PAIRS = dict(zip(itertools.product(LETTERS, LETTERS), map(int, open(
-    os.path.join(os.path.dirname(__file__), "../../src/score/pairs.txt")).read().split())))
-WITH_DIGIT = 358
+SPELLING = table(os.path.join(os.path.dirname(__file__), "../../src/score/spelling.bin"))
+
+# What is next to a digit, and a single character: as in src/score/spelling.rs.
+WITH_DIGIT, AVERAGE = -3.58, -2.2
 
 KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]
 
@@ -131,17 +128,21 @@ def read_verdicts(text):
     return found
 
 
-def mean_ln_p_of_pairs(word):
-    word = " " + plain(word) + " "
-    return -np.mean([PAIRS.get(pair, WITH_DIGIT) for pair in zip(word, word[1:])]) / 100
+def mean_ln_p_of_spelling(word):
+    word = plain(word)
+    if not set(word) <= set(LETTERS) or len(word) == 1:
+        return WITH_DIGIT if len(word) > 1 else AVERAGE
+    text = "    " + word + " "
+    return np.mean([SPELLING(text[at - 4:at + 1]) for at in range(4, len(text))])
 
 
 def features(row):
-    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, the pairs of letters."""
+    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, the spelling."""
     p = np.exp(row["ln_p"])
-    letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8)
+    letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8).mean()
     rival = np.log(max(1 - row["rival_p"], 1e-9) / max(row["rival_p"], 1e-9))
-    return [letters.mean(), np.clip(rival, -9, 9), max(mean_ln_p_of_pairs(row["word"]), -4.2)]
+    usual = max(mean_ln_p_of_spelling(row["word"]), -4.0) - AVERAGE
+    return [letters, np.clip(rival, -9, 9), usual * (1 - np.clip(letters, 0, 8) / 8)]
 
 
 def rows_of(readings, verdicts):
@@ -201,8 +202,8 @@ def main():
     fitted = fit[0] + fit[1] + clean
     weights = logistic(np.array([features(row) for row in fitted]), np.array([float(row["both"]) for row in fitted]),
                        np.array([1.0] * len(fit[0]) + [WEIGHT_OF_WRONG] * len(fit[1])
-                                + [CLEAN_READ / max(len(clean), 1)] * len(clean)))
-    print("constant, mean log-odds, rival, pairs:", np.round(weights, 3))
+                                + [1.0] * len(clean)))
+    print("constant, mean log-odds, rival, spelling:", np.round(weights, 3))
     for half in ("choose", "test"):
         part = of_half(rows, half)
         table(f"{half}, as shipped", part, of_half(wrong, half))

@@ -1,47 +1,226 @@
-//! Verdicts on a photo set, for the calibration; and strips for the training of the net.
+//! Photographs and strips of light for the reader: drawn from seeds, in one process.
 //!
-//! `cargo run --release --example readings -- verdicts FOLDER` prints a line for each photo of
-//! FOLDER/truth.json: name, expected word, readability, ln p of each letter, word by the best letters,
-//! rival and its share, blind reading. `-- strips FOLDER OUT` writes the strips of the photos: of each
-//! its labels, width and bytes.
+//! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, four of each
+//!   flight, for the training of the net: of each its labels, width and bytes.
+//! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, with their
+//!   scenes and truth.json; each word is used once.
+//! - `clean OUT WORDS` photographs the default scene, each word in two sizes, for the calibration.
+//! - `verdicts OUT` prints a line for each photograph of OUT/truth.json, for the calibration: name,
+//!   expected word, readability, ln p of each letter, word by the best letters, rival and its share,
+//!   blind reading.
+//!
+//! `cargo run --release --example readings -- strips OUT WORDS FACES...`: WORDS is a file of words and
+//! names, one a line; FACES are typefaces.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example's result")]
+#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
+#![expect(clippy::cast_precision_loss, reason = "small numbers")]
 
+mod draw;
+
+use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
+use draw::{Rng, SIZES, Taken};
 use noctograph::error::Result;
 use noctograph::letters::{self, Strokes};
 use noctograph::photo::Photo;
-use noctograph::scene::Scene;
+use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, View};
+use noctograph::shoot::{Judging, Shoot};
+use unicode_normalization::UnicodeNormalization;
 
 /// What stands in the net's strips for each character; no letter is 63.
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
+/// Photographs of each flight, for the training.
+const PHOTOS_OF_FLIGHT: usize = 5;
+
+/// Sizes of pictures for the training, whose strips are 40 pixels high.
+const N_SMALL: usize = 7;
+
+/// Words, typefaces, and which seeds to draw.
+struct Args {
+    words: Vec<String>,
+    faces: Vec<String>,
+    first: u64,
+    count: u64,
+}
+
 fn main() -> Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let folder = Path::new(args.get(1).map_or(".", String::as_str));
-    let text =
-        std::fs::read_to_string(folder.join("truth.json")).expect("truth.json beside the photos");
+    let [verb, out, rest @ ..] = &args[..] else {
+        eprintln!("strips|photos|clean OUT WORDS FACES..., or verdicts OUT");
+        return Ok(());
+    };
+    let out = Path::new(out);
+    match &verb[..] {
+        "verdicts" => verdicts(out),
+        "strips" => strips(out, &parse(rest)),
+        "clean" => clean(out, &parse(rest)),
+        _ => photos(out, &parse(rest)),
+    }
+}
+
+fn parse(args: &[String]) -> Args {
+    let number = |name: &str| {
+        let at = args.iter().position(|arg| arg == name)?;
+        Some(args[at + 1].parse().expect("a number"))
+    };
+    let paths = args.iter().take_while(|arg| !arg.starts_with("--"));
+    let paths: Vec<String> = paths.cloned().collect();
+    let text = fs::read_to_string(&paths[0]).expect("a file of words");
+    Args {
+        words: text.lines().map(str::to_owned).collect(),
+        faces: paths[1..].to_vec(),
+        first: number("--first").unwrap_or(0),
+        count: number("--count").unwrap_or(1000),
+    }
+}
+
+/// A word in capitals mostly, or capitalized, or in small letters.
+fn in_some_case(rng: &mut Rng, word: &str) -> String {
+    match rng.unit() {
+        p if p < 0.5 => word.to_uppercase(),
+        p if p < 0.75 => word.to_lowercase(),
+        _ => word[..1].to_uppercase() + &word[1..].to_lowercase(),
+    }
+}
+
+/// Strips of flights with any faults, of words and of random characters in equal parts.
+fn strips(out: &Path, args: &Args) -> Result<()> {
+    let file = File::options().create(true).append(true).open(out);
+    let mut out = std::io::BufWriter::new(file.expect("a file that can be written"));
+    for seed in args.first..args.first + args.count {
+        let rng = &mut Rng(seed);
+        let text = match rng.unit() {
+            p if p < 0.5 => {
+                let word = &args.words[rng.below(args.words.len())];
+                in_some_case(rng, word)
+            }
+            p if p < 0.6 => CHARACTERS[rng.below(62)..][..1].to_owned(),
+            _ => draw::random_text(rng),
+        };
+        let text = if rng.chance(0.06) { accented(rng, &text) } else { text };
+        let fault = draw::fault_of_flight(rng, 0.75);
+        // A drone that is lost, or a word that its camera does not see, is no example.
+        let Ok(flown) = draw::fly(rng, &text, &args.faces, fault) else { continue };
+        for _ in 0..PHOTOS_OF_FLIGHT {
+            let fault = draw::fault_of_camera(rng, 0.5);
+            let Ok(taken) = draw::photograph(rng, &flown, fault, &SIZES[..N_SMALL]) else {
+                continue;
+            };
+            for record in records(&taken, &text)? {
+                out.write_all(&record).expect("room on the disk");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A text with marks above and below some of its letters, which are read as the letters alone.
+fn accented(rng: &mut Rng, text: &str) -> String {
+    let marks =
+        ['\u{300}', '\u{301}', '\u{302}', '\u{303}', '\u{308}', '\u{30a}', '\u{30c}', '\u{327}'];
+    let one = |c: char| {
+        let mark = marks[rng.below(marks.len())];
+        let composed: String = [c, mark].into_iter().nfc().collect();
+        let is_one = composed.chars().count() == 1;
+        if is_one && rng.chance(0.4) { composed } else { c.to_string() }
+    };
+    text.chars().map(one).collect()
+}
+
+/// The strips of a photograph, each after its labels and width.
+fn records(taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
+    let strokes = letters::write(text, &taken.scene.letters)?;
+    let place = |c| CHARACTERS.chars().position(|known| known == c);
+    let labels: Vec<u8> = text.nfd().filter_map(place).map(|at| at as u8 + 1).collect();
+    let strips = Reader::new(&strokes, &taken.scene.score)?.strips(&taken.photo, &taken.view)?;
+    let record = |(width, bytes): (usize, Vec<u8>)| {
+        let head = [labels.len() as u16, width as u16].map(u16::to_le_bytes).concat();
+        [head, labels.clone(), bytes].concat()
+    };
+    Ok(strips.into_iter().map(record).collect())
+}
+
+/// Photographs with at most one fault each, two in seven of random characters.
+fn photos(out: &Path, args: &Args) -> Result<()> {
+    let mut words = args.words.iter();
+    let (mut rows, mut names): (Vec<String>, Vec<u64>) = (Vec::new(), (1..=args.count).collect());
+    let order = &mut Rng(args.first);
+    for at in (1..names.len()).rev() {
+        names.swap(at, order.below(at + 1));
+    }
+    let mut seed = args.first;
+    while let Some(number) = names.get(rows.len()) {
+        let rng = &mut Rng(seed);
+        let text = match rng.chance(2.0 / 7.0) {
+            true => draw::random_text(rng),
+            false => in_some_case(rng, words.next().expect("a word for each photograph")),
+        };
+        let [of_flight, of_camera] = draw::single_fault(rng);
+        let taken = draw::fly(rng, &text, &args.faces, of_flight)
+            .and_then(|flown| draw::photograph(rng, &flown, of_camera, &SIZES));
+        seed += 1;
+        match taken {
+            Err(error) => eprintln!("{text}: {error}"),
+            Ok(taken) => {
+                let name = format!("q{number:04}");
+                write(out, &name, &taken.scene, &taken.photo)?;
+                let half = if rng.chance(0.5) { "choose" } else { "test" };
+                rows.push(format!("\"{name}\": {}", draw::truth(&taken, &text, seed - 1, half)));
+            }
+        }
+    }
+    write_truth(out, &rows);
+    Ok(())
+}
+
+/// Photographs of the default scene, without faults.
+fn clean(out: &Path, args: &Args) -> Result<()> {
+    let mut rows = Vec::new();
+    for (number, word) in (1..).zip(&args.words) {
+        for [width_px, height_px] in [[640, 360], [1920, 1080]] {
+            let mut scene =
+                Scene { word: word.clone(), seed: number, ..Scene::preset(Preset::Cf21) };
+            (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
+            let mut shoot = Shoot::new(scene)?;
+            shoot.judging = Judging::Skipped;
+            let shot = shoot.take(&|_, _| {})?;
+            let name = format!("{number:02}-{width_px}x{height_px}");
+            write(out, &name, &shot.scene, &shot.photo)?;
+            rows.push(format!(r#""{name}": {{"shown": "{word}", "expected": "{word}"}}"#));
+        }
+    }
+    write_truth(out, &rows);
+    Ok(())
+}
+
+/// Writes a plain photograph, without its scene inside, and the scene beside it.
+fn write(out: &Path, name: &str, scene: &Scene, photo: &Photo) -> Result<()> {
+    for folder in ["photos", "scenes"] {
+        fs::create_dir_all(out.join(folder)).expect("a folder that can be made");
+    }
+    let file = File::create(out.join("photos").join(format!("{name}.png"))).expect("a file");
+    photo.write_png(file, None, &[]).expect("room on the disk");
+    let path = out.join("scenes").join(format!("{name}.toml"));
+    fs::write(path, scene.to_toml()).expect("room on the disk");
+    Ok(())
+}
+
+fn write_truth(out: &Path, rows: &[String]) {
+    let text = format!("{{\n{}\n}}\n", rows.join(",\n"));
+    fs::write(out.join("truth.json"), text).expect("room on the disk");
+}
+
+fn verdicts(folder: &Path) -> Result<()> {
+    let text = fs::read_to_string(folder.join("truth.json")).expect("truth.json beside the photos");
     let truth: serde_json::Value = serde_json::from_str(&text).expect("truth.json is JSON");
-    let photos = truth.as_object().expect("an object of photos");
-    match args.first().map(String::as_str) {
-        Some("verdicts") => {
-            for (name, of) in photos {
-                verdict(folder, name, of["expected"].as_str().unwrap_or(""))?;
-            }
-        }
-        Some("strips") => {
-            let mut out = std::io::BufWriter::new(
-                std::fs::File::create(&args[2]).expect("a file that can be written"),
-            );
-            for (name, of) in photos {
-                strips(folder, name, of["shown"].as_str().unwrap_or(""), &mut out)?;
-            }
-        }
-        _ => eprintln!("verdicts FOLDER, or strips FOLDER OUT"),
+    for (name, of) in truth.as_object().expect("an object of photos") {
+        verdict(folder, name, of["expected"].as_str().unwrap_or(""))?;
     }
     Ok(())
 }
@@ -79,22 +258,5 @@ fn verdict(folder: &Path, name: &str, word: &str) -> Result<()> {
         verdict.read,
         verdict.second_opinion.unwrap_or_default().replace('\n', "/"),
     );
-    Ok(())
-}
-
-fn strips(folder: &Path, name: &str, word: &str, out: &mut impl Write) -> Result<()> {
-    let Ok((strokes, photo, view, scene)) = open(folder, name, word) else { return Ok(()) };
-    let labels: Vec<u8> = word
-        .chars()
-        .filter_map(|c| CHARACTERS.chars().position(|known| known == c))
-        .map(|at| u8::try_from(at + 1).expect("62 characters"))
-        .collect();
-    for (width, bytes) in Reader::new(&strokes, &scene.score)?.strips(&photo, &view)? {
-        let head =
-            [u16::try_from(labels.len()), u16::try_from(width)].map(|n| n.expect("short words"));
-        let head = head.into_iter().flat_map(u16::to_le_bytes);
-        let record: Vec<u8> = head.chain(labels.iter().copied()).chain(bytes).collect();
-        out.write_all(&record).expect("room on the disk");
-    }
     Ok(())
 }

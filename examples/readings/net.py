@@ -10,11 +10,15 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-# Kernel height and width, channels in and out, and how the rows are pooled after it.
-LAYERS = [(3, 3, 2, 12, (2, 2)), (3, 3, 12, 24, (2, 1)), (3, 3, 24, 40, (2, 1)), (3, 3, 40, 64, (1, 1)),
-          (5, 3, 64, 112, (1, 1)), (1, 5, 112, 96, (1, 1)), (1, 7, 96, 96, (1, 1)), (1, 1, 96, 64, (1, 1))]
+# Kernel height and width, channels in and out, how the rows and columns are pooled after it, and the columns from one
+# of its kernel to the next: 0 for neighbors; else the layer's output is added to its input, so that a letter is seen
+# with those beside it.
+LAYERS = [(3, 3, 2, 12, (2, 2), 0), (3, 3, 12, 24, (2, 1), 0), (3, 3, 24, 40, (2, 1), 0), (3, 3, 40, 64, (1, 1), 0),
+          (5, 3, 64, 112, (1, 1), 0), (1, 5, 112, 96, (1, 1), 0), (1, 7, 96, 96, (1, 1), 0),
+          (1, 5, 96, 96, (1, 1), 2), (1, 5, 96, 96, (1, 1), 4), (1, 3, 96, 96, (1, 1), 8), (1, 1, 96, 64, (1, 1), 0)]
 TOP = 6.0  # activations are clipped at this
 EPSILON = 1e-3
+OLD = True  # weights of eight layers
 
 
 class Net(nn.Module):
@@ -22,24 +26,31 @@ class Net(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.convs = nn.ModuleList(nn.Conv2d(ci, co, (kh, kw), bias=last, padding=(0 if kh == 5 else kh // 2, kw // 2))
-                                   for (kh, kw, ci, co, _), last in zip(LAYERS, [False] * 7 + [True]))
+        self.convs = nn.ModuleList(
+            nn.Conv2d(ci, co, (kh, kw), bias=layer is LAYERS[-1], dilation=(1, step or 1),
+                      padding=(0 if kh == 5 else kh // 2, kw // 2 * (step or 1)))
+            for layer in LAYERS for kh, kw, ci, co, _, step in [layer])
         self.norms = nn.ModuleList(nn.BatchNorm2d(layer[3], eps=EPSILON, momentum=0.02) for layer in LAYERS[:-1])
         for conv in self.convs:
             nn.init.kaiming_normal_(conv.weight, nonlinearity="relu")
+        for norm, layer in zip(self.norms, LAYERS):
+            if layer[5]:
+                nn.init.zeros_(norm.weight)  # what is added begins as nothing
         self.rounded = False  # weights and activations as integers of 8 bits have them, for the end of the training
 
     def forward(self, x):
         for conv, norm, layer in zip(self.convs, self.norms, LAYERS):
+            before = x if layer[5] else 0.0
             if self.rounded:
                 factor = norm.weight / torch.sqrt(norm.running_var + EPSILON)
                 weight = as_bytes(conv.weight * factor[:, None, None, None])
-                x = F.conv2d(x, weight, norm.bias - norm.running_mean * factor, padding=conv.padding)
-                x = x.clamp(0, TOP)
+                x = F.conv2d(x, weight, norm.bias - norm.running_mean * factor, padding=conv.padding,
+                             dilation=conv.dilation)
                 # Sums are rounded down in use.
                 x = x + (torch.floor(x * (255 / TOP)) * (TOP / 255) - x).detach()
+                x = (before + x).clamp(0, TOP)
             else:
-                x = norm(conv(x)).clamp(0, TOP)
+                x = (before + norm(conv(x))).clamp(0, TOP)
             if layer[4] != (1, 1):
                 x = F.max_pool2d(x, layer[4])
         last = self.convs[-1]
@@ -61,7 +72,8 @@ def integers(net):
     """The net in integers: weights of 8 bits per output channel, biases and multipliers of 32, as bytes.
 
     Activations are bytes, 255 is TOP (the input: 1). A layer's output is
-    clamp((sum(weight * byte) + bias) * multiplier >> 24); of the last, logits in 1/256.
+    clamp(input + ((sum(weight * byte) + bias) * multiplier >> 24)), the input if it is added; of the last, logits in
+    1/256.
     """
     out = b""
     for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
@@ -81,7 +93,7 @@ def integers(net):
         multiplier = np.round(step * unit_in / unit_out * 2 ** 24).astype(np.int32)
         bias32 = np.round(bias.numpy() / (step * unit_in)).astype(np.int32)
         # Output channel, kernel row, kernel column, input channel.
-        out += struct.pack("<5B", layer[0], layer[1], layer[2], layer[3], layer[4][0] * 16 + layer[4][1])
+        out += struct.pack("<6B", *layer[:4], layer[4][0] * 16 + layer[4][1], layer[5])
         out += w8.transpose(0, 2, 3, 1).tobytes() + multiplier.tobytes() + bias32.tobytes()
     return out
 
@@ -91,11 +103,16 @@ def from_integers(data, strips):
     net, at, x = Net(), 0, strips
     with torch.no_grad():
         for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
-            kh, kw, ci, co, _ = layer
+            kh, kw, ci, co, _, apart = layer
+            if apart and OLD:
+                net.norms[n].running_mean.copy_(conv(x).mean((0, 2, 3)))
+                net.norms[n].running_var.copy_(conv(x).var((0, 2, 3)))
+                continue
+            head = 5 if OLD else 6
             size, last = kh * kw * ci * co, n == len(LAYERS) - 1
-            w8 = np.frombuffer(data, np.int8, size, at + 5).reshape(co, kh, kw, ci).transpose(0, 3, 1, 2)
-            multiplier, bias = np.frombuffer(data, "<i4", 2 * co, at + 5 + size).reshape(2, co).astype(float)
-            at += 5 + size + 8 * co
+            w8 = np.frombuffer(data, np.int8, size, at + head).reshape(co, kh, kw, ci).transpose(0, 3, 1, 2)
+            multiplier, bias = np.frombuffer(data, "<i4", 2 * co, at + head + size).reshape(2, co).astype(float)
+            at += head + size + 8 * co
             unit_in = (1.0 if n == 0 else TOP) / 255
             step = multiplier / 2 ** 24 * (1 / 256 if last else TOP / 255) / unit_in
             conv.weight.copy_(torch.from_numpy(w8 * step[:, None, None, None]))
@@ -103,10 +120,10 @@ def from_integers(data, strips):
             if last:
                 conv.bias.copy_(bias)
                 break
-            x, norm = conv(x), net.norms[n]
+            before, x, norm = x, conv(x), net.norms[n]
             norm.running_mean.copy_(x.mean((0, 2, 3)))
             norm.running_var.copy_(x.var((0, 2, 3)))
             norm.weight.copy_(torch.sqrt(norm.running_var + EPSILON))
             norm.bias.copy_(bias + norm.running_mean)
-            x = F.max_pool2d((x + bias[:, None, None]).clamp(0, TOP), layer[4])
+            x = F.max_pool2d(((before if apart else 0) + x + bias[:, None, None]).clamp(0, TOP), layer[4])
     return net

@@ -7,10 +7,10 @@ use super::choice::Choice;
 
 /// Constant and weights of the logistic regression, fitted by `examples/readings/fit.py` to the choosing
 /// half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md has the result.
-const CONSTANT: f64 = 2.631;
-const MEAN_LOG_ODDS: f64 = 0.312;
-const RIVAL: f64 = 0.229;
-const PAIRS: f64 = 1.141;
+const CONSTANT: f64 = -0.299;
+const MEAN_LOG_ODDS: f64 = 0.299;
+const RIVAL: f64 = 0.249;
+const SPELLING: f64 = 1.228;
 
 /// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
@@ -21,13 +21,14 @@ const LEAST_REST: f64 = 5e-4;
 /// Largest log-odds against the rival word, either way.
 const MOST_RIVAL: f64 = 9.0;
 
-/// Least mean of ln p over the pairs: clear letters at random are read, too.
-const LEAST_PAIRS: f64 = -4.2;
+/// Least mean of ln p of the spelling, and the mean of words and names.
+const LEAST_SPELLING: f64 = -4.0;
+const MEAN_SPELLING: f64 = -2.2;
 
 /// Method of a verdict's readability:
-/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + pairs · s)))` of the mean log-odds `m` of the
-/// letters, the log-odds `r` of the word against its rival, and the mean `s` of ln p over its pairs of
-/// letters.
+/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the
+/// letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of
+/// ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Readers whose reading it predicts.
@@ -38,9 +39,9 @@ pub struct Calibration {
     pub mean_log_odds: f64,
     /// Weight of the log-odds of the word against the likeliest other one, within ±9.
     pub rival: f64,
-    /// Weight of the mean of ln p over the pairs of neighboring letters, −4.2 at least, p as in English
-    /// words and names.
-    pub pairs: f64,
+    /// Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4
+    /// at least and above −2.2, as far as the letters are unclear.
+    pub spelling: f64,
 }
 
 /// The calibration that verdicts are made with.
@@ -49,13 +50,13 @@ pub const CALIBRATION: Calibration = Calibration {
     constant: CONSTANT,
     mean_log_odds: MEAN_LOG_ODDS,
     rival: RIVAL,
-    pairs: PAIRS,
+    spelling: SPELLING,
 };
 
 /// Probability that a viewer reads a word at first sight, from what is seen in the place of each
-/// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p over
-/// its pairs of letters.
-pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_pairs: f64) -> f64 {
+/// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p of
+/// its spelling.
+pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let log_odds = |choice: &Choice| {
         libm::log(choice.p / (1.0 - choice.p).max(LEAST_REST)).clamp(LOG_ODDS[0], LOG_ODDS[1])
     };
@@ -63,8 +64,10 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_pair
     let n_letters = log_odds.len().max(1) as f64;
     let mean = log_odds.iter().sum::<f64>() / n_letters;
     let against = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
-    let pairs = ln_p_of_pairs.max(LEAST_PAIRS);
-    let sum = CONSTANT + MEAN_LOG_ODDS * mean + RIVAL * against + PAIRS * pairs;
+    // Letters that are clear are read, however unusual the word is.
+    let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
+    let usual = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
+    let sum = CONSTANT + MEAN_LOG_ODDS * mean + RIVAL * against + SPELLING * usual;
     1.0 / (1.0 + libm::exp(-sum))
 }
 
@@ -73,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn readability_rises_with_letters_and_pairs_and_falls_with_the_rival() {
+    fn readability_rises_with_letters_and_spelling_and_falls_with_the_rival() {
         let of = |p: &[f64], rival: f64| {
             let choice = |p: &f64| Choice { p: *p, none: 1.0 - p, others: Vec::new() };
             let choices: Vec<Choice> = p.iter().map(choice).collect();
@@ -84,6 +87,8 @@ mod tests {
         assert!(of(&[0.9; 4], 2.0) > of(&[0.8, 0.9, 0.9, 0.9], 2.0), "a worse letter");
         assert!(of(&[0.9; 4], 2.0) > of(&[0.9; 4], 1.0), "a likelier rival");
         assert!(of(&[0.0; 2], f64::NEG_INFINITY).is_finite(), "bounded");
-        assert!(readability(&[], 2.0, -2.5) > readability(&[], 2.0, -4.0), "unusual pairs");
+        assert!(readability(&[], 2.0, -2.5) > readability(&[], 2.0, -4.0), "unusual spelling");
+        let choice = |p: f64| [Choice { p, none: 1.0 - p, others: Vec::new() }];
+        assert!(readability(&choice(0.9999), 9.0, -4.0) > 0.9, "unusual and clear");
     }
 }

@@ -7,9 +7,9 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, classes_of, in_case_of, names, 
 use super::calibration::readability;
 use super::choice::Choice;
 use super::columns::Columns;
-use super::pairs;
 use super::raster::whole;
 use super::search::search;
+use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
 use crate::letters::Strokes;
 
@@ -36,8 +36,8 @@ pub(super) struct Expected {
     /// The classes that count as each character.
     classes: Vec<Classes>,
     digits: Vec<bool>,
-    /// Mean of ln p over its pairs of letters.
-    ln_p_of_pairs: f64,
+    /// Mean of ln p over its letters.
+    ln_p_of_spelling: f64,
     /// How many judged characters are before the begin of each line and before its end.
     line_ends: Vec<usize>,
 }
@@ -90,7 +90,7 @@ impl Expected {
             characters: known().map(|(_, c, _)| c).collect(),
             classes: known().map(|(.., classes)| classes).collect(),
             digits: known().map(|(_, c, _)| c.is_ascii_digit()).collect(),
-            ln_p_of_pairs: pairs::mean_ln_p(&strokes.word),
+            ln_p_of_spelling: spelling::mean_ln_p(&strokes.word),
             line_ends,
         }
     }
@@ -130,7 +130,7 @@ impl Expected {
         let choices = self.choices(columns);
         let rival = self.rival(columns, &choices);
         let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
-        let readability = readability(&choices, against, self.ln_p_of_pairs);
+        let readability = readability(&choices, against, self.ln_p_of_spelling);
         Judgment { choices, rival: None, readability }.against(rival)
     }
 

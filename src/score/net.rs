@@ -24,7 +24,7 @@ const LOGIT: f64 = 1.0 / 256.0;
 /// The net of this program.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
-/// A convolution, then a maximum over rows and columns.
+/// A convolution, added to its input if its columns stand apart, then a maximum over rows and columns.
 struct Layer {
     /// Kernel: rows and columns.
     kernel: [usize; 2],
@@ -32,6 +32,8 @@ struct Layer {
     channels: [usize; 2],
     /// Rows and columns of which the maximum is kept.
     pool: [usize; 2],
+    /// Columns from one of the kernel's to the next; `None`: neighbors.
+    apart: Option<usize>,
     /// By output channel, kernel row, kernel column and input channel.
     weights: Vec<i16>,
     multipliers: Vec<i32>,
@@ -49,7 +51,7 @@ struct Map {
 /// Columns of a strip to either side of a logit's own that it depends on, rounded up to whole logits.
 static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     let reach = NET.iter().scan(1, |step, layer| {
-        let reach = layer.kernel[1] / 2 * *step;
+        let reach = layer.kernel[1] / 2 * layer.apart.unwrap_or(1) * *step;
         *step *= layer.pool[1];
         Some(reach + *step)
     });
@@ -88,8 +90,8 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
 /// Reads the layers from the file.
 fn layers(mut bytes: &[u8]) -> Vec<Layer> {
     let mut layers = Vec::new();
-    while let Some((head, rest)) = bytes.split_at_checked(5) {
-        let [kh, kw, ci, co, pool] = [0, 1, 2, 3, 4].map(|at| usize::from(head[at]));
+    while let Some((head, rest)) = bytes.split_at_checked(6) {
+        let [kh, kw, ci, co, pool, apart] = [0, 1, 2, 3, 4, 5].map(|at| usize::from(head[at]));
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
@@ -99,6 +101,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
             kernel: [kh, kw],
             channels: [ci, co],
             pool: [pool / 16, pool % 16],
+            apart: (apart > 0).then_some(apart),
             weights: weights.iter().map(|byte| i16::from(byte.cast_signed())).collect(),
             multipliers: integers(multipliers),
             biases: integers(biases),
@@ -117,7 +120,7 @@ impl Layer {
         let above = if kh == map.height { 0 } else { kh / 2 };
         let height = map.height + 2 * above + 1 - kh;
         // A row of the map between columns of zeros.
-        let beside = kw / 2 * ci;
+        let beside = kw / 2 * self.apart.unwrap_or(1) * ci;
         let row_length = map.width * ci;
         let mut rows = vec![vec![0_i16; row_length + 2 * beside]; map.height + 2 * above];
         for (row, values) in rows[above..].iter_mut().zip(map.values.chunks_exact(row_length)) {
@@ -130,7 +133,10 @@ impl Layer {
 
     /// The sums clamped to bytes.
     fn activations(&self, map: &Map) -> Map {
-        let sums = self.sums(map);
+        let mut sums = self.sums(map);
+        if self.apart.is_some() {
+            sums.iter_mut().zip(&map.values).for_each(|(sum, before)| *sum += i32::from(*before));
+        }
         let values: Vec<i16> = sums.iter().map(|sum| (*sum).clamp(0, 255) as i16).collect();
         let channels = self.channels[1];
         Map { height: values.len() / channels / map.width, width: map.width, channels, values }
@@ -151,14 +157,20 @@ impl pulp::NullaryFnOnce for Sums<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Layer { kernel: [kh, kw], channels: [ci, co], weights, biases, multipliers, .. } =
-            self.layer;
+        let Layer {
+            kernel: [kh, kw], channels: [ci, co], apart, weights, biases, multipliers, ..
+        } = self.layer;
         let run = kw * ci;
+        // Columns of the kernel that are neighbors are copied at once.
+        let (piece, step) = apart.map_or((run, run), |apart| (*ci, apart * ci));
         let mut patch = vec![0_i16; kh * run];
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
                 for (part, row) in patch.chunks_exact_mut(run).zip(&self.rows[y..y + kh]) {
-                    part.copy_from_slice(&row[x * ci..x * ci + run]);
+                    for (n, piece) in part.chunks_exact_mut(piece).enumerate() {
+                        let at = x * ci + n * step;
+                        piece.copy_from_slice(&row[at..at + piece.len()]);
+                    }
                 }
                 for (channel, (sum, weights)) in
                     sums.iter_mut().zip(weights.chunks_exact(kh * run)).enumerate()

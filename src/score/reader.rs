@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::align::Finder;
 use super::alphabet::classes_of;
 use super::calibration::CALIBRATION;
+use super::choice::Choice;
 use super::color;
 use super::columns::Columns;
 use super::ink::Page;
@@ -15,6 +16,7 @@ use super::page::LetterPage;
 use super::plane::{Grid, Placed};
 use super::raster::{Raster, whole};
 use super::reading::{ReadLetter, Reading, read};
+use super::spelling::likeliest;
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, SIDE_PX, Strip};
 use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
 use super::view::View;
@@ -237,6 +239,7 @@ impl Reader {
         let has_other_length = judgment.has_other_length();
         let Judgment { choices, rival, readability } = judgment;
         let reads_other_length = reading.is_clear() && reading.letters.len() != choices.len();
+        let read = self.spelled(&choices);
         let mut choices = choices.iter();
         let letter = |glyph: &Glyph| match classes_of(glyph.character) {
             None => LetterVerdict::not_judged(glyph.character),
@@ -259,7 +262,7 @@ impl Reader {
         };
         Verdict {
             word: self.strokes.word.clone(),
-            read: self.spaced(&letters),
+            read,
             legible,
             readability,
             rival,
@@ -275,11 +278,19 @@ impl Reader {
         }
     }
 
-    /// The likeliest letters, with the spaces and line ends of the word.
-    fn spaced(&self, letters: &[LetterVerdict]) -> String {
-        let mut best = letters.iter().map(|letter| letter.best.unwrap_or('?'));
-        let word = self.strokes.word.chars();
-        word.filter_map(|c| if c.is_whitespace() { Some(c) } else { best.next() }).collect()
+    /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
+    fn spelled(&self, choices: &[Choice]) -> String {
+        let judged = |c: char| classes_of(c).is_some();
+        let mut choices = choices;
+        let read = self.strokes.word.split_inclusive(char::is_whitespace).flat_map(|word| {
+            let expected: Vec<char> = word.chars().filter(|c| judged(*c)).collect();
+            let (own, rest) = choices.split_at(expected.len());
+            choices = rest;
+            let mut letters = likeliest(own, &expected).into_iter();
+            let shown = move |c| if judged(c) { letters.next().unwrap_or(c) } else { c };
+            word.chars().map(shown).collect::<Vec<char>>()
+        });
+        read.collect()
     }
 }
 

@@ -7,11 +7,12 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of};
+use super::alphabet::{Classes, NO_LETTER, alike, class_of, classes_of, in_case_of};
 use super::columns::Columns;
 use super::line::{self, InkColor, InkRule, Line};
 use super::net;
 use super::search::{Symbols, search};
+use super::spelling::likeliest;
 use super::strip::CAP_PX;
 use crate::photo::Photo;
 
@@ -30,8 +31,8 @@ const LEAST_SHARE: f64 = 0.6;
 /// leaves more, two letters leave less.
 const SPACE_H: f64 = 0.65;
 
-/// Mean of ln p over the letters from which other rules for ink are not tried.
-const SURE: f64 = -0.1;
+/// Share of a letter from which reading it says more than leaving it out.
+const EVEN: f64 = 0.5;
 
 /// Columns of strips that are read at most, all tries together: two tries of the longest word, or a
 /// second on one core. What is noise has many lines of many columns.
@@ -87,8 +88,11 @@ pub fn read(photo: &Photo) -> Reading {
     let rules = [0.95, 0.6].into_iter().flat_map(|full_rank| {
         [InkColor::Own, InkColor::Any].map(|color| InkRule { color, full_rank })
     });
-    let worth =
-        |lines: &[ReadLine]| lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
+    // A rule that leaves out letters reads the others as clearly.
+    let worth = |lines: &[ReadLine]| -> f64 {
+        let letters = lines.iter().flat_map(|line| &line.letters);
+        letters.map(|letter| if letter.letter == '?' { 0.0 } else { letter.p } - EVEN).sum()
+    };
     let light = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut budget = MOST_COLUMNS;
@@ -100,12 +104,9 @@ pub fn read(photo: &Photo) -> Reading {
         if lines.is_empty() || worth(&read) > worth(&lines) {
             lines = read;
         }
-        if worth(&lines) > SURE {
-            break;
-        }
     }
     if lines.len() > 1 {
-        let top = worth(&lines);
+        let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines
             .retain(|line| line.ln_p >= top || (line.letters.len() > 1 && is_clear(&line.letters)));
     }
@@ -148,9 +149,16 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
         .into_iter()
         .map(|column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px)
         .collect();
-    let letters = text.chars().zip(line.boxes(&middles)).zip(choices);
+    let seen: Vec<char> = text.chars().collect();
+    let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles));
     let letters: Vec<ReadLetter> = letters
-        .map(|((letter, box_px), choice)| ReadLetter { letter, p: choice.p, box_px })
+        .zip(choices.iter().zip(&seen))
+        .map(|((letter, box_px), (choice, seen))| {
+            let own = |(other, _): &&(char, f64)| in_case_of(*other, *seen) == letter;
+            let other = || choice.others.iter().find(own).map_or(0.0, |(_, p)| *p);
+            let p = if letter == *seen { choice.p } else { other() };
+            ReadLetter { letter, p, box_px }
+        })
         .collect();
     let text = spaced(&letters, SPACE_H * CAP_PX as f64 * pitch_px);
     Some(ReadLine { text, letters, ln_p, columns })

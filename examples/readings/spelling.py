@@ -1,0 +1,115 @@
+"""Writes src/score/spelling.bin: how likely each letter is after those before it, in words and names.
+
+    python3 spelling.py ../../src/score/spelling.bin SCOWL NAMES
+
+SCOWL is a folder of its lists (Debian's package scowl: SCOWL, copyright 2000-2020 Kevin Atkinson, whose license
+allows any use), of which those of common words weigh more; NAMES is a folder with the census's lists of
+1990, in the public domain: dist.male.first, dist.female.first and dist.all.last, as in the pip package `names`.
+Marks are left out; words of 2 to 10 letters count.
+
+The file has -20 ln p of each letter after each two, a byte each, in the order of the alphabet after the blank, which
+is the begin and the end of a word; then the runs of four and five letters whose own probability says most, their
+number first (u32): their letters as a number of base 27, three bytes, in order, and then their -20 ln p, a byte
+each. A run that is not there has the probability of the shorter one times BACKOFF. The probabilities are interpolated
+with those of shorter runs (Witten and Bell 1991).
+"""
+
+import collections
+import functools
+import math
+import os
+import struct
+import sys
+import unicodedata
+
+LETTERS = " abcdefghijklmnopqrstuvwxyz"
+N_RUNS = [24000, 44000]  # of four and of five letters
+BACKOFF = 0.4  # as of Brants and others 2007
+# Weight of a word by the list of SCOWL that has it first: 10 is the most common.
+SIZES = {"10": 12, "20": 8, "35": 4, "40": 2, "50": 2, "55": 1, "60": 1, "70": 1}
+
+
+def plain(word):
+    return "".join(c for c in unicodedata.normalize("NFD", word) if not unicodedata.combining(c)).lower()
+
+
+def weights(scowl, names):
+    """How often each word counts."""
+    found = collections.Counter()
+    for size, weight in SIZES.items():
+        for kind in ("english-words", "american-words", "english-upper", "american-upper"):
+            path = os.path.join(scowl, f"{kind}.{size}")
+            for line in open(path, encoding="latin-1") if os.path.exists(path) else []:
+                found[plain(line.strip())] = max(weight, found[plain(line.strip())])
+    for name in ("dist.male.first", "dist.female.first", "dist.all.last"):
+        for rank, line in enumerate(open(os.path.join(names, name))):
+            weight = 8 if rank < 300 else 4 if rank < 1000 else 1 if rank < 8000 else 0
+            word = line.split()[0].lower()
+            found[word] = max(weight, found[word])
+    return {word: n for word, n in found.items() if n and 2 <= len(word) <= 10 and set(word) <= set(LETTERS[1:])}
+
+
+def number(run):
+    """A run of letters as a number of base 27."""
+    return functools.reduce(lambda sum, letter: 27 * sum + LETTERS.index(letter), run, 0)
+
+
+def table(path):
+    """The table of a file, as a function: ln p of the last of five letters after the others."""
+    data, runs, at = open(path, "rb").read(), [], 27 ** 3
+    for _ in N_RUNS:
+        (n,) = struct.unpack_from("<I", data, at)
+        keys, costs = data[at + 4:at + 4 + 3 * n], data[at + 4 + 3 * n:at + 4 + 4 * n]
+        runs.append({int.from_bytes(keys[3 * k:3 * k + 3], "little"): costs[k] for k in range(n)})
+        at += 4 + 4 * n
+
+    def ln_p(five):
+        backoffs, found = next(((k, runs[1 - k][number(five[k:])]) for k in range(2)
+                                if number(five[k:]) in runs[1 - k]), (2, data[number(five[2:])]))
+        return -0.05 * found + backoffs * math.log(BACKOFF)
+
+    return ln_p
+
+
+def main():
+    out, scowl, names = sys.argv[1:]
+    words = weights(scowl, names)
+    counts = collections.defaultdict(collections.Counter)  # of a letter after the up to four before it
+    for word, n in words.items():
+        text = "    " + word + " "
+        for at in range(4, len(text)):
+            for length in range(5):
+                counts[text[at - length:at]][text[at]] += n
+    interpolated = {}
+
+    def p(before, letter):
+        if (before, letter) not in interpolated:
+            shorter = p(before[1:], letter) if before else 1 / len(LETTERS)
+            seen = counts.get(before, {})
+            kinds, total = max(len(seen), 1), sum(seen.values())
+            interpolated[before, letter] = (seen.get(letter, 0) + kinds * shorter) / (total + kinds)
+        return interpolated[before, letter]
+
+    cost = lambda p: min(255, round(-20 * math.log(p)))
+    data = bytes(cost(p(a + b, c)) for a in LETTERS for b in LETTERS for c in LETTERS)
+    kept = {}
+    for length, most in zip((4, 5), N_RUNS):
+        runs = {}
+        for before, seen in counts.items():
+            if len(before) != length - 1:
+                continue
+            for letter, n in seen.items():
+                shorter = kept.get(before[1:] + letter) or (
+                    p(before[1:], letter) if length == 4 else BACKOFF * p(before[2:], letter))
+                runs[before + letter] = n * abs(math.log(p(before, letter) / (BACKOFF * shorter)))
+        best = sorted(runs, key=lambda run: (-runs[run], run))[:most]
+        kept.update({run: p(run[:-1], run[-1]) for run in best})
+        best.sort(key=number)
+        data += struct.pack("<I", len(best)) + b"".join(number(run).to_bytes(3, "little") for run in best)
+        data += bytes(cost(kept[run]) for run in best)
+    open(out, "wb").write(data)
+    print(len(words), "words,", len(data), "bytes")
+
+
+if __name__ == "__main__":
+    main()

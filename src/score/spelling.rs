@@ -1,0 +1,251 @@
+//! Spelling: what a viewer takes a half-seen word for, who knows words and names, and needs every letter of
+//! an unusual one.
+//!
+//! A model of letters, not a dictionary: the probability of a letter after the four before it, in words
+//! and names, interpolated over shorter runs of letters (Witten and Bell 1991), of which a table holds
+//! those that say most (`examples/readings/spelling.py`).
+
+use std::sync::LazyLock;
+
+use super::alphabet::{class_of, in_case_of, latin};
+use super::choice::Choice;
+
+/// Letters of the Latin alphabet, and the begin or end of a word, which is 0.
+const N_SYMBOLS: usize = 27;
+
+/// Letters before one that its probability depends on.
+const N_BEFORE: usize = 4;
+
+/// ln of the factor of a run of letters that the table has not, to the run without its first.
+const LN_BACKOFF: f64 = -0.916;
+
+/// A unit of the table's ln p.
+const LN_UNIT: f64 = -0.05;
+
+/// Weight of the spelling beside the light, and share of words that are spelled like none; chosen on the
+/// choosing halves of the readings.
+const WEIGHT: f64 = 0.6;
+const RANDOM: f64 = 0.2;
+
+/// Share of a letter from which it is tried.
+const LEAST: f64 = 0.001;
+
+/// Words that are followed at once.
+const N_WORDS: usize = 64;
+
+/// Mean of ln p over the letters of a word with a digit, as of one character of 36; and of a single
+/// character, which has no neighbors: that of words and names.
+const WITH_DIGIT: f64 = -3.58;
+const AVERAGE: f64 = -2.2;
+
+/// Runs of four or of five letters, as numbers of base 27 in three bytes, in order, and their costs.
+struct Runs {
+    numbers: &'static [[u8; 3]],
+    costs: &'static [u8],
+}
+
+/// Costs of three letters, and the runs of four and of five.
+static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
+    let bytes: &'static [u8] = include_bytes!("spelling.bin");
+    let (triples, mut bytes) = bytes.split_at(N_SYMBOLS * N_SYMBOLS * N_SYMBOLS);
+    let mut runs = || {
+        let (n, rest) = bytes.split_first_chunk().expect("the table has two lists of runs");
+        let n = u32::from_le_bytes(*n) as usize;
+        let (numbers, rest) = rest.split_at(3 * n);
+        let (costs, rest) = rest.split_at(n);
+        bytes = rest;
+        Runs { numbers: numbers.as_chunks().0, costs }
+    };
+    (triples, [runs(), runs()])
+});
+
+impl Runs {
+    fn cost(&self, number: usize) -> Option<u8> {
+        let own =
+            |bytes: &[u8; 3]| usize::from_le_bytes([bytes[0], bytes[1], bytes[2], 0, 0, 0, 0, 0]);
+        let at = self.numbers.binary_search_by_key(&number, own).ok()?;
+        Some(self.costs[at])
+    }
+}
+
+/// ln p of a symbol after the four before it.
+fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
+    let number = |run: &[usize]| run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol);
+    let [a, b, c, d] = before;
+    let run = [a, b, c, d, next];
+    let (triples, [fours, fives]) = &*TABLE;
+    let (cost, backoffs) = match (fives.cost(number(&run)), fours.cost(number(&run[1..]))) {
+        (Some(cost), _) => (cost, 0.0),
+        (None, Some(cost)) => (cost, 1.0),
+        (None, None) => (triples[number(&run[2..])], 2.0),
+    };
+    LN_UNIT * f64::from(cost) + LN_BACKOFF * backoffs
+}
+
+/// The symbol of a letter, without its marks, cases aside.
+fn symbol(letter: char) -> Option<usize> {
+    class_of(latin(letter)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
+}
+
+/// Mean of ln p over the letters of a text's words and their ends.
+pub(super) fn mean_ln_p(text: &str) -> f64 {
+    let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
+        let symbols: Option<Vec<usize>> = word.chars().map(symbol).collect();
+        let n_letters = word.chars().count() as f64 + 1.0;
+        let ln_p = match symbols {
+            Some(symbols) if symbols.len() > 1 => {
+                let spelled =
+                    symbols.iter().fold(Spelled::default(), |word, at| word.and(*at, 1.0));
+                spelled.and(0, 1.0).spelling
+            }
+            Some(_) => n_letters * AVERAGE,
+            None => n_letters * if n_letters > 2.0 { WITH_DIGIT } else { AVERAGE },
+        };
+        (sum + ln_p, n + n_letters)
+    });
+    sum / n.max(1.0)
+}
+
+/// A word as far as it is spelled: its symbols, and ln p of its light and of its spelling.
+#[derive(Clone, Default)]
+struct Spelled {
+    symbols: Vec<usize>,
+    light: f64,
+    spelling: f64,
+}
+
+impl Spelled {
+    fn ln_p(&self) -> f64 {
+        self.light + WEIGHT * self.spelling
+    }
+
+    /// The same with one more symbol, or its end.
+    fn and(&self, symbol: usize, light: f64) -> Self {
+        let n = self.symbols.len();
+        let before = std::array::from_fn(|at| {
+            (at + n).checked_sub(N_BEFORE).map_or(0, |at| self.symbols[at])
+        });
+        let mut symbols = self.symbols.clone();
+        symbols.push(symbol);
+        Self {
+            symbols,
+            light: self.light + libm::log(light),
+            spelling: self.spelling + ln_p(before, symbol),
+        }
+    }
+}
+
+/// The likeliest word, given what is seen in the place of each of its letters and the letters that it
+/// was looked at for: as its light says, or as words are spelled that the light might be. `?` stands
+/// for light that is no letter.
+pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
+    let seen = |(choice, expected): (&Choice, &char)| {
+        let own = (*expected, choice.p);
+        let others = choice.others.first().map(|(letter, p)| (in_case_of(*letter, *expected), *p));
+        let most = others.filter(|other| other.1 > own.1).unwrap_or(own);
+        if choice.none > most.1 { ('?', choice.none) } else { most }
+    };
+    let seen: Vec<(char, f64)> = choices.iter().zip(expected).map(seen).collect();
+    let light: Vec<char> = seen.iter().map(|(letter, _)| *letter).collect();
+    let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
+        return light;
+    };
+    let n_letters = choices.len() as f64;
+    let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
+    let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
+    if libm::log(1.0 - RANDOM) + spelled.ln_p() <= as_light {
+        return light;
+    }
+    let letter = |(symbol, expected): (&usize, &char)| {
+        let letter = char::from(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ"[symbol - 1]);
+        if self::symbol(*expected) == Some(*symbol) {
+            *expected
+        } else {
+            in_case_of(letter, *expected)
+        }
+    };
+    spelled.symbols.iter().zip(expected).map(letter).collect()
+}
+
+/// The likeliest spelling of what is seen, of letters alone; `None` where there is none.
+fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
+    let mut words = vec![Spelled::default()];
+    for (choice, expected) in choices.iter().zip(expected) {
+        let mut light = [0.0; N_SYMBOLS];
+        for (letter, p) in choice.others.iter().chain([&(*expected, choice.p)]) {
+            if let Some(symbol) = symbol(*letter) {
+                light[symbol] += p;
+            }
+        }
+        let tried = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST);
+        let tried: Vec<usize> = tried.collect();
+        let longer = words.iter().flat_map(|word| tried.iter().map(|at| word.and(*at, light[*at])));
+        words = longer.collect();
+        words.sort_by(|a, b| b.ln_p().total_cmp(&a.ln_p()));
+        words.truncate(N_WORDS);
+    }
+    let ended =
+        words.iter().map(|word| Spelled { symbols: word.symbols.clone(), ..word.and(0, 1.0) });
+    ended.reduce(|a, b| if b.ln_p() > a.ln_p() { b } else { a })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is seen of a word of which each letter has a share, the rest being another letter's, or
+    /// none's where that is '?'.
+    fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
+        let choice = |(_, p, other): &(char, f64, char)| match other {
+            '?' => Choice { p: *p, none: 1.0 - p, others: Vec::new() },
+            _ => Choice { p: *p, none: 0.0, others: vec![(*other, 1.0 - p)] },
+        };
+        letters.iter().map(choice).collect()
+    }
+
+    fn read(letters: &[(char, f64, char)]) -> String {
+        let expected: Vec<char> = letters.iter().map(|(letter, ..)| *letter).collect();
+        likeliest(&choices(letters), &expected).into_iter().collect()
+    }
+
+    #[test]
+    fn a_half_seen_letter_is_what_spells_a_word() {
+        let clear = |c: char| (c, 0.99, 'Q');
+        let word = |third| [clear('H'), clear('O'), third, clear('S'), clear('E')];
+        assert_eq!(read(&word(('U', 0.3, 'D'))), "HOUSE");
+        assert_eq!(read(&word(('D', 0.7, 'U'))), "HOUSE", "expected or not");
+        assert_eq!(read(&word(('U', 0.2, '?'))), "HOUSE", "a part is missing");
+        assert_eq!(read(&word(('U', 0.0, '?'))), "HO?SE", "nothing is there");
+        assert_eq!(read(&word(('D', 0.9999, 'U'))), "HODSE", "clear light is believed");
+        let zoe = [('Z', 0.9, '2'), ('o', 0.9, 'D'), ('ë', 0.9, 'F')];
+        assert_eq!(read(&zoe), "Zoë");
+    }
+
+    #[test]
+    fn words_are_more_usual_than_letters_at_random() {
+        let usual = mean_ln_p("HOUSE");
+        assert!(usual > mean_ln_p("XKQJW") + 1.5);
+        assert!(usual > mean_ln_p("4711") && mean_ln_p("4711") > mean_ln_p("XKQJW"));
+        assert_eq!(mean_ln_p("Zoë"), mean_ln_p("ZOE"));
+        let [both, first, second] = ["on air!", "on", "air"].map(mean_ln_p);
+        assert!((both - (3.0 * first + 4.0 * second) / 7.0).abs() < 1e-12, "{both}");
+        assert_eq!(mean_ln_p("C"), mean_ln_p("7"));
+    }
+
+    #[test]
+    fn letters_and_digits_at_random_are_read_as_they_are() {
+        for text in ["XKCD", "8052", "B52", "QZWJV"] {
+            let clear: Vec<_> = text.chars().map(|c| (c, 0.97, 'E')).collect();
+            assert_eq!(read(&clear), text);
+        }
+    }
+
+    #[test]
+    fn each_letter_has_a_probability_and_all_together_no_more_than_twice_one() {
+        for before in [[0; 4], [0, 0, 0, 20], [0, 20, 8, 5], [17, 17, 26, 24]] {
+            let sum: f64 = (0..N_SYMBOLS).map(|next| libm::exp(ln_p(before, next))).sum();
+            assert!((0.1..2.0).contains(&sum), "{before:?}: {sum}");
+        }
+    }
+}
