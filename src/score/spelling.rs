@@ -30,6 +30,9 @@ const RANDOM: f64 = 0.2;
 /// Share of a letter from which it is tried.
 const LEAST: f64 = 0.001;
 
+/// Share of no letter from which a place is a gap: viewers guess what it lacks, but do not see it.
+const GAP: f64 = 0.75;
+
 /// Words that are followed at once.
 const N_WORDS: usize = 64;
 
@@ -157,15 +160,15 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     if libm::log(1.0 - RANDOM) + spelled.ln_p() <= as_light {
         return light;
     }
-    let letter = |(symbol, expected): (&usize, &char)| {
+    let letter = |((symbol, expected), choice): ((&usize, &char), &Choice)| {
         let letter = char::from(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ"[symbol - 1]);
-        if self::symbol(*expected) == Some(*symbol) {
-            *expected
-        } else {
-            in_case_of(letter, *expected)
+        match self::symbol(*expected) {
+            _ if choice.none > GAP => '?',
+            Some(own) if own == *symbol => *expected,
+            _ => in_case_of(letter, *expected),
         }
     };
-    spelled.symbols.iter().zip(expected).map(letter).collect()
+    spelled.symbols.iter().zip(expected).zip(choices).map(letter).collect()
 }
 
 /// The likeliest spelling of what is seen, of letters alone; `None` where there is none.
@@ -215,8 +218,8 @@ mod tests {
         let word = |third| [clear('H'), clear('O'), third, clear('S'), clear('E')];
         assert_eq!(read(&word(('U', 0.3, 'D'))), "HOUSE");
         assert_eq!(read(&word(('D', 0.7, 'U'))), "HOUSE", "expected or not");
-        assert_eq!(read(&word(('U', 0.2, '?'))), "HOUSE", "a part is missing");
-        assert_eq!(read(&word(('U', 0.0, '?'))), "HO?SE", "nothing is there");
+        assert_eq!(read(&word(('U', 0.3, '?'))), "HOUSE", "a part is missing");
+        assert_eq!(read(&word(('U', 0.1, '?'))), "HO?SE", "nothing is there");
         assert_eq!(read(&word(('D', 0.9999, 'U'))), "HODSE", "clear light is believed");
         let zoe = [('Z', 0.9, '2'), ('o', 0.9, 'D'), ('ë', 0.9, 'F')];
         assert_eq!(read(&zoe), "Zoë");

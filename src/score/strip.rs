@@ -116,6 +116,13 @@ impl Strip {
         columns
     }
 
+    /// Whether no pixel of some columns is lit.
+    pub(super) fn is_dark(&self, columns: Range<usize>) -> bool {
+        let columns = columns.start..columns.end.min(self.width);
+        let mut rows = self.bright.chunks_exact(self.width);
+        rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
+    }
+
     /// The net's input, of some columns: both channels of each pixel, as square roots.
     pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]

@@ -48,7 +48,7 @@ fn equal_shapes_in_another_case_are_no_rivals() {
     for word in ["Mia", "min", "ill", "Zoë"] {
         let strokes = simplex(word);
         let verdict = Shot::of(&strokes).verdict(&strokes);
-        assert!(verdict.readability > 0.65 && verdict.read == word, "{word}: {verdict:?}");
+        assert!(verdict.readability > 0.6 && verdict.read == word, "{word}: {verdict:?}");
         let rival = &verdict.rival.as_ref().unwrap().word;
         assert!(!rival.eq_ignore_ascii_case(word), "{word}: rival {rival}");
     }
