@@ -33,14 +33,21 @@ pub(super) fn run(
     let mut advice: Vec<String> = mean.iter().map(advice_of).collect();
     if !found.is_empty() {
         advice.push(format!(
-            "then fly as on this evening: `noctograph preview --spread 20 --conditions {file}`"
+            "then fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
     let html = evening_page(&title, &evening, &toml, &advice).html();
     written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
-    written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
-    let files = written.keep(&["evening.html", "conditions.toml"])?;
+    // Without a sound flight there is nothing that a study could use.
+    let names: &[&str] = match found.is_empty() {
+        true => &["evening.html"],
+        false => &["evening.html", "conditions.toml"],
+    };
+    if !found.is_empty() {
+        written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
+    }
+    let files = written.keep(names)?;
     let conditions =
         found.iter().map(|found| format!("{}\t{:.3e}\t  {}", found.key, found.value, found.from));
     let mut text = line(
@@ -51,7 +58,11 @@ pub(super) fn run(
     text += &("\n".to_owned() + &table(head, evening.logs.iter().map(row)));
     text += &flaws(&evening);
     text.push('\n');
-    text += &table("condition<18|value>10|  from<0", conditions);
+    if found.is_empty() {
+        text += &line("conditions", "none: no log is sound");
+    } else {
+        text += &table("condition<18|value>10|  from<0", conditions);
+    }
     text.push('\n');
     text.extend(advice.iter().map(|advice| line("advice", advice)));
     let json = json!({ "logs": evening.logs, "conditions": found, "mean_drone": mean });
@@ -87,7 +98,10 @@ fn row(log: &EveningLog) -> String {
     );
     // Names are cut so that rows keep to 80 columns: a log's keeps its end.
     let beyond = log.log.chars().count().saturating_sub(16);
-    let end: String = log.log.chars().skip(beyond).collect();
+    let end: String = match beyond {
+        0 => log.log.clone(),
+        _ => "…".chars().chain(log.log.chars().skip(beyond + 1)).collect(),
+    };
     format!("{:.10}\t{figures}\t  {end}", log.drone)
 }
 

@@ -33,7 +33,10 @@ pub enum Problem {
     /// No lamp that writes is lit while the shutter is open.
     Unlit,
     /// The lamps that write face away from the camera.
-    FacesAway,
+    FacesAway {
+        /// Share of their light's time.
+        away_frac: f64,
+    },
     /// Everything is exposed.
     Overexposed {
         /// Share of white pixels.
@@ -97,10 +100,13 @@ impl Problem {
             Self::Unlit => {
                 ("no lamp that writes is lit while the shutter is open".to_owned(), CHECK_LIGHT)
             }
-            Self::FacesAway => (
-                "the lamps that write face away from the camera".to_owned(),
-                "move the camera in front of them ({camera.framing}), or turn the lamps \
-                 ({light.fixtures})",
+            Self::FacesAway { away_frac } => (
+                format!(
+                    "the lamps that write face away from the camera for {:.0} % of their light",
+                    100.0 * away_frac
+                ),
+                "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \
+                 in front of them ({camera.framing})",
             ),
             Self::Overexposed { white_frac, settings } => (
                 format!(
@@ -173,6 +179,9 @@ fn in_words(spans_s: &[[f64; 2]]) -> String {
     first.collect::<Vec<_>>().join(", ") + more
 }
 
+/// Share of a lamp's light that may face away from the camera: a stroke's end, not a letter.
+const MOST_AWAY: f64 = 0.02;
+
 /// Least share of a lamp's intensity on its axis that counts as shining at the camera.
 const AWAY_SHARE: f64 = 0.02;
 
@@ -233,18 +242,19 @@ pub(super) fn before(flights: &[Flight], lamps: &[&Lamp], camera: &Camera) -> Ve
 fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<Problem> {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
-    let mut most_share: Option<f64> = None;
-    for lamp in lamps {
-        for sample in lamp.samples.iter().filter(lit) {
+    let away_frac = |lamp: &&Lamp| {
+        let shares = lamp.samples.iter().filter(lit).map(|sample| {
             let toward: Vector3<f64> = camera.position_m - sample.position_m;
             let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
-            let share = lamp.emitter.share(cos);
-            most_share = Some(most_share.map_or(share, |most| most.max(share)));
-        }
-    }
-    match most_share {
+            lamp.emitter.share(cos)
+        });
+        let (away, seen): (Vec<f64>, Vec<f64>) = shares.partition(|share| *share < AWAY_SHARE);
+        let n = away.len() + seen.len();
+        (n > 0).then(|| away.len() as f64 / n as f64)
+    };
+    match lamps.iter().filter_map(away_frac).reduce(f64::min) {
         None => Some(Problem::Unlit),
-        Some(share) if share < AWAY_SHARE => Some(Problem::FacesAway),
+        Some(away_frac) if away_frac > MOST_AWAY => Some(Problem::FacesAway { away_frac }),
         Some(_) => None,
     }
 }

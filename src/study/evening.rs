@@ -33,6 +33,8 @@ const LEAST_RATE_HZ: f64 = 500.0;
 const LEAST_AIR_S: f64 = 10.0;
 /// Largest share of a flight of which the log knows nothing.
 const MOST_UNKNOWN: f64 = 0.1;
+/// Least gusts of a log: the quietest sensor's noise is more.
+const LEAST_GUST_M_S: f64 = 1e-6;
 /// Flights from which a spread is taken.
 const LEAST_FLIGHTS: usize = 3;
 /// Time from one outage of the radio to the next, as conditions have it.
@@ -72,6 +74,8 @@ pub enum Flaw {
     Gaps(f64),
     /// A motor was at its limit for so many seconds.
     Saturated(f64),
+    /// Nothing turns the drone: its rows are one repeated.
+    Frozen,
 }
 
 impl fmt::Display for Flaw {
@@ -81,6 +85,7 @@ impl fmt::Display for Flaw {
             Self::Silent(why) => write!(f, "says nothing: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
             Self::Gaps(share) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * share),
+            Self::Frozen => write!(f, "frozen: its rows repeat one"),
             Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),
         }
     }
@@ -275,6 +280,7 @@ impl EveningLog {
             (figures.air_s < LEAST_AIR_S).then_some(Flaw::Short(figures.air_s)),
             (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
+            figures.gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
         row(flaws.into_iter().flatten().collect(), Some(figures))
     }
@@ -458,7 +464,7 @@ mod tests {
         let sample = |i: u32| FlightSample {
             time_s: f64::from(i) * 0.01,
             position_m: nalgebra::Vector3::z(),
-            motors: [43_000.0; 4],
+            motors: [43_000.0 + f64::from(i / 100 % 7), 43_000.0, 43_000.0, 43_000.0],
             ..FlightSample::default()
         };
         let hover = || Flight { samples: (0..3000).map(sample).collect(), ..Flight::default() };
@@ -479,6 +485,9 @@ mod tests {
         assert!(matches!(flaws(Ok(limited))[..], [Flaw::Saturated(s)] if (s - 1.0).abs() < 1e-9));
         silent.unlogged = [crate::flight::Quantity::Motors].into();
         assert!(matches!(flaws(Ok(silent))[..], [Flaw::Silent(_)]));
+        let mut frozen = hover();
+        frozen.samples.iter_mut().for_each(|sample| sample.motors = [43_000.0; 4]);
+        assert_eq!(flaws(Ok(frozen)), [Flaw::Frozen]);
         let missing = crate::error::Error::Stopped;
         assert!(matches!(flaws(Err(missing))[..], [Flaw::Unreadable(_)]));
     }

@@ -31,7 +31,7 @@ fn each_obstacle_is_named_before_the_letters() {
         ("camera.framing.position_m", "[-4.0, -0.3, 0.75]"),
         ("camera.framing.target_m", "[0.0, 0.0, 0.75]"),
     ];
-    assert_eq!(first(&behind), Problem::FacesAway);
+    assert_eq!(first(&behind), Problem::FacesAway { away_frac: 1.0 });
     let unlit = [("plan.lights", "[\"color-led\"]"), ("light.deck", "none")];
     assert_eq!(first(&unlit), Problem::Unlit);
 }
