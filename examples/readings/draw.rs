@@ -48,7 +48,7 @@ const COLORS: [[f64; 2]; 8] = [
     [0.36, 0.18],
 ];
 
-/// Random numbers (SplitMix64, Steele and others 2014), the same on every machine.
+/// Random numbers (`SplitMix64`, Steele and others 2014), the same on every machine.
 pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
@@ -259,7 +259,7 @@ pub(crate) fn fly(
     }
     let commands = plan.commanded();
     let lit = || plan.setpoints.iter().zip(&commands).filter(|(_, level)| **level > 0.0);
-    let [first, last] = [lit().next(), lit().last()];
+    let [first, last] = [lit().next(), lit().next_back()];
     let lit_s = [first, last].map(|row| row.map_or(0.0, |(setpoint, _)| setpoint.time_s));
     if fault == "slow drone" {
         let heavier = 1.0 + 0.25 * u;
