@@ -93,7 +93,7 @@ fn great_faults_do_not_pass() {
     let shot = Shot::of(&noor);
     let faults = [
         ("wandering by 8 cm", shot.clone().wandering(0.08)),
-        ("trailing by 25 cm", shot.clone().trailing(0.25)),
+        ("trailing by 40 cm", shot.clone().trailing(0.40)),
         ("last 60 cm missing", shot.clone().ending_early(0.60)),
         ("mirrored", shot.clone().mapped(|[x, y]| [0.3 - x, y])),
         ("upside down", shot.clone().mapped(|[x, y]| [0.3 - x, 1.5 - y])),
