@@ -3,7 +3,7 @@
     python3 fit.py READINGS.tsv FOLDER [--clean CLEAN] [--old OLD.tsv]        (in the repository; needs numpy)
 
 READINGS.tsv has a line for each photo: name, half (choose or test), kind, word shown, word expected, and of each
-reader what was read and how surely (sure, guess, no). FOLDER is what photos.py made: its verdicts are taken with the
+reader what was read and how surely (sure, guess, no). FOLDER holds the photographs: their verdicts are taken with the
 example `readings`, of the expected words, of words that differ from them in one letter and of words of one letter
 more or less. OLD.tsv holds verdicts of another program, with the columns of `readings verdicts`. To add readers, add
 columns to READINGS.tsv and their names to READERS; to refit, run this and copy the constants into
@@ -186,7 +186,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("readings")
     parser.add_argument("folder")
-    parser.add_argument("--clean", help="clean photos (clean.py --words), which count as read by both")
+    parser.add_argument("--clean", help="clean photos (`readings clean`), which count as read by both")
     parser.add_argument("--old")
     args = parser.parse_args()
     readings = list(csv.DictReader(open(args.readings), delimiter="\t"))

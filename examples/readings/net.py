@@ -18,7 +18,6 @@ LAYERS = [(3, 3, 2, 12, (2, 2), 0), (3, 3, 12, 24, (2, 1), 0), (3, 3, 24, 40, (2
           (1, 5, 96, 96, (1, 1), 2), (1, 5, 96, 96, (1, 1), 4), (1, 3, 96, 96, (1, 1), 8), (1, 1, 96, 64, (1, 1), 0)]
 TOP = 6.0  # activations are clipped at this
 EPSILON = 1e-3
-OLD = True  # weights of eight layers
 
 
 class Net(nn.Module):
@@ -104,15 +103,10 @@ def from_integers(data, strips):
     with torch.no_grad():
         for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
             kh, kw, ci, co, _, apart = layer
-            if apart and OLD:
-                net.norms[n].running_mean.copy_(conv(x).mean((0, 2, 3)))
-                net.norms[n].running_var.copy_(conv(x).var((0, 2, 3)))
-                continue
-            head = 5 if OLD else 6
             size, last = kh * kw * ci * co, n == len(LAYERS) - 1
-            w8 = np.frombuffer(data, np.int8, size, at + head).reshape(co, kh, kw, ci).transpose(0, 3, 1, 2)
-            multiplier, bias = np.frombuffer(data, "<i4", 2 * co, at + head + size).reshape(2, co).astype(float)
-            at += head + size + 8 * co
+            w8 = np.frombuffer(data, np.int8, size, at + 6).reshape(co, kh, kw, ci).transpose(0, 3, 1, 2)
+            multiplier, bias = np.frombuffer(data, "<i4", 2 * co, at + 6 + size).reshape(2, co).astype(float)
+            at += 6 + size + 8 * co
             unit_in = (1.0 if n == 0 else TOP) / 255
             step = multiplier / 2 ** 24 * (1 / 256 if last else TOP / 255) / unit_in
             conv.weight.copy_(torch.from_numpy(w8 * step[:, None, None, None]))
