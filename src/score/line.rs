@@ -71,7 +71,7 @@ pub(super) struct Line {
     /// Rows that the letters' ink may take.
     rows: [usize; 2],
     /// First and last column of the ink.
-    columns: [usize; 2],
+    pub(super) columns: [usize; 2],
 }
 
 /// The light of a photo in which lines are looked for.
@@ -160,6 +160,12 @@ impl Line {
             rows,
             columns,
         })
+    }
+
+    /// Whether the ink lies between two columns, or a stroke beside them.
+    pub(super) fn is_within(&self, [first, last]: [usize; 2]) -> bool {
+        let slack = whole(self.stroke_px.ceil());
+        self.columns[0] + slack >= first && self.columns[1] <= last + slack
     }
 
     /// Columns of the line as a strip, for a cap height.

@@ -31,6 +31,10 @@ const LEAST_SHARE: f64 = 0.6;
 /// leaves more, two letters leave less.
 const SPACE_H: f64 = 0.65;
 
+/// Mean of ln p over the letters from which other rules for ink are tried only where they find more of
+/// the line.
+const SURE: f64 = -0.1;
+
 /// Share of a letter from which reading it says more than leaving it out.
 const EVEN: f64 = 0.5;
 
@@ -95,14 +99,20 @@ pub fn read(photo: &Photo) -> Reading {
     };
     let light = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
+    let mut spans: Vec<[usize; 2]> = Vec::new();
     let mut budget = MOST_COLUMNS;
     for rule in rules {
         let found = light.lines(rule);
+        let is_sure = lines.iter().any(|line| line.ln_p > SURE);
+        if is_sure && found.iter().all(|line| spans.iter().any(|span| line.is_within(*span))) {
+            continue;
+        }
         let sizes: Vec<Vec<f64>> = found.iter().map(|line| sizes_px(line, &mut budget)).collect();
         let read = found.par_iter().zip(sizes);
         let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
             lines = read;
+            spans = found.iter().map(|line| line.columns).collect();
         }
     }
     if lines.len() > 1 {
