@@ -83,7 +83,7 @@ def test_a_flight_of_any_simulator_is_photographed():
 
 
 def test_a_controller_in_python_flies():
-    scene = nc.Scene("cf21", word="NOOR", seed=1, set={"controller.kind": "lqr"})
+    scene = nc.Scene("cf21", word="NOOR", seed=1, set={"controller.kind": "lqr", "air.gusts": "none"})
     k, motors = scene.gain()[:, :12], scene.motors_from_wrench
     assert k.shape == (4, 12) and motors.shape == (4, 4)
     calls = 0
