@@ -115,7 +115,7 @@ pub struct LogFigures {
 /// A width of the conditions that was found, with what it was found from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundCondition {
-    /// Key of [`Conditions`].
+    /// Key of [`super::Conditions`].
     pub key: &'static str,
     /// Its value.
     pub value: f64,
