@@ -1,6 +1,6 @@
 //! Choices: the probability that columns spell a word, and the shares of all letters in each place.
 
-use super::alphabet::{Classes, NO_LETTER, names};
+use super::alphabet::{Classes, NO_LETTER, in_case_of, names};
 use super::columns::Columns;
 use super::lattice::Lattice;
 
@@ -12,6 +12,16 @@ pub(super) struct Choice {
     pub(super) none: f64,
     /// Shares of the other letters and digits, the likeliest first.
     pub(super) others: Vec<(char, f64)>,
+}
+
+impl Choice {
+    /// What is likeliest in the place, and its share; `None`: no letter.
+    pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
+        let other = self.others.first().filter(|(_, p)| *p > self.p);
+        let (letter, most) =
+            other.map_or((expected, self.p), |(letter, p)| (in_case_of(*letter, expected), *p));
+        if self.none > most { (None, self.none) } else { (Some(letter), most) }
+    }
 }
 
 impl Columns {

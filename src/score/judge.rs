@@ -220,19 +220,12 @@ fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Col
 /// The verdict on one letter.
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let rival = |(letter, p): &(char, f64)| Rival { letter: in_case_of(*letter, expected), p: *p };
-    let first = choice.others.first();
-    let most = first.map_or(choice.p, |(_, p)| p.max(choice.p));
-    let best = match first {
-        _ if choice.none > most => None,
-        Some((other, p)) if *p > choice.p => Some(in_case_of(*other, expected)),
-        _ => Some(expected),
-    };
     let likely = choice.others.iter().filter(|other| other.1 >= LEAST_SHARE).map(rival);
     let mut confusion: Vec<Rival> =
         [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();
     confusion.sort_by(|a, b| b.p.total_cmp(&a.p));
     LetterVerdict {
-        best,
+        best: choice.best(expected).0,
         p: Some(choice.p),
         no_letter: Some(choice.none),
         rivals: choice.others.iter().take(N_RIVALS).map(rival).collect(),

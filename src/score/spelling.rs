@@ -99,8 +99,8 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
         let ln_p = match symbols {
             Some(symbols) if symbols.len() > 1 => {
                 let spelled =
-                    symbols.iter().fold(Spelled::default(), |word, at| word.and(*at, 1.0));
-                spelled.and(0, 1.0).spelling
+                    symbols.iter().fold(Spelled::default(), |word, at| word.and(*at, 0.0));
+                spelled.and(0, 0.0).spelling
             }
             Some(_) => n_letters * AVERAGE,
             None => n_letters * if n_letters > 2.0 { WITH_DIGIT } else { AVERAGE },
@@ -124,7 +124,7 @@ impl Spelled {
     }
 
     /// The same with one more symbol, or its end.
-    fn and(&self, symbol: usize, light: f64) -> Self {
+    fn and(&self, symbol: usize, ln_light: f64) -> Self {
         let n = self.symbols.len();
         let before = std::array::from_fn(|at| {
             (at + n).checked_sub(N_BEFORE).map_or(0, |at| self.symbols[at])
@@ -133,7 +133,7 @@ impl Spelled {
         symbols.push(symbol);
         Self {
             symbols,
-            light: self.light + libm::log(light),
+            light: self.light + ln_light,
             spelling: self.spelling + ln_p(before, symbol),
         }
     }
@@ -143,14 +143,9 @@ impl Spelled {
 /// was looked at for: as its light says, or as words are spelled that the light might be. `?` stands
 /// for light that is no letter.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
-    let seen = |(choice, expected): (&Choice, &char)| {
-        let own = (*expected, choice.p);
-        let others = choice.others.first().map(|(letter, p)| (in_case_of(*letter, *expected), *p));
-        let most = others.filter(|other| other.1 > own.1).unwrap_or(own);
-        if choice.none > most.1 { ('?', choice.none) } else { most }
-    };
-    let seen: Vec<(char, f64)> = choices.iter().zip(expected).map(seen).collect();
-    let light: Vec<char> = seen.iter().map(|(letter, _)| *letter).collect();
+    let seen: Vec<(Option<char>, f64)> =
+        choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();
+    let light = seen.iter().map(|(letter, _)| letter.unwrap_or('?')).collect();
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
@@ -182,14 +177,17 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             }
         }
         let tried = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST);
-        let tried: Vec<usize> = tried.collect();
-        let longer = words.iter().flat_map(|word| tried.iter().map(|at| word.and(*at, light[*at])));
+        let tried: Vec<(usize, f64)> =
+            tried.map(|symbol| (symbol, libm::log(light[symbol]))).collect();
+        let longer = words
+            .iter()
+            .flat_map(|word| tried.iter().map(|(at, ln_light)| word.and(*at, *ln_light)));
         words = longer.collect();
         words.sort_by(|a, b| b.ln_p().total_cmp(&a.ln_p()));
         words.truncate(N_WORDS);
     }
     let ended =
-        words.iter().map(|word| Spelled { symbols: word.symbols.clone(), ..word.and(0, 1.0) });
+        words.iter().map(|word| Spelled { symbols: word.symbols.clone(), ..word.and(0, 0.0) });
     ended.reduce(|a, b| if b.ln_p() > a.ln_p() { b } else { a })
 }
 
