@@ -1,35 +1,6 @@
-//! Curves: glyphs of a typeface become Bézier paths, and these polylines.
+//! Curves: Bézier paths become polylines.
 
-use ab_glyph::{Font, GlyphId, OutlineCurve};
-use kurbo::{BezPath, PathEl, Point};
-
-/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without one.
-#[must_use]
-pub(super) fn glyph_outline(face: &impl Font, glyph: GlyphId) -> Option<BezPath> {
-    let point = |p: ab_glyph::Point| Point::new(f64::from(p.x), f64::from(p.y));
-    let mut path = BezPath::new();
-    let mut pen_at = None;
-    for curve in face.outline(glyph)?.curves {
-        let (OutlineCurve::Line(from, to)
-        | OutlineCurve::Quad(from, _, to)
-        | OutlineCurve::Cubic(from, _, _, to)) = curve;
-        if pen_at != Some(from) {
-            if pen_at.is_some() {
-                path.close_path();
-            }
-            path.move_to(point(from));
-        }
-        match curve {
-            OutlineCurve::Line(..) => path.line_to(point(to)),
-            OutlineCurve::Quad(_, c, _) => path.quad_to(point(c), point(to)),
-            OutlineCurve::Cubic(_, c, d, _) => path.curve_to(point(c), point(d), point(to)),
-        }
-        pen_at = Some(to);
-    }
-    pen_at?;
-    path.close_path();
-    Some(path)
-}
+use kurbo::{BezPath, PathEl};
 
 /// Polylines along each subpath, no farther from the curve than `tolerance`; a closed one repeats
 /// its first point. `None` for more than `max_points`, or a point that is not finite.

@@ -7,11 +7,10 @@
 
 mod arcs;
 mod center_line;
-mod charstrings;
-mod composites;
 mod curves;
 mod drawing;
 mod font;
+mod glyph;
 mod layout;
 mod options;
 mod outline;
@@ -19,7 +18,6 @@ mod shape;
 mod shaping;
 mod smooth;
 mod stroke_font;
-mod tables;
 mod typeface;
 mod vector;
 

@@ -4,7 +4,7 @@
 //! A line is put in visual order (Unicode Standard Annex 9, unicode-bidi), and each word of it is shaped by
 //! the typeface's own rules (GSUB and GPOS, harfrust) in the script of its first letter.
 
-use harfrust::{Buffer, Direction, Font, ShapeOptions, ShaperFont, shape};
+use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape};
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
 
@@ -29,7 +29,7 @@ pub(super) fn is_shaped(text: &str) -> bool {
 
 /// A glyph of a face, and its place in font units from the beginning of its line.
 pub(super) struct Placed {
-    pub(super) glyph: u16,
+    pub(super) glyph: GlyphId,
     pub(super) at: [i32; 2],
     /// The first character that it stands for, by its byte in the line.
     pub(super) byte: usize,
@@ -71,7 +71,8 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
                 let steps = buffer.glyph_infos().iter().zip(buffer.glyph_positions());
                 for (info, step) in steps {
                     let byte = start + info.cluster as usize;
-                    let glyph = u16::try_from(info.glyph_id).ok().filter(|id| *id != 0);
+                    let glyph =
+                        Some(GlyphId::new(info.glyph_id)).filter(|id| *id != GlyphId::NOTDEF);
                     let at = [pen.saturating_add(step.x_offset), step.y_offset];
                     placed.push(Placed { glyph: glyph.ok_or(byte)?, at, byte });
                     pen = pen.saturating_add(step.x_advance);
@@ -85,7 +86,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
 #[cfg(test)]
 mod tests {
     use super::super::Trace;
-    use super::super::tables::face;
+    use super::super::glyph::face_of;
     use super::super::typeface::Typeface;
     use super::*;
 
@@ -122,6 +123,8 @@ mod tests {
             let code = u32::from(character);
             cmap.extend([code, code, glyph].into_iter().flat_map(u32::to_be_bytes));
         }
+        let lefts = [0, 0, 100, 0, 100, 100, 100, 100];
+        let metrics = lefts.iter().flat_map(|left| words(&[400, *left])).collect();
         let mut head = vec![0; 54];
         head[18..20].copy_from_slice(&1000_u16.to_be_bytes());
         head[51] = 1;
@@ -136,13 +139,13 @@ mod tests {
         let at = [10, 10 + 2 + 2 * scripts.len(), 12 + 2 * (scripts.len() + features.len())];
         let at = at.map(|at| u16::try_from(at).unwrap());
         let gsub = [&[1, 0, at[0], at[1], at[2], 1][..], &scripts, &features, &lookups].concat();
-        face(&[
+        face_of(&[
             (b"GSUB", words(&gsub)),
             (b"cmap", cmap),
             (b"glyf", glyf),
             (b"head", head),
             (b"hhea", hhea),
-            (b"hmtx", words(&[400, 0].repeat(8))),
+            (b"hmtx", metrics),
             (b"loca", loca.into_iter().flat_map(u32::to_be_bytes).collect()),
             (b"maxp", vec![0, 0, 0x50, 0, 0, 8]),
         ])

@@ -11,32 +11,30 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use ab_glyph::{Font as _, FontRef, FontVec, GlyphId};
+use ab_glyph::{Font as _, FontRef};
+use harfrust::{Font, GlyphId};
 use kurbo::{Affine, BezPath};
+use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 
 use super::Trace;
 use super::center_line::{center_lines, outlines};
-use super::charstrings;
-use super::composites::points;
-use super::curves::{glyph_outline, polylines};
+use super::curves::polylines;
+use super::glyph::outline;
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{Placed, shaped};
-use super::tables::{table, u16_at, without_variations};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry::distance;
 
 /// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
 /// grows with their square.
-const MAX_POINTS: usize = 8_000;
+pub(super) const MAX_POINTS: usize = 8_000;
 
-/// Most parts of the tables that map characters and pairs: each is searched for every character.
-const MAX_SUBTABLES: u16 = 64;
+/// Most parts of the table of pairs that are looked at: each is searched for every pair.
+const MAX_SUBTABLES: usize = 64;
 
-/// Steps of reading an outline, of each point or operator of it, and of looking for the nearest of
-/// two strokes.
-const OUTLINE: [usize; 2] = [20_000, 100];
+/// Steps of looking for the nearest of two strokes.
 const NEAREST: usize = 5;
 
 /// Most characters that are searched for an outline in a face without letters that are known.
@@ -50,9 +48,7 @@ const CURVES: f64 = 2e-4;
 
 /// A face, and the characters traced so far.
 pub(super) struct Typeface {
-    face: FontVec,
-    /// Points of each glyph where these are TrueType's, composites followed.
-    points: Option<Vec<u32>>,
+    face: Font,
     trace: Trace,
     /// Font units of a capital's height.
     cap: f64,
@@ -68,7 +64,7 @@ struct Traced {
 }
 
 /// A glyph, and its place in font units.
-type Part = (u16, [i32; 2]);
+type Part = (GlyphId, [i32; 2]);
 
 /// Letters that touch, as one shape: the byte of its first character in the line, its left edge and its
 /// strokes, in cap heights.
@@ -96,20 +92,11 @@ impl Typeface {
             Error::input(file, found, wanted, hint)
         };
         let budget = Budget::of(file, "name another font file, or a font of the program");
-        for tag in [b"cmap", b"kern"] {
-            let n = table(&bytes, tag).and_then(|table| u16_at(table, 2)).unwrap_or(0);
-            if n > MAX_SUBTABLES {
-                return Err(refuse(format!("{n} parts of its table {}", tag.escape_ascii())));
-            }
-        }
-        let bytes = without_variations(bytes);
-        let points = points(&bytes);
-        let face = FontVec::try_from_vec_and_index(bytes, 0)
-            .map_err(|invalid| refuse(invalid.to_string()))?;
+        let face = Font::new(bytes, 0).ok_or_else(|| refuse("another file".into()))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
-        let mut typeface = Self { face, points, trace, cap: 1.0, half_width: 0.0, traced };
+        let mut typeface = Self { face, trace, cap: 1.0, half_width: 0.0, traced };
         // Of a face without any of them, such as one of emoji, it is the first that has an outline.
-        let outline = |c| typeface.outline(typeface.face.glyph_id(c), &typeface.traced().budget);
+        let outline = |c| outline(&typeface.face, typeface.glyph(c)?, &typeface.traced().budget);
         let known = CAPITALS.chars().chain(typeface.characters().take(SEARCHED)).find_map(outline);
         typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
@@ -117,9 +104,9 @@ impl Typeface {
         }
         if trace == Trace::CenterLine {
             let traced = typeface.traced();
-            let part = |c| [(typeface.face.glyph_id(c).0, [0; 2])];
             let stems = STEMS.chars().chain(typeface.characters().take(SEARCHED));
-            let stems = stems.filter_map(|c| typeface.contours(&part(c), &traced.budget));
+            let stems = stems
+                .filter_map(|c| typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget));
             let widths = stems.map(|contours| center_lines(&contours, &traced.budget).half_width);
             let width = widths.into_iter().find(|width| (1e-4..=0.4).contains(width));
             traced.budget.check()?;
@@ -133,20 +120,21 @@ impl Typeface {
     pub(super) fn characters(&self) -> impl Iterator<Item = char> {
         let all =
             ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}').filter(|c| !c.is_whitespace());
-        all.filter(|c| self.face.glyph_id(*c).0 != 0)
+        all.filter(|c| self.glyph(*c).is_some())
+    }
+
+    fn glyph(&self, character: char) -> Option<GlyphId> {
+        self.face.charmap().map_unicode(character)
     }
 
     /// A character's strokes; `None` where the face lacks it.
     pub(super) fn shape(&self, character: char) -> Option<Arc<Shape>> {
-        let id = self.face.glyph_id(character);
-        if id.0 == 0 {
-            return None;
-        }
+        let glyph = self.glyph(character)?;
         if character.is_whitespace() {
-            let advance = self.advance(self.face.h_advance_unscaled(id));
+            let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
             return Some(Arc::new(Shape { advance, ..Shape::default() }));
         }
-        self.joined(&[(id.0, [0; 2])])
+        self.joined(&[(glyph, [0; 2])])
     }
 
     /// The strokes of glyphs together.
@@ -162,16 +150,12 @@ impl Typeface {
     ///
     /// The byte of a character that the face lacks.
     pub(super) fn line(&self, line: &str, space: f64) -> Line {
-        let face = harfrust::Font::new(self.face.as_slice().to_vec(), 0).ok_or(0_usize)?;
         let unit = self.advance(1.0);
-        let [space] = [self.face.glyph_id(' ')].map(|id| match id.0 {
-            0 => space / unit,
-            _ => f64::from(self.face.h_advance_unscaled(id)),
-        });
+        let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let mut glyphs = shaped(&face, line, space as i32)?;
+        let mut glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
         let side = |placed: &Placed| {
-            let path = self.outline(GlyphId(placed.glyph), &self.traced().budget)?;
+            let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
             let bounds = path.control_box();
             Some([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.at[0])))
         };
@@ -208,13 +192,25 @@ impl Typeface {
     }
 
     /// Kerning of two characters in the table `kern`, in cap heights between center lines.
-    pub(super) fn kern(&self, [left, right]: [char; 2]) -> f64 {
-        let ids = [left, right].map(|character| self.face.glyph_id(character));
-        self.advance(self.face.kern_unscaled(ids[0], ids[1]))
+    pub(super) fn kern(&self, pair: [char; 2]) -> f64 {
+        self.advance(self.kern_units(pair).unwrap_or(0) as f32)
+    }
+
+    fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
+        let (left, right) = (self.glyph(left)?, self.glyph(right)?);
+        let table = self.face.tables().kern().ok()?;
+        let parts = table.subtables().take(MAX_SUBTABLES).flatten();
+        let mut level = parts.filter(|part| part.is_horizontal() && !part.is_variable());
+        level.find_map(|part| match part.kind().ok()? {
+            SubtableKind::Format0(pairs) => pairs.kerning(left, right),
+            SubtableKind::Format1(_) => None,
+            SubtableKind::Format2(classes) => classes.kerning(left, right),
+            SubtableKind::Format3(classes) => classes.kerning(left, right),
+        })
     }
 
     fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
-        let advance = self.advance(self.face.h_advance_unscaled(GlyphId(parts[0].0)));
+        let advance = self.advance(self.face.glyph_metrics().h_advance(parts[0].0));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
@@ -238,19 +234,6 @@ impl Typeface {
         (!shape.runs.is_empty()).then_some(shape)
     }
 
-    /// A glyph's curves in font units.
-    fn outline(&self, id: GlyphId, budget: &Budget) -> Option<BezPath> {
-        let points = self.points.as_ref().and_then(|points| points.get(usize::from(id.0)));
-        let points = points.map_or(0, |n| *n as usize);
-        if id.0 == 0 || points > MAX_POINTS {
-            return None;
-        }
-        let work = points + charstrings::work(self.face.as_slice(), id.0)? as usize;
-        budget.spend_steps(OUTLINE[0] + OUTLINE[1] * work).then_some(())?;
-        let path = glyph_outline(&self.face, id)?;
-        (path.elements().len() <= MAX_POINTS && path.is_finite()).then_some(path)
-    }
-
     /// Font units in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
@@ -260,7 +243,7 @@ impl Typeface {
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut path = BezPath::new();
         for (id, at) in parts {
-            let mut part = self.outline(GlyphId(*id), budget)?;
+            let mut part = outline(&self.face, *id, budget)?;
             if *at != [0; 2] {
                 part.apply_affine(Affine::translate((at[0].into(), at[1].into())));
             }
@@ -374,7 +357,7 @@ mod tests {
         for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
             let budget = Budget::of("Roboto-Thin.ttf", "none");
             let ink = super::super::outline::Filled::new(
-                &face.contours(&[(face.face.glyph_id(character).0, [0; 2])], &budget).unwrap(),
+                &face.contours(&[(face.glyph(character).unwrap(), [0; 2])], &budget).unwrap(),
                 &budget,
             );
             let shape = face.shape(character).unwrap();

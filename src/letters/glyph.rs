@@ -1,0 +1,205 @@
+//! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
+//!
+//! read-fonts ends a composite glyph and a charstring that have no end. Of a CFF or CFF2 face the
+//! code is counted here besides, subroutines as often as they are called: a kilobyte of them can stand
+//! for much work without a point. Variations are not read.
+
+use std::cell::Cell;
+
+use harfrust::{Font, GlyphId};
+use kurbo::BezPath;
+use read_fonts::model::Error;
+use read_fonts::model::glyph::outline::{
+    DrawMemory, DrawOptions, OutlineGlyph, PathContourStart, PathSink, cff::CffGlyph,
+};
+use read_fonts::model::glyph::{GlyphSource, GlyphSourceOrder};
+use read_fonts::ps::cff::{blend::BlendState, index::Index};
+use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSink, evaluate};
+
+use super::typeface::MAX_POINTS;
+use crate::files::Budget;
+
+/// Tables of outlines, the first that a face has.
+const SOURCES: GlyphSourceOrder =
+    GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
+
+/// Most bytes of a glyph's charstring with its subroutines. A Chinese one takes some thousand.
+const MAX_CODE: usize = 100_000;
+
+/// Steps of reading an outline, and of each point or byte of code of it.
+const STEPS: [usize; 2] = [20_000, 100];
+
+/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without one, of
+/// too many points, or beyond the budget. Letters composed by the obsolete `endchar` of four numbers have
+/// none.
+pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
+    budget.spend_steps(STEPS[0]).then_some(())?;
+    let mut pen = Pen(BezPath::new());
+    let spend = |n| budget.spend_steps(STEPS[1] * n).then_some(());
+    match face.outline_glyphs_with(SOURCES).get(glyph)? {
+        OutlineGlyph::Cff(cff) => {
+            let code = draw_charstring(&cff, &mut pen);
+            spend(code.unwrap_or(MAX_CODE))?;
+            code?;
+        }
+        OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
+            spend(glyf.plan().num_points as usize)?;
+            let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
+            OutlineGlyph::Glyf(glyf).draw(&options, DrawMemory::Scratch, &mut pen).ok()?;
+        }
+        _ => return None,
+    }
+    let path = pen.0;
+    let n = path.elements().len();
+    ((1..=MAX_POINTS).contains(&n) && path.is_finite()).then_some(path)
+}
+
+/// Draws a charstring; the bytes of its code.
+fn draw_charstring(glyph: &CffGlyph<'_>, pen: &mut Pen) -> Option<usize> {
+    let (face, part) = (glyph.cff_font(), glyph.subfont());
+    let local = match part.subrs_offset() as usize {
+        0 => Index::Empty,
+        at => Index::new(face.data().get(at..)?, face.version() == 2).ok()?,
+    };
+    let code = face.charstrings().get(glyph.glyph().to_u32() as usize)?;
+    let called = Subroutines { global: face.global_subrs(), local, code: Cell::new(code.len()) };
+    let store = face.var_store().cloned();
+    let blend = store.and_then(|store| BlendState::new(store, &[], part.vs_index()).ok());
+    let mut sink = TransformSink::new(pen, face.transform(part, None));
+    evaluate(&called, blend, code, &mut sink).ok()?;
+    Some(called.code.get())
+}
+
+/// The subroutines of a face, and the bytes of all that were called.
+struct Subroutines<'a> {
+    global: &'a Index<'a>,
+    local: Index<'a>,
+    code: Cell<usize>,
+}
+
+impl<'a> Subroutines<'a> {
+    fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
+        let at = number.checked_add(index.subr_bias()).and_then(|at| usize::try_from(at).ok());
+        let code = at.and_then(|at| index.get(at)).ok_or(Error::Malformed)?;
+        self.code.set(self.code.get() + code.len());
+        if self.code.get() > MAX_CODE { Err(Error::LimitExceeded) } else { Ok(code) }
+    }
+}
+
+impl CharstringContext for Subroutines<'_> {
+    fn kind(&self) -> CharstringKind {
+        CharstringKind::Type2
+    }
+
+    fn seac_components(&self, _base: i32, _accent: i32) -> Result<[&[u8]; 2], Error> {
+        Err(Error::InvalidOperation)
+    }
+
+    fn global_subr(&self, number: i32) -> Result<&[u8], Error> {
+        self.call(self.global, number)
+    }
+
+    fn subr(&self, number: i32) -> Result<&[u8], Error> {
+        self.call(&self.local, number)
+    }
+}
+
+struct Pen(BezPath);
+
+impl PathSink for Pen {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.0.move_to((x, y));
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.0.line_to((x, y));
+    }
+
+    fn quad_to(&mut self, cx: f32, cy: f32, x: f32, y: f32) {
+        self.0.quad_to((cx, cy), (x, y));
+    }
+
+    fn curve_to(&mut self, cx: f32, cy: f32, dx: f32, dy: f32, x: f32, y: f32) {
+        self.0.curve_to((cx, cy), (dx, dy), (x, y));
+    }
+
+    fn close(&mut self) {
+        self.0.close_path();
+    }
+}
+
+/// A face of these tables.
+#[cfg(test)]
+pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
+    let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
+    let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
+    let mut file = [&[0, 1, 0, 0][..], &n_tables, &[0; 6]].concat();
+    let mut at = 12 + 16 * tables.len();
+    for (tag, table) in tables {
+        file.extend([&tag[..], &[0; 4], &number(at), &number(table.len())].concat());
+        at += table.len();
+    }
+    tables.iter().for_each(|(_, table)| file.extend(table));
+    file
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of A, which calls subroutines without end, H in lines and O in curves.
+    const CALLS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/calls.otf");
+    const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
+
+    fn drawn(face: &Font, glyph: GlyphId) -> Option<BezPath> {
+        outline(face, glyph, &Budget::of("face.otf", "none"))
+    }
+
+    #[test]
+    fn charstrings_are_drawn_and_those_without_end_are_not() {
+        for file in [CALLS, POINTS] {
+            let face = Font::new(file, 0).unwrap();
+            let glyph = |c: char| drawn(&face, face.charmap().map_unicode(c).unwrap());
+            assert_eq!(glyph('A'), None, "a hundred billion calls");
+            let lines = "M60 0H120V700H60ZM480 0H540V700H480ZM120 330H480V390H120Z";
+            let wanted = BezPath::from_svg(lines).unwrap();
+            assert_eq!(glyph('H').unwrap().to_svg(), wanted.to_svg());
+            assert!(glyph('O').unwrap().to_svg().contains('C'));
+            let budget = Budget::of("face.otf", "none");
+            let a = face.charmap().map_unicode('A').unwrap();
+            (0..100).for_each(|_| assert_eq!(outline(&face, a, &budget), None));
+            assert!(budget.check().is_err(), "what leads to no letter is work, too");
+        }
+    }
+
+    /// A face of 12 composites, each of ten times the next, and a glyph of three points.
+    #[test]
+    fn composites_within_composites_end() {
+        let mut glyf: Vec<u8> = Vec::new();
+        let mut loca: Vec<u32> = vec![0];
+        for level in 0_u16..12 {
+            glyf.extend([0xff, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]);
+            for part in 0..10 {
+                let flags: u16 = if part < 9 { 0x22 } else { 2 };
+                glyf.extend([flags, level + 1, 0].into_iter().flat_map(u16::to_be_bytes));
+            }
+            loca.push(u32::try_from(glyf.len()).unwrap());
+        }
+        glyf.extend([0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 1, 1, 1]);
+        glyf.extend([0, 9, 0, 9, 0, 9, 0, 0, 0, 9, 0, 9]);
+        loca.push(u32::try_from(glyf.len()).unwrap());
+        let mut head = vec![0; 54];
+        (head[18], head[51]) = (4, 1);
+        let face = face_of(&[
+            (b"glyf", glyf),
+            (b"head", head),
+            (b"hhea", vec![0; 36]),
+            (b"loca", loca.into_iter().flat_map(u32::to_be_bytes).collect()),
+            (b"maxp", vec![0, 1, 0, 0, 0, 13]),
+        ]);
+        let face = Font::new(face, 0).unwrap();
+        assert_eq!([0, 8].map(|id| drawn(&face, GlyphId::new(id))), [None, None], "a trillion");
+        let n = [12, 11, 10].map(|id| drawn(&face, GlyphId::new(id)).unwrap().segments().count());
+        assert_eq!(n, [3, 30, 300]);
+    }
+}
