@@ -44,7 +44,7 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let csv = Output::create(&args.output.join("robustness.csv"))?;
     let svg = Output::create(&args.output.join("robustness.svg"))?;
     let n_each: usize = options.words.iter().map(|(_, n)| *n as usize).sum();
-    let bar = counter("flying", n_each * options.times.len() * (Factor::ALL.len() + 1));
+    let bar = counter("flying", n_each * options.times.len() * (Factor::all().len() + 1));
     let found = robustness(&options, Some(&store), &bar)?;
     drop(bar);
     let title = format!("{}: disturbances that break the word", options.contender.name);

@@ -226,21 +226,6 @@ mod tests {
         assert!(write(&at("a"), b"").is_err(), "a circle");
     }
 
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn devices_are_written_through_and_stay() {
-        use std::os::unix::fs::FileTypeExt;
-        let parent = tempfile::tempdir().unwrap();
-        let null = parent.path().join("null");
-        std::os::unix::fs::symlink("/dev/null", &null).unwrap();
-        write(&null, b"lost").unwrap();
-        write(Path::new("/dev/null"), b"lost").unwrap();
-        let device = std::fs::metadata("/dev/null").unwrap().file_type();
-        assert!(device.is_char_device() && null.is_symlink());
-        let error = write(Path::new("/dev/full"), b"too much").unwrap_err();
-        assert!(error.to_string().contains("/dev/full"), "{error}");
-    }
-
     #[test]
     fn a_folder_that_is_missing_is_named() {
         let parent = tempfile::tempdir().unwrap();

@@ -293,11 +293,6 @@ mod tests {
             let back: f64 = text(value).parse().unwrap();
             prop_assert_eq!(back.to_bits(), value.to_bits());
         }
-
-        #[test]
-        fn any_bytes_are_a_table_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
-            let _ = Table::parse(&bytes[..], "fuzz.csv").map(|table| table.n_rows());
-        }
     }
 
     #[test]

@@ -292,12 +292,6 @@ mod tests {
     use crate::plan::EvenStyle;
 
     #[test]
-    fn the_printed_default_is_the_default() {
-        let default = Scene::preset(Preset::default());
-        assert_eq!(Scene::parse(&default.to_toml(), "scene.toml").unwrap(), default);
-    }
-
-    #[test]
     fn a_scene_reads_back_bit_by_bit() {
         let mut scene =
             Scene { word: "Ä \"x\"\\".into(), seed: 7, ..Scene::preset(Preset::default()) };

@@ -122,38 +122,35 @@ pub enum Factor {
     Battery,
 }
 
+/// Each factor with its name in tables and its conditions.
+const FACTORS: [(Factor, &str, &[&str]); 11] = [
+    (Factor::Mass, "mass", &["mass_frac", "inertia_frac"]),
+    (Factor::CenterOfMass, "center of mass", &["center_of_mass_m"]),
+    (Factor::MotorLag, "motor lag", &["motor_lag_s"]),
+    (Factor::Lighthouse, "Lighthouse", &["lighthouse_distortion_m", "lighthouse_frame_frac"]),
+    (Factor::AirspeedMoment, "airspeed moment", &["airspeed_moment_n_s"]),
+    (Factor::Gusts, "gusts", &["gust_m_s"]),
+    (Factor::LedDelay, "LED delay", &["led_delay_s"]),
+    (Factor::Radio, "radio", &["radio_outage_s"]),
+    (Factor::Yaw, "yaw drift", &["yaw_drift_rad_s"]),
+    (Factor::Propeller, "propeller", &["motor_loss_frac"]),
+    (Factor::Battery, "old battery", &["battery_age"]),
+];
+
 impl Factor {
     /// All of them.
-    pub const ALL: [Self; 11] = [
-        Self::Mass,
-        Self::CenterOfMass,
-        Self::MotorLag,
-        Self::Lighthouse,
-        Self::AirspeedMoment,
-        Self::Gusts,
-        Self::LedDelay,
-        Self::Radio,
-        Self::Yaw,
-        Self::Propeller,
-        Self::Battery,
-    ];
+    pub fn all() -> impl ExactSizeIterator<Item = Self> {
+        FACTORS.into_iter().map(|(factor, ..)| factor)
+    }
+
+    fn row(self) -> &'static (Self, &'static str, &'static [&'static str]) {
+        FACTORS.iter().find(|(factor, ..)| *factor == self).expect("it is in the table")
+    }
 
     /// Its name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Mass => "mass",
-            Self::CenterOfMass => "center of mass",
-            Self::MotorLag => "motor lag",
-            Self::Lighthouse => "Lighthouse",
-            Self::AirspeedMoment => "airspeed moment",
-            Self::Gusts => "gusts",
-            Self::LedDelay => "LED delay",
-            Self::Radio => "radio",
-            Self::Yaw => "yaw drift",
-            Self::Propeller => "propeller",
-            Self::Battery => "old battery",
-        }
+        self.row().1
     }
 }
 
@@ -214,47 +211,25 @@ impl Conditions {
     /// These conditions, `times` as wide.
     #[must_use]
     pub fn times(&self, times: f64) -> Self {
-        Self {
-            mass_frac: self.mass_frac * times,
-            center_of_mass_m: self.center_of_mass_m * times,
-            inertia_frac: self.inertia_frac * times,
-            motor_lag_s: self.motor_lag_s * times,
-            lighthouse_distortion_m: self.lighthouse_distortion_m * times,
-            lighthouse_frame_frac: self.lighthouse_frame_frac * times,
-            airspeed_moment_n_s: self.airspeed_moment_n_s * times,
-            gust_m_s: self.gust_m_s * times,
-            led_delay_s: self.led_delay_s * times,
-            charge_used_frac: (self.charge_used_frac * times).min(1.0),
-            radio_outage_s: self.radio_outage_s * times,
-            yaw_drift_rad_s: self.yaw_drift_rad_s * times,
-            motor_loss_frac: (self.motor_loss_frac * times).min(1.0),
-            battery_age: self.battery_age * times,
-        }
+        self.each_times(|_| times)
     }
 
     /// Of these conditions, one factor alone.
     #[must_use]
     pub fn only(&self, factor: Factor) -> Self {
-        let (all, none) = (self, Self::still());
-        match factor {
-            Factor::Mass => {
-                Self { mass_frac: all.mass_frac, inertia_frac: all.inertia_frac, ..none }
-            }
-            Factor::CenterOfMass => Self { center_of_mass_m: all.center_of_mass_m, ..none },
-            Factor::MotorLag => Self { motor_lag_s: all.motor_lag_s, ..none },
-            Factor::Lighthouse => Self {
-                lighthouse_distortion_m: all.lighthouse_distortion_m,
-                lighthouse_frame_frac: all.lighthouse_frame_frac,
-                ..none
-            },
-            Factor::AirspeedMoment => Self { airspeed_moment_n_s: all.airspeed_moment_n_s, ..none },
-            Factor::Gusts => Self { gust_m_s: all.gust_m_s, ..none },
-            Factor::LedDelay => Self { led_delay_s: all.led_delay_s, ..none },
-            Factor::Radio => Self { radio_outage_s: all.radio_outage_s, ..none },
-            Factor::Yaw => Self { yaw_drift_rad_s: all.yaw_drift_rad_s, ..none },
-            Factor::Propeller => Self { motor_loss_frac: all.motor_loss_frac, ..none },
-            Factor::Battery => Self { battery_age: all.battery_age, ..none },
+        self.each_times(|key| if factor.row().2.contains(&key) { 1.0 } else { 0.0 })
+    }
+
+    /// Each condition so many times as wide; of what there is only once, at most all.
+    fn each_times(&self, times: impl Fn(&str) -> f64) -> Self {
+        let mut table = toml::Table::try_from(self).expect("numbers");
+        for (key, value) in &mut table {
+            *value = (value.as_float().expect("a number") * times(key)).into();
         }
+        let mut found: Self = table.try_into().expect("the same keys");
+        found.charge_used_frac = found.charge_used_frac.min(1.0);
+        found.motor_loss_frac = found.motor_loss_frac.min(1.0);
+        found
     }
 
     /// Checks the ranges.

@@ -79,7 +79,7 @@ pub fn robustness(
     options.usual.times(options.times[options.times.len() - 1]).check()?;
     let mut before = 0;
     let mut endurances = Vec::new();
-    for factor in Factor::ALL.map(Some).into_iter().chain([None]) {
+    for factor in Factor::all().map(Some).chain([None]) {
         let widest = factor.map_or(options.usual.clone(), |factor| options.usual.only(factor));
         let mut levels = Vec::new();
         for &times in &options.times {
@@ -204,7 +204,7 @@ mod tests {
             seed: 0,
         };
         let found = robustness(&options, None, &|_| {}).unwrap();
-        assert_eq!(found.len(), Factor::ALL.len() + 1, "each, and all together");
+        assert_eq!(found.len(), Factor::all().len() + 1, "each, and all together");
         let at = |factor| found.iter().position(|e| e.factor == Some(factor)).unwrap();
         assert!(at(Factor::Gusts) < at(Factor::LedDelay), "{found:?}");
         let scene = found[0].levels[0];

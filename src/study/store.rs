@@ -453,16 +453,6 @@ mod tests {
     }
 
     #[test]
-    fn two_cannot_write_into_one_folder() {
-        let folder = tempfile::tempdir().unwrap();
-        let first = Store::open(folder.path()).unwrap();
-        let error = Store::open(folder.path()).unwrap_err().to_string();
-        assert!(error.contains("another noctograph"), "{error}");
-        drop(first);
-        Store::open(folder.path()).unwrap();
-    }
-
-    #[test]
     fn flights_of_another_version_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         drop(Store::open(folder.path()).unwrap());
@@ -511,18 +501,5 @@ mod tests {
             let error = Store::open(folder.path()).unwrap_err().to_string();
             assert!(error.contains("found no regular file"), "{name}: {error}");
         }
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_full_disk_is_an_error_that_names_the_file() {
-        let folder = tempfile::tempdir().unwrap();
-        std::os::unix::fs::symlink("/dev/full", folder.path().join(Store::FLIGHTS)).unwrap();
-        // /dev/full reads as zeros without end, so the log is opened past the reading.
-        let file = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let mut log = Log { file, length: 0, n_flights: 0, unsynced: 0 };
-        let error = log.append(&line_of(&record(0))).unwrap_err();
-        assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
-        assert_eq!((log.length, log.unsynced), (0, 0), "nothing counts as written");
     }
 }

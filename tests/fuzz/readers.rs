@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use noctograph::camera::CameraOptions;
 use noctograph::crazyflie::read_anchors;
 use noctograph::flight::{Flight, FlightSample};
-use noctograph::letters::{Ink, LetterOptions, Strokes, Trace, draw, write};
+use noctograph::letters::{Ink, LetterOptions, Pace, Strokes, Trace, draw, write};
 use noctograph::light::{LightOptions, LightTrace, light};
 use noctograph::logs::{ImportOptions, import};
 use noctograph::photo::{Metadata, Photo};
@@ -68,7 +68,8 @@ fn folder(path: &Path, bytes: &[u8]) -> bool {
 }
 
 fn drawing(path: &Path, _: &[u8]) -> bool {
-    draw(path, &LetterOptions::default(), Ink::ByColor).is_ok()
+    let options = LetterOptions { pace: Pace::Written, ..LetterOptions::default() };
+    draw(path, &options, Ink::ByColor).is_ok_and(finite)
 }
 
 /// An eighth of the typefaces are traced along their center lines, which takes most of the time.
@@ -85,6 +86,8 @@ fn finite(strokes: Strokes) -> bool {
     let steps = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let whole = steps.flat_map(|step| [step.from_m, step.to_m]).flatten().all(f64::is_finite);
     assert!(whole, "every stroke has a place");
+    let mut paces = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves).map(|step| step.pace);
+    assert!(paces.all(|pace| pace > 0.0 && pace <= 1.0), "and a pace");
     true
 }
 

@@ -128,10 +128,9 @@ impl Connection {
         self.stream.set_nodelay(true)?;
         let Answer { status, kind, fields, body } = answer;
         let mut head = format!(
-            "HTTP/1.1 {status} {}\r\nContent-Type: {kind}\r\nConnection: close\r\n\
+            "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nConnection: close\r\n\
              Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n\
-             Cross-Origin-Resource-Policy: same-origin\r\nReferrer-Policy: no-referrer\r\n{fields}",
-            reason(status),
+             Cross-Origin-Resource-Policy: same-origin\r\nReferrer-Policy: no-referrer\r\n{fields}"
         );
         head += &format!("Content-Length: {}\r\n\r\n", body.len());
         self.stream.write_all(&[head.as_bytes(), &body].concat())
@@ -170,23 +169,5 @@ impl From<Refusal> for Answer {
     fn from(Refusal(status, why): Refusal) -> Self {
         let refused = Self { status, ..Self::whole("text/plain; charset=utf-8", why) };
         if status == 503 { refused.with_field("Retry-After", "2") } else { refused }
-    }
-}
-
-fn reason(status: u16) -> &'static str {
-    match status {
-        200 => "OK",
-        400 => "Bad Request",
-        403 => "Forbidden",
-        404 => "Not Found",
-        405 => "Method Not Allowed",
-        408 => "Request Timeout",
-        411 => "Length Required",
-        413 => "Content Too Large",
-        415 => "Unsupported Media Type",
-        421 => "Misdirected Request",
-        431 => "Request Header Fields Too Large",
-        503 => "Service Unavailable",
-        _ => "Internal Server Error",
     }
 }
