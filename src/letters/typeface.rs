@@ -19,17 +19,13 @@ use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 use super::Trace;
 use super::center_line::{center_lines, outlines};
 use super::curves::polylines;
-use super::glyph::outline;
+use super::glyph::{MAX_POINTS, outline};
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{Placed, shaped};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry::distance;
-
-/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
-/// grows with their square.
-pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Most parts of the table of pairs that are looked at: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
