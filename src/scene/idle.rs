@@ -7,7 +7,9 @@ use super::Scene;
 use crate::camera::Metering;
 use crate::light::{Drive, Fixture, RingEffect};
 use crate::plan::{PlanOptions, Style};
+use crate::sensors::Positioning;
 use crate::settings::{Described, Need, Setting, Shape};
+use crate::sim::EstimatorKind;
 use crate::vehicle::{Gusts, VehicleOptions};
 
 /// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
@@ -46,6 +48,15 @@ const RULES: &[Rule] = &[
         &["controller.lqr.motor_lag"],
         |s| s.vehicle.motor_rise_s + s.vehicle.motor_fall_s == 0.0,
         "the motors have no lag",
+    ),
+    (
+        &["observer.ekf.gate_sigmas"],
+        |s| {
+            let altitude = s.observer.kind == EstimatorKind::Altitude;
+            let gated = !altitude && !s.sensors.heights.is_empty();
+            s.sensors.positioning == Positioning::Sweeps && !gated
+        },
+        "sweeps pass the firmware's own filter, and nothing else is measured",
     ),
     (
         &["air.wind_m_s", "air.gusts.sigma_m_s", "air.gusts.time_s"],

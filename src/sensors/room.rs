@@ -2,7 +2,7 @@
 //!
 //! A person is a standing cylinder, a drone a ball; they take the light away. A mirror shows each
 //! station a second time: the deck hears the sweep that meets its own image behind the mirror, with that
-//! image's angle. Which of these sweeps are believed is up to the gate of the estimator.
+//! image's angle. Which of these sweeps are believed is up to the filter of the estimator.
 //!
 //! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time between
 //! a sweep and its reflection, by which the firmware's pulse processor drops some of them.

@@ -38,6 +38,8 @@ pub(crate) struct StationPose {
 pub(crate) struct Crossing {
     /// Angle of the rotor; 0 is straight ahead.
     pub(crate) angle_rad: f64,
+    /// Distance of the point from the rotor's axis.
+    pub(crate) radius_m: f64,
     /// Gradient of the angle with respect to the point, world frame.
     pub(crate) slope_rad_m: Vector3<f64>,
 }
@@ -79,12 +81,13 @@ impl StationPose {
     /// for the first `atan2(y, x)` and `atan2(z, x)`.
     pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
-        let Crossing { angle_rad, slope_rad_m } = match (self.generation, plane) {
+        let crossing = match (self.generation, plane) {
             (Generation::V1, plane) => upright(&u, 1 + plane),
             (Generation::V2, 0) => slanted(&u, -TAN_TILT),
             (Generation::V2, _) => slanted(&u, TAN_TILT),
         };
-        Crossing { angle_rad, slope_rad_m: self.world_from_station * slope_rad_m }
+        let slope_rad_m = self.world_from_station * crossing.slope_rad_m;
+        Crossing { slope_rad_m, ..crossing }
     }
 
     /// The direction in the world, a unit vector, in which both planes cross a point at these
@@ -109,7 +112,7 @@ fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let square = ahead * ahead + aside * aside;
     let mut slope_rad_m = Vector3::zeros();
     (slope_rad_m.x, slope_rad_m[axis]) = (-aside / square, ahead / square);
-    Crossing { angle_rad: libm::atan2(aside, ahead), slope_rad_m }
+    Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), slope_rad_m }
 }
 
 /// Angle of a slanted plane, and its slope in the station's frame.
@@ -121,6 +124,7 @@ fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
     let outward = lead / (square * root);
     Crossing {
         angle_rad: libm::atan2(u.y, u.x) + libm::asin(lead),
+        radius_m: radius,
         slope_rad_m: Vector3::new(
             -u.y / square - u.x * outward,
             u.x / square - u.y * outward,

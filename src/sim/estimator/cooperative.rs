@@ -23,7 +23,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::ekf::{Ekf, START};
+use super::ekf::{Ekf, START, Source};
 use super::past::{Past, interpolated, past};
 use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::sensors::{
@@ -285,8 +285,8 @@ impl Cooperative {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
         let Self { own, gate, place, .. } = self;
-        let acceleration = own.advance(readings, tick_s, |normal, target, measurement| {
-            let target = target.expect("ranges and heights only");
+        let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
+            let Source::To(target) = source else { unreachable!("ranges and heights only") };
             gate.correct(normal, (*place, target), measurement);
         });
         self.settle_peers();

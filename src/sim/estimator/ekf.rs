@@ -3,7 +3,8 @@
 //! The motion is driven by gyroscope and accelerometer at every tick ([`Inertial`]); its errors'
 //! covariance is carried when something is measured, and at 100 times a second otherwise, as in the
 //! firmware (`estimator_kalman.c`). All measurements of a tick are held against the state predicted
-//! for it, one scalar after the other, each through a χ² gate.
+//! for it, one scalar after the other: sweeps through the firmware's [`SweepFilter`], all else
+//! through a χ² gate.
 //!
 //! Sources: Mueller, Hamer, D'Andrea, "Fusing ultra-wideband range measurements with accelerometers
 //! and rate gyroscopes for quadrocopter state estimation", ICRA 2015 (the firmware's filter).
@@ -14,6 +15,7 @@
 use nalgebra::Vector3;
 
 use super::state_at;
+use super::sweep_filter::SweepFilter;
 use crate::estimate::{Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward};
 use crate::sensors::{
     DECK_SENSORS_M, Generation, Range, Readings, SensorOptions, StationPose, Sweep, Target,
@@ -46,6 +48,19 @@ pub(in crate::sim) struct Ekf {
     pub(super) normal: Normal,
     pub(super) model: Model,
     step_test: Option<StepTest>,
+    sweep_filter: SweepFilter,
+}
+
+/// What was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// A sweep of a plane of light, at a distance from its rotor's axis.
+    Sweep {
+        radius_m: f64,
+    },
+    Position,
+    /// A range or a height, to where.
+    To(Target),
 }
 
 /// What is known of the sensors.
@@ -86,6 +101,7 @@ impl Ekf {
             normal: Normal::of_drones(1, START, floor),
             model: Model::new(options, sensors),
             step_test: options.floor_steps.then_some(step_test),
+            sweep_filter: SweepFilter::default(),
         }
     }
 
@@ -107,16 +123,22 @@ impl Ekf {
 
     pub(super) fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
-        let mut step_test = self.step_test.take();
-        self.advance(readings, tick_s, |normal, target, measurement| match &mut step_test {
-            Some(test) if target == Some(Target::Floor) => {
-                test.correct(normal, measurement, gate_sq);
-            }
-            _ => {
-                normal.correct(measurement, |found| !found.is_beyond(gate_sq));
+        let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
+        sweeps.wait(tick_s);
+        self.advance(readings, tick_s, |normal, source, measurement| {
+            match (source, &mut step_test) {
+                (Source::Sweep { radius_m }, _) => {
+                    normal.correct(measurement, |found| sweeps.takes(radius_m * found.value));
+                }
+                (Source::To(Target::Floor), Some(test)) => {
+                    test.correct(normal, measurement, gate_sq);
+                }
+                _ => {
+                    normal.correct(measurement, |found| !found.is_beyond(gate_sq));
+                }
             }
         });
-        self.step_test = step_test;
+        (self.step_test, self.sweep_filter) = (step_test, sweeps);
     }
 
     pub(super) fn state(&self) -> State {
@@ -130,7 +152,7 @@ impl Ekf {
         &mut self,
         readings: &Readings<'_>,
         tick_s: f64,
-        mut correct: impl FnMut(&mut Normal, Option<Target>, &Measurement<'_>),
+        mut correct: impl FnMut(&mut Normal, Source, &Measurement<'_>),
     ) -> Vector3<f64> {
         let force_m_s2 = &readings.specific_force_m_s2;
         let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
@@ -140,8 +162,8 @@ impl Ekf {
         }
         if measured {
             let Self { motion, normal, model, .. } = self;
-            model.measurements(motion, readings, |target, measurement| {
-                correct(normal, target, measurement);
+            model.measurements(motion, readings, |source, measurement| {
+                correct(normal, source, measurement);
             });
             motion.settle(normal, 0);
             if model.floor_steps {
@@ -185,14 +207,13 @@ impl Model {
         }
     }
 
-    /// Passes on every measurement of the first drone of a filter, with what was measured to where that
-    /// is one thing.
+    /// Passes on every measurement of the first drone of a filter.
     #[inline(always)]
     fn measurements(
         &self,
         motion: &Inertial,
         readings: &Readings<'_>,
-        mut each: impl FnMut(Option<Target>, &Measurement<'_>),
+        mut each: impl FnMut(Source, &Measurement<'_>),
     ) {
         readings.sweeps.iter().for_each(|sweep| self.sweep(motion, sweep, &mut each));
         readings.ranges.iter().for_each(|range| self.range(motion, range, &mut each));
@@ -200,7 +221,8 @@ impl Model {
             let left_m = position_m - motion.position_m;
             for axis in 0..3 {
                 let (value, variance) = (left_m[axis], self.position);
-                each(None, &Measurement { slope: &[Part::One(axis, 1.0)], value, variance });
+                let slope = &[Part::One(axis, 1.0)];
+                each(Source::Position, &Measurement { slope, value, variance });
             }
         }
         if let Some(distance_m) = readings.time_of_flight_m {
@@ -209,7 +231,7 @@ impl Model {
         if let Some(height_m) = readings.barometer_m {
             let (value, variance) = (height_m - motion.position_m.z, self.barometer);
             let slope = &[Part::One(2, 1.0)];
-            each(Some(Target::Air), &Measurement { slope, value, variance });
+            each(Source::To(Target::Air), &Measurement { slope, value, variance });
         }
     }
 
@@ -218,7 +240,7 @@ impl Model {
         &self,
         motion: &Inertial,
         sweep: &Sweep,
-        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
+        each: &mut impl FnMut(Source, &Measurement<'_>),
     ) {
         let station = &self.stations[sweep.station];
         let variance = self.sweep[usize::from(station.generation == Generation::V2)];
@@ -229,7 +251,8 @@ impl Model {
             let turn = lever.cross(&motion.world_from_body.tr_mul(&position));
             let slope = &[Part::Three(0, position), Part::Three(TURN, turn)];
             let value = angle_rad - crossing.angle_rad;
-            each(None, &Measurement { slope, value, variance });
+            let source = Source::Sweep { radius_m: crossing.radius_m };
+            each(source, &Measurement { slope, value, variance });
         }
     }
 
@@ -237,7 +260,7 @@ impl Model {
         &self,
         motion: &Inertial,
         range: &Range,
-        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
+        each: &mut impl FnMut(Source, &Measurement<'_>),
     ) {
         let from = |anchor: usize| toward(&(motion.position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from(range.anchor);
@@ -251,14 +274,14 @@ impl Model {
             value: range.distance_m - expected_m,
             variance: self.range[usize::from(range.minus.is_none())],
         };
-        each(Some(Target::Anchor(range.anchor)), &measurement);
+        each(Source::To(Target::Anchor(range.anchor)), &measurement);
     }
 
     fn distance(
         &self,
         motion: &Inertial,
         distance_m: f64,
-        each: &mut impl FnMut(Option<Target>, &Measurement<'_>),
+        each: &mut impl FnMut(Source, &Measurement<'_>),
     ) {
         let r = &motion.world_from_body;
         let cos_tilt = r[(2, 2)];
@@ -275,6 +298,6 @@ impl Model {
             value: distance_m - expected_m,
             variance: sigma_m * sigma_m,
         };
-        each(Some(Target::Floor), &measurement);
+        each(Source::To(Target::Floor), &measurement);
     }
 }

@@ -186,6 +186,24 @@ fn outliers_are_rejected() {
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
+/// One of two stations is behind a person and shows in a mirror. It is silent at first: the firmware's
+/// filter starts open, and a reflection would lead the estimate astray.
+#[test]
+fn a_reflection_is_refused_once_a_station_was_seen() {
+    let mut sensors = white(Positioning::Sweeps);
+    sensors.lighthouse.people_m = vec![[-1.2, -1.0, 0.25]];
+    sensors.lighthouse.mirrors_m = vec![[[0.0, 1.2, 0.0], [0.0, -1.0, 0.0]]];
+    sensors.lighthouse.silent = vec![[0.0, 0.0, 0.1]];
+    for seed in 0..4 {
+        let mut worst_m = 0.0_f64;
+        follow(&EkfOptions::default(), &sensors, seed, 20, |_, truth, ekf| {
+            let left_m = truth.fixed_rows::<3>(0) - ekf.motion.position_m;
+            worst_m = worst_m.max(left_m.norm());
+        });
+        assert!(worst_m < 0.03, "seed {seed}: {worst_m} m");
+    }
+}
+
 /// Errors of the estimated position over a flight of NOOR's letters, after 2 s.
 fn errors_m(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Vec<Vector3<f64>> {
     let flight = noor(positioning, kind, seed);

@@ -11,6 +11,7 @@ mod ekf;
 mod in_flight;
 mod luenberger;
 mod past;
+mod sweep_filter;
 
 use nalgebra::Vector3;
 

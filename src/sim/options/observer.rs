@@ -79,8 +79,8 @@ settings! {
     /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
     /// are densities of 0.022 (0.045) and 0.0045; sweeps 1 mrad (0.4 mrad of the first
     /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
-    /// Commits 170923a, 71bf0d5 and 0cf8300. The gate is ours: at
-    /// 5 the error in flight is a fifth larger.
+    /// Commits 170923a, 71bf0d5 and 0cf8300. Sweeps pass the firmware's own outlier filter
+    /// (`outlierFilterLighthouse.c`, commit 8c973af); the gate of all else is ours.
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
@@ -110,10 +110,11 @@ settings! {
         /// That of the time-of-flight ranger follows its distance, as in the firmware.
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
-        /// Gate: standard deviations of its innovation beyond which a measurement is rejected.
+        /// Gate: standard deviations of its innovation beyond which a position, a range or a height
+        /// is rejected.
         ///
-        /// χ² with one degree of freedom. If it is too low, one of two stations that disagree, as
-        /// real ones do by several times the σ above, is ignored.
+        /// χ² with one degree of freedom. If it is too low, measurements that disagree by several
+        /// times the σ above, as those of real rooms do, are ignored.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6;
         /// Whether the floor below the ranger may have steps, such as the edge of a table.
         ///
