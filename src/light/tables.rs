@@ -128,6 +128,31 @@ pub(super) fn led_ring() -> Vec<Fixture> {
     rows
 }
 
+/// The glints of the headlights on the two motors in front of them, 46 mm from the middle.
+///
+/// In the team's photograph a second white strand runs beside the headlights', 15 mm (4.5 to 5 px of
+/// 3.1 mm) ahead of them in the first N and the O's, where the drone is seen from its side; to the right
+/// of the camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
+/// things as far to the left and to the right as the motors are. They reach 0.7 to 0.9 of saturation
+/// there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the same camera: 0.05 cd
+/// to every side but the front, which the motors shade.
+pub(super) fn off_the_motors() -> Vec<Fixture> {
+    let glint = |mut headlight: Fixture| {
+        headlight.name = format!("{} off the motor", headlight.name);
+        let left_m = headlight.position_body_m[1].signum() * MOTOR_M;
+        headlight.position_body_m = [MOTOR_M, left_m, 0.0];
+        headlight.axis_body = [-1.0, 0.0, 0.0];
+        headlight.spill = 1.0;
+        headlight.diameter_m = 0.004;
+        headlight.dies[0].intensity_cd = 0.05;
+        headlight
+    };
+    led_ring().into_iter().take(2).map(glint).collect()
+}
+
+/// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).
+const MOTOR_M: f64 = 0.0325;
+
 /// Forward and to the right of the middle, in m: every 30° on a circle of 13.7 mm, to 0.01 mm.
 const PLACES: [[f64; 2]; 12] = [
     [0.0137, 0.0],

@@ -107,6 +107,24 @@ fn a_led_and_its_glint_on_the_propeller_shine_at_once_14_mm_apart() {
 }
 
 #[test]
+fn headlights_glint_on_the_motors_to_all_sides_but_the_front() {
+    let trace = lit(&LightOptions { motor_glints: true, ..Default::default() }, &["headlights"]);
+    let lamp = |name: &str| named(&trace, name);
+    let headlights = ["headlight left", "headlight right"].map(lamp);
+    let glints = ["headlight left off the motor", "headlight right off the motor"].map(lamp);
+    for (headlight, glint) in headlights.into_iter().zip(glints) {
+        assert_eq!(headlight.samples.len(), glint.samples.len(), "lit at once");
+        let ahead_m = glint.samples[0].position_m - headlight.samples[0].position_m;
+        assert!((ahead_m.x - 0.0165).abs() < 1e-9 && ahead_m.y.abs() > 0.02, "{ahead_m}");
+        let seen_cd =
+            |from: Vector3<f64>| glint.emitter.intensity_cd(glint.samples[0].axis.dot(&from));
+        assert_eq!([Vector3::y(), -Vector3::x(), Vector3::x()].map(seen_cd), [0.05, 0.05, 0.0]);
+    }
+    let none = lit(&LightOptions::default(), &["headlights"]);
+    assert!(none.lamps.iter().all(|lamp| !lamp.emitter.name.contains("motor")));
+}
+
+#[test]
 fn the_status_led_writes_a_dot_of_50_ms_every_10_cm() {
     let trace = lit(&LightOptions::default(), &["headlights"]);
     let dots: Vec<[LightSample; 2]> = {
