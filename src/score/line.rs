@@ -71,7 +71,7 @@ pub(super) struct Line {
     /// Rows that the letters' ink may take.
     rows: [usize; 2],
     /// First and last column of the ink.
-    pub(super) columns: [usize; 2],
+    columns: [usize; 2],
 }
 
 /// The light of a photo in which lines are looked for.
@@ -121,10 +121,7 @@ impl Search {
             let line = Line::from_mask(*step, [&bright, &pure], ink, &mask);
             let Some(line) = line else { break };
             mask[line.rows[0] * width..line.rows[1] * width].fill(false);
-            let alike = lines.first().is_none_or(|first| {
-                (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(line.letter_px / first.letter_px))
-            });
-            if !alike {
+            if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
             }
             lines.push(line);
@@ -162,10 +159,17 @@ impl Line {
         })
     }
 
-    /// Whether the ink lies between two columns, or a stroke beside them.
-    pub(super) fn is_within(&self, [first, last]: [usize; 2]) -> bool {
+    /// Whether the ink is that of another line, or some of it, or of letters of another height.
+    pub(super) fn adds_nothing_to(&self, other: &Self) -> bool {
         let slack = whole(self.stroke_px.ceil());
-        self.columns[0] + slack >= first && self.columns[1] <= last + slack
+        let [first, last] = other.columns;
+        let is_within = self.columns[0] + slack >= first && self.columns[1] <= last + slack;
+        is_within || !self.has_height_of(other)
+    }
+
+    /// Whether the letters of two lines may be of one text.
+    fn has_height_of(&self, other: &Self) -> bool {
+        (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(self.letter_px / other.letter_px))
     }
 
     /// Columns of the line as a strip, for a cap height.

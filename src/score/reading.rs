@@ -99,20 +99,20 @@ pub fn read(photo: &Photo) -> Reading {
     };
     let light = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
-    let mut spans: Vec<[usize; 2]> = Vec::new();
+    let mut known: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;
     for rule in rules {
         let found = light.lines(rule);
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
-        if is_sure && found.iter().all(|line| spans.iter().any(|span| line.is_within(*span))) {
+        let adds_nothing = |line: &Line| known.iter().any(|known| line.adds_nothing_to(known));
+        if is_sure && found.iter().all(adds_nothing) {
             continue;
         }
         let sizes: Vec<Vec<f64>> = found.iter().map(|line| sizes_px(line, &mut budget)).collect();
         let read = found.par_iter().zip(sizes);
         let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
-            lines = read;
-            spans = found.iter().map(|line| line.columns).collect();
+            (lines, known) = (read, found);
         }
     }
     if lines.len() > 1 {
