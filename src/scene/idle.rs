@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 use super::Scene;
 use crate::camera::Metering;
-use crate::light::{Drive, Fixture, RingEffect};
+use crate::light::{Deck, Drive, Fixture, RingEffect};
 use crate::plan::{PlanOptions, Style};
 use crate::sensors::Positioning;
 use crate::settings::{Described, Need, Setting, Shape};
@@ -75,6 +75,7 @@ const RULES: &[Rule] = &[
         |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
         "no lamp is of the ring",
     ),
+    (&["light.motor_glints"], |s| s.light.deck != Deck::LedRing, "the deck has no headlights"),
     (
         &["light.radio_write_s"],
         |s| {
