@@ -40,6 +40,7 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
         times: args.times.clone(),
         seed: args.study.seed,
     };
+    options.check()?;
     let store = open_store(&args.output)?;
     let csv = Output::create(&args.output.join("robustness.csv"))?;
     let svg = Output::create(&args.output.join("robustness.svg"))?;

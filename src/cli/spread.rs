@@ -25,7 +25,7 @@ pub(super) struct SpreadFlags {
     /// How the flights of --spread differ: room (the scene's drone, another room and evening), drone
     /// (any drone of its make as well), evening (the room, with faults of radio, heading, propeller and
     /// battery), still (noise alone), or a TOML file
-    #[arg(long, value_name = "NAME|FILE", default_value = "room")]
+    #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
 }
 

@@ -38,9 +38,9 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
              hold against; gusts: those that turn a drone as its air did. Empty: the log does not show it.",
         );
     let curves = |of: Of| -> Vec<Curve> {
-        let curve = |(logs, color): (&Vec<&EveningLog>, _)| {
+        let curve = |((_, logs), color): (&(&str, &[EveningLog]), _)| {
             #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
-            let value = |(index, log): (usize, &&EveningLog)| {
+            let value = |(index, log): (usize, &EveningLog)| {
                 Some((index as f64 + 1.0, log.figures.as_ref().and_then(of)?))
             };
             let sound = logs.iter().filter(|log| log.flaws.is_empty());
@@ -50,9 +50,9 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
             let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
             Curve { pen: Pen { color, width_px: 2.0 }, pieces }
         };
-        drones.values().zip(COLORS).map(curve).collect()
+        drones.iter().zip(COLORS).map(curve).collect()
     };
-    let most = drones.values().map(Vec::len).max().unwrap_or(1);
+    let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panel = |(y_name, least, of): (&'static str, f64, Of)| {
         let curves = curves(of);
         let values = curves.iter().flat_map(|curve| curve.pieces.iter().flatten().map(|p| p.1));
@@ -77,7 +77,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
         let pens = COLORS.map(|color| Pen { color, width_px: 2.0 });
         let figure = Figure {
             title: "Thrust, trim and lag, flight by flight".to_owned(),
-            legend: drones.keys().map(|&name| name.to_owned()).zip(pens).collect(),
+            legend: drones.iter().map(|(name, _)| (*name).to_owned()).zip(pens).collect(),
             x_name: "sound flight, in the order of the names",
             panels: panels.into_iter().map(panel).collect(),
         };

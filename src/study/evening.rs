@@ -9,7 +9,6 @@
 //! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
 //! position; inertia; delay of the lamps; charge and age of the battery.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
@@ -43,7 +42,7 @@ const OUTAGE_EVERY_S: f64 = super::conditions::OUTAGE_EVERY_S;
 /// The logs of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// One for each flight, those of a drone in the order of their names.
+    /// One for each flight, in the order of the drones' names and of their own: 2 before 10.
     pub logs: Vec<EveningLog>,
 }
 
@@ -157,18 +156,15 @@ impl Evening {
             row
         };
         let mut logs: Vec<EveningLog> = logs.par_iter().map(row).collect();
-        logs.sort_by(|a, b| a.drone.cmp(&b.drone).then_with(|| a.log.cmp(&b.log)));
+        logs.sort_by_cached_key(|log| [natural(&log.drone), natural(&log.log)]);
         Ok(Self { logs })
     }
 
     /// The drones with their logs.
     #[must_use]
-    pub fn drones(&self) -> BTreeMap<&str, Vec<&EveningLog>> {
-        let mut drones: BTreeMap<&str, Vec<&EveningLog>> = BTreeMap::new();
-        for log in &self.logs {
-            drones.entry(&log.drone).or_default().push(log);
-        }
-        drones
+    pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
+        let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
+        drones.map(|logs| (&logs[0].drone[..], logs)).collect()
     }
 
     /// Figures of the sound flights.
@@ -328,6 +324,22 @@ fn spread(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     (square / (n - 1.0) - own / n).max(0.0).sqrt()
 }
 
+/// What puts names in the order of the numbers in them: numbers, then other characters; the name
+/// itself last.
+fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
+    let mut parts: Vec<(bool, u64)> = Vec::new();
+    for c in name.chars() {
+        match (c.to_digit(10).map(u64::from), parts.last_mut()) {
+            (Some(digit), Some((false, number))) => {
+                *number = number.saturating_mul(10).saturating_add(digit);
+            }
+            (Some(digit), _) => parts.push((false, digit)),
+            (None, _) => parts.push((true, c.into())),
+        }
+    }
+    (parts, name.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use std::fmt::Write;
@@ -341,6 +353,13 @@ mod tests {
     use crate::sim::{Drone, fly};
     use crate::study::Conditions;
     use crate::vehicle::{Gusts, VehicleOptions};
+
+    #[test]
+    fn names_are_in_the_order_of_their_numbers() {
+        let mut names = ["cf10", "b", "cf2", "10.csv", "2.csv", "cf02", "cf1/10", "cf1/9"];
+        names.sort_by_cached_key(|name| natural(name));
+        assert_eq!(names, ["2.csv", "10.csv", "b", "cf1/9", "cf1/10", "cf02", "cf2", "cf10"]);
+    }
 
     /// A flight as a log of the firmware at 100 Hz: its estimate, its gyroscope with noise, its motors.
     fn log(flight: &Flight, seed: u64) -> String {

@@ -59,24 +59,35 @@ pub struct Level {
     pub all_read: Estimate,
 }
 
+impl RobustnessOptions {
+    /// Checks the multiples.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for multiples that do not rise, or conditions out of range times the largest.
+    pub fn check(&self) -> Result<()> {
+        let rises = self.times.windows(2).all(|pair| pair[0] < pair[1]);
+        if self.times.len() < 2 || !rises || self.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
+            let wanted = "at least two numbers from 0 to 1000, each above the one before";
+            let hint = "for example 0, 1, 2, 4, 8";
+            return Err(Error::input("times", format!("{:?}", self.times), wanted, hint));
+        }
+        self.usual.times(self.times[self.times.len() - 1]).check()
+    }
+}
+
 /// Tries every factor and all together; the factor that breaks the word first comes first.
 /// `done` is called with the number of flights that are done.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for multiples that do not rise; those of the flights and the store.
+/// Those of [`RobustnessOptions::check`], the flights and the store.
 pub fn robustness(
     options: &RobustnessOptions,
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Endurance>> {
-    let rises = options.times.windows(2).all(|pair| pair[0] < pair[1]);
-    if options.times.len() < 2 || !rises || options.times.iter().any(|t| !(0.0..=1e3).contains(t)) {
-        let wanted = "at least two numbers from 0 to 1000, each above the one before";
-        let hint = "for example 0, 1, 2, 4, 8";
-        return Err(Error::input("times", format!("{:?}", options.times), wanted, hint));
-    }
-    options.usual.times(options.times[options.times.len() - 1]).check()?;
+    options.check()?;
     let mut before = 0;
     let mut endurances = Vec::new();
     for factor in Factor::all().map(Some).chain([None]) {
