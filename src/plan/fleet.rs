@@ -1,7 +1,12 @@
 //! Fleet: several drones share the strokes of one word, and keep apart in space and time.
 //!
 //! Each drone takes a stretch of the word from left to right with about as much light as the
-//! others. Where two would come too close, the later one waits on the floor until they do not.
+//! others. Of each stretch some routes are tried: the shortest, the same backward, and from one side to
+//! the other, which keep drones apart that fly at once. The drones are dealt with one after another; each
+//! takes the route that ends first and keeps apart from those before, waiting on the floor as long as it
+//! must. The one that ends last is dealt with first the next time, until that has been tried with each.
+
+use nalgebra::Vector3;
 
 use super::order::{as_drawn, is_kept, shortest};
 use super::pen::PenStroke;
@@ -15,9 +20,7 @@ use crate::letters::Strokes;
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
 /// Reach of the downwash below a drone.
 pub const MIN_VERTICAL_M: f64 = 0.9;
-/// Steps by which a drone's start is delayed.
-const DELAY_STEP_S: f64 = 0.5;
-/// Time between two checks of the distance.
+/// Time between two checks of the distance, and step by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
 /// Two drones at the moment when they are closest to each other.
@@ -48,22 +51,144 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
     };
-    let mut plans: Vec<Plan> = Vec::new();
-    for share in shares(strokes, options, style)? {
-        plans.push(adjusted(apart_from(&plans, &share, options, style)?, options));
-    }
-    Ok(plans)
+    let shares = shares(strokes, options, style)?;
+    let homes_m = homes_x_m(&shares);
+    let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
+        let ways =
+            if is_kept(strokes, style) { vec![share.clone()] } else { ways(share, options, style) };
+        ways.into_iter().map(|way| Route::new(way, options, style, *home_m)).collect()
+    };
+    let routes: Vec<Vec<Route>> = shares.iter().zip(&homes_m).map(routes).collect::<Result<_>>()?;
+    let starts = starts(&routes).ok_or_else(|| Error::Infeasible {
+        what: "two drones come too close to each other, however long one waits".to_owned(),
+        hint: "share the word among fewer drones, or write it larger".into(),
+    })?;
+    let plan = |((of, start), home_m): ((&Vec<Route>, &Start), &f64)| {
+        let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
+        let later = PlanOptions { floor_wait_s, ..options.clone() };
+        let plan = even::plan(&of[start.route].strokes, &later, style, Some(*home_m))?;
+        Ok(adjusted(plan, options))
+    };
+    routes.iter().zip(&starts).zip(&homes_m).map(plan).collect()
 }
 
-/// The strokes from left to right, in stretches of about equal length, each in its own order.
+/// A way to draw a share.
+struct Route {
+    strokes: Vec<PenStroke>,
+    track: Track,
+}
+
+impl Route {
+    fn new(
+        strokes: Vec<PenStroke>,
+        options: &PlanOptions,
+        style: &EvenStyle,
+        home_x_m: f64,
+    ) -> Result<Self> {
+        let track = Track::of(&even::plan(&strokes, options, style, Some(home_x_m))?);
+        Ok(Self { strokes, track })
+    }
+}
+
+/// Which route a drone takes, and after how many steps.
+#[derive(Clone, Copy)]
+struct Start {
+    route: usize,
+    delay: usize,
+}
+
+/// The routes and delays of all drones whose last one ends first; `None` where they cannot keep apart.
+fn starts(routes: &[Vec<Route>]) -> Option<Vec<Start>> {
+    let mut order: Vec<usize> = (0..routes.len()).collect();
+    let mut best: Option<(usize, Vec<Start>)> = None;
+    for _ in 0..2 * routes.len() {
+        let dealt = dealt(routes, &order);
+        let end = |at: usize, start: &Start| start.delay + routes[at][start.route].track.0.len();
+        let last = match dealt {
+            Ok(starts) => {
+                let ends = starts.iter().enumerate().map(|(at, start)| end(at, start));
+                let (end, last) = ends.zip(0..).max().expect("two drones at least");
+                if best.as_ref().is_none_or(|(least, _)| end < *least) {
+                    best = Some((end, starts));
+                }
+                last
+            }
+            Err(stuck) => stuck,
+        };
+        let place = order.iter().position(|at| *at == last).expect("each drone has a turn");
+        if place == 0 {
+            break;
+        }
+        order[..=place].rotate_right(1);
+    }
+    best.map(|(_, starts)| starts)
+}
+
+/// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
+fn dealt(routes: &[Vec<Route>], order: &[usize]) -> std::result::Result<Vec<Start>, usize> {
+    let mut found: Vec<(usize, Start)> = Vec::new();
+    for &at in order {
+        let others: Vec<(&Track, usize)> = found
+            .iter()
+            .map(|(at, start)| (&routes[*at][start.route].track, start.delay))
+            .collect();
+        let most = others.iter().map(|(track, delay)| track.0.len() + delay).max().unwrap_or(0);
+        let apart = |(route, of): (usize, &Route)| {
+            let delay = (0..=most).find(|delay| {
+                others.iter().all(|other| !of.track.meets(*delay, other.0, other.1))
+            })?;
+            Some((delay + of.track.0.len(), Start { route, delay }))
+        };
+        let ends = routes[at].iter().enumerate().filter_map(apart);
+        found.push((at, ends.min_by_key(|(end, _)| *end).ok_or(at)?.1));
+    }
+    found.sort_by_key(|(at, _)| *at);
+    Ok(found.into_iter().map(|(_, start)| start).collect())
+}
+
+/// Where a plan is at every step, and whether it stands on the floor with its motors off.
+struct Track(Vec<(Vector3<f64>, bool)>);
+
+impl Track {
+    fn of(plan: &Plan) -> Self {
+        let place = |time_s: f64| {
+            (plan.design_m(time_s), plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor))
+        };
+        let end_s = plan.duration_s();
+        let times_s = (0..).map(|step| f64::from(step) * CHECK_STEP_S);
+        let times_s = times_s.take_while(|time_s| *time_s < end_s).chain([end_s]);
+        Self(times_s.map(place).collect())
+    }
+
+    /// The place at a step, if the plan starts after some: on the floor before it and behind its end.
+    fn at(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
+        self.0[step.saturating_sub(delay).min(self.0.len() - 1)]
+    }
+
+    /// Horizontal distance and difference in height from another at a step, unless they are above each
+    /// other.
+    fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
+        let ((a, a_parked), (b, b_parked)) = (self.at(step, delay), other.at(step, later));
+        let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
+        let apart_m = a - b;
+        (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
+    }
+
+    fn meets(&self, delay: usize, other: &Self, later: usize) -> bool {
+        let end = (self.0.len() + delay).max(other.0.len() + later);
+        let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
+        (0..end).any(|step| self.apart_m(delay, other, later, step).is_some_and(near))
+    }
+}
+
+/// The strokes from left to right, in stretches of about equal length.
 fn shares(
     strokes: &Strokes,
     options: &PlanOptions,
     style: &EvenStyle,
 ) -> Result<Vec<Vec<PenStroke>>> {
     let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
-    let kept = is_kept(strokes, style);
-    if !kept {
+    if !is_kept(strokes, style) {
         let sides = |stroke: &PenStroke| extent_x_m(std::slice::from_ref(stroke));
         let middle = |stroke: &PenStroke| sides(stroke)[0] + sides(stroke)[1];
         all.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
@@ -81,10 +206,32 @@ fn shares(
         drawn_m += length_m;
         shares.last_mut().expect("one at least").push(stroke);
     }
-    let in_order = |share: Vec<PenStroke>| {
-        if kept { share } else { shortest(&share, options.stroke_speed_m_s, style) }
+    Ok(shares)
+}
+
+/// Ways to draw a share, whose strokes are given from left to right.
+fn ways(share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
+    let backward = |way: &[PenStroke]| way.iter().rev().map(|stroke| stroke.along(1)).collect();
+    let shortest = shortest(share, options.stroke_speed_m_s, style);
+    let to_the_right = |stroke: &PenStroke| {
+        let ends = [0, stroke.points_m.len() - 1].map(|at| stroke.points_m[at].x);
+        if ends[0] > ends[1] { stroke.along(1) } else { stroke.clone() }
     };
-    Ok(shares.into_iter().map(in_order).collect())
+    let across: Vec<PenStroke> = share.iter().map(to_the_right).collect();
+    vec![backward(&shortest), shortest, backward(&across), across]
+}
+
+/// Where each drone starts and lands: below the middle of its share, clear of the others.
+fn homes_x_m(shares: &[Vec<PenStroke>]) -> Vec<f64> {
+    let middles: Vec<f64> =
+        shares.iter().map(|share| extent_x_m(share).iter().sum::<f64>() / 2.0).collect();
+    let mut homes = middles.clone();
+    for at in 1..homes.len() {
+        homes[at] = homes[at].max(homes[at - 1] + MIN_HORIZONTAL_M);
+    }
+    let n = homes.len() as f64;
+    let aside_m = (homes.iter().sum::<f64>() - middles.iter().sum::<f64>()) / n;
+    homes.iter().map(|home| home - aside_m).collect()
 }
 
 /// Least and greatest x of strokes.
@@ -92,37 +239,6 @@ fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
     let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
     let [left, _, right, _] = bounds(points.map(|point| [point.x, point.y]));
     [left, right]
-}
-
-/// The plan of a share, started as soon as it keeps apart from the plans before. The drone starts
-/// and lands below the middle of its share, clear of the others.
-fn apart_from(
-    plans: &[Plan],
-    share: &[PenStroke],
-    options: &PlanOptions,
-    style: &EvenStyle,
-) -> Result<Plan> {
-    let [left_m, right_m] = extent_x_m(share);
-    let home_x_m = 0.5 * (left_m + right_m);
-    let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
-    let mut delay_s = 0.0;
-    loop {
-        let later = PlanOptions { floor_wait_s: options.floor_wait_s + delay_s, ..options.clone() };
-        let plan = even::plan(share, &later, style, Some(home_x_m))?;
-        let Some(closest) = plans.iter().find_map(|other| conflict(&plan, other)) else {
-            return Ok(plan);
-        };
-        delay_s += DELAY_STEP_S;
-        if delay_s > longest_s + DELAY_STEP_S {
-            return Err(Error::Infeasible {
-                what: format!(
-                    "two drones come within {:.2} m of each other at {:.1} s, however long one waits",
-                    closest.horizontal_m, closest.time_s
-                ),
-                hint: "share the word among fewer drones, or write it larger".into(),
-            });
-        }
-    }
 }
 
 /// The closest moment of two plans that are too close to each other, if they ever are: within
@@ -137,22 +253,13 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
 /// motors off. `None`: they are always above each other.
 #[must_use]
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
-    let end_s = a.duration_s().max(b.duration_s());
-    let design_m = |plan: &Plan, time_s: f64| plan.design_m(time_s.min(plan.duration_s()));
-    let mut closest: Option<Approach> = None;
-    let mut time_s = 0.0;
-    while time_s <= end_s {
-        let apart_m = design_m(a, time_s) - design_m(b, time_s);
-        let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z.abs());
-        let parked = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor);
-        let reach_m = if parked(a) || parked(b) { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
-        let closer = closest.is_none_or(|closest| horizontal_m < closest.horizontal_m);
-        if vertical_m < reach_m && closer {
-            closest = Some(Approach { time_s, horizontal_m, vertical_m });
-        }
-        time_s += CHECK_STEP_S;
-    }
-    closest
+    let (a, b) = (Track::of(a), Track::of(b));
+    let place = |step: usize| {
+        let [horizontal_m, vertical_m] = a.apart_m(0, &b, 0, step)?;
+        Some(Approach { time_s: step as f64 * CHECK_STEP_S, horizontal_m, vertical_m })
+    };
+    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
+    (0..a.0.len().max(b.0.len())).filter_map(place).min_by(nearest)
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
