@@ -51,25 +51,59 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", found, "one, or style even", hint));
     };
-    let shares = shares(strokes, options, style)?;
-    let homes_m = homes_x_m(&shares);
-    let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
-        let ways =
-            if is_kept(strokes, style) { vec![share.clone()] } else { ways(share, options, style) };
-        ways.into_iter().map(|way| Route::new(way, options, style, *home_m)).collect()
-    };
-    let routes: Vec<Vec<Route>> = shares.iter().zip(&homes_m).map(routes).collect::<Result<_>>()?;
-    let starts = starts(&routes).ok_or_else(|| Error::Infeasible {
+    let mut found: Vec<Dealt> = Vec::new();
+    for whole_letters in [false, true] {
+        found.extend(Dealt::new(strokes, whole_letters, options, style)?);
+    }
+    let first = found.into_iter().min_by_key(|dealt| dealt.end);
+    let dealt = first.ok_or_else(|| Error::Infeasible {
         what: "two drones come too close to each other, however long one waits".to_owned(),
         hint: "share the word among fewer drones, or write it larger".into(),
     })?;
-    let plan = |((of, start), home_m): ((&Vec<Route>, &Start), &f64)| {
-        let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
-        let later = PlanOptions { floor_wait_s, ..options.clone() };
-        let plan = even::plan(&of[start.route].strokes, &later, style, Some(*home_m))?;
-        Ok(adjusted(plan, options))
-    };
-    routes.iter().zip(&starts).zip(&homes_m).map(plan).collect()
+    dealt.plans(options, style)
+}
+
+/// The shares of all drones, with the routes that they may take and those that they do.
+struct Dealt {
+    homes_m: Vec<f64>,
+    routes: Vec<Vec<Route>>,
+    starts: Vec<Start>,
+    /// Step at which the last drone ends.
+    end: usize,
+}
+
+impl Dealt {
+    /// `None` where the drones cannot keep apart.
+    fn new(
+        strokes: &Strokes,
+        whole_letters: bool,
+        options: &PlanOptions,
+        style: &EvenStyle,
+    ) -> Result<Option<Self>> {
+        let shares = shares(strokes, whole_letters, options, style)?;
+        let homes_m = homes_x_m(&shares);
+        let ways = |share: &[PenStroke]| match is_kept(strokes, style) {
+            true => vec![share.to_vec()],
+            false => ways(share, options, style),
+        };
+        let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
+            ways(share).into_iter().map(|way| Route::new(way, options, style, *home_m)).collect()
+        };
+        let routes = shares.iter().zip(&homes_m).map(routes).collect::<Result<Vec<_>>>()?;
+        let starts = starts(&routes);
+        Ok(starts.map(|(end, starts)| Self { homes_m, routes, starts, end }))
+    }
+
+    fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
+        let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
+        let plan = |((routes, start), home_m): ((&Vec<Route>, &Start), &f64)| {
+            let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
+            let later = PlanOptions { floor_wait_s, ..options.clone() };
+            let plan = even::plan(&routes[start.route].strokes, &later, style, Some(*home_m))?;
+            Ok(adjusted(plan, options))
+        };
+        drones.map(plan).collect()
+    }
 }
 
 /// A way to draw a share.
@@ -97,8 +131,9 @@ struct Start {
     delay: usize,
 }
 
-/// The routes and delays of all drones whose last one ends first; `None` where they cannot keep apart.
-fn starts(routes: &[Vec<Route>]) -> Option<Vec<Start>> {
+/// The routes and delays of all drones whose last one ends first, and the step at which it does; `None`
+/// where they cannot keep apart.
+fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
     for _ in 0..2 * routes.len() {
@@ -121,7 +156,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<Vec<Start>> {
         }
         order[..=place].rotate_right(1);
     }
-    best.map(|(_, starts)| starts)
+    best
 }
 
 /// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
@@ -181,9 +216,10 @@ impl Track {
     }
 }
 
-/// The strokes from left to right, in stretches of about equal length.
+/// The strokes from left to right, in stretches of about equal length; of whole letters, if asked for.
 fn shares(
     strokes: &Strokes,
+    whole_letters: bool,
     options: &PlanOptions,
     style: &EvenStyle,
 ) -> Result<Vec<Vec<PenStroke>>> {
@@ -200,7 +236,9 @@ fn shares(
     for stroke in all {
         let length_m = stroke.length_m();
         let full_m = each_m * shares.len() as f64;
-        if drawn_m + 0.5 * length_m > full_m && shares.last().is_some_and(|s| !s.is_empty()) {
+        let last = shares.last().and_then(|share| share.last());
+        let may_end = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
+        if drawn_m + 0.5 * length_m > full_m && may_end {
             shares.push(Vec::new());
         }
         drawn_m += length_m;
@@ -287,7 +325,30 @@ mod tests {
     use crate::letters::{LetterOptions, write};
 
     fn strokes(word: &str) -> Strokes {
-        write(word, &LetterOptions::default()).unwrap()
+        write(word, &LetterOptions { font: "simplex".into(), ..LetterOptions::default() }).unwrap()
+    }
+
+    #[test]
+    fn more_drones_take_less_time_and_wait_for_each_other_briefly() {
+        for word in ["PEACE", "WELCOME"] {
+            let longest_s = |drones: u32| {
+                let options = PlanOptions { drones, ..PlanOptions::even() };
+                let plans = fleet(&strokes(word), &options).unwrap();
+                let pairs = (0..plans.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+                for (a, b) in pairs {
+                    assert_eq!(conflict(&plans[a], &plans[b]), None, "{word}");
+                }
+                plans.iter().map(Plan::duration_s).fold(0.0, f64::max)
+            };
+            let [one_s, two_s, four_s] = [1, 2, 4].map(longest_s);
+            assert!(two_s < 0.65 * one_s && four_s < two_s, "{word}: {one_s}, {two_s}, {four_s} s");
+        }
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        assert_eq!(
+            fleet(&strokes("HI"), &options).unwrap().len(),
+            2,
+            "letters less than 0.3 m apart"
+        );
     }
 
     #[test]
