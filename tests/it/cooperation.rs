@@ -266,7 +266,7 @@ fn anchors_in_a_plane_are_ambiguous_and_a_fleet_that_is_lost_says_which_drone() 
     // Ranges that are wrong by meters turn a drone over.
     let lost = ["preview", "--scene", FIVE_LINKS, "--set", "sensors.uwb.bias_m=2"];
     let lost = noctograph(folder.path()).args(lost).assert().code(2);
-    lost.stderr(predicates::str::contains("drone 2: the drone turns over after"));
+    lost.stderr(predicates::str::contains("drone 1: the drone turns over after"));
 }
 
 #[test]
