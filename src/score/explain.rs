@@ -34,7 +34,7 @@ const DIM: f32 = 2.0;
 const STRANGE: f64 = 0.5;
 
 /// Share of another letter in a faultless drawing from which the font has a part in it, if the photo
-/// is read as that letter: the team's I, whose lower bar is half, has it for T.
+/// is read as that letter: the team's J, whose hook is small, has it for T.
 const AMBIGUOUS: f64 = 0.01;
 
 /// Share in the choice from which a letter is sure: mending it gains nothing.

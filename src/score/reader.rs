@@ -286,7 +286,11 @@ impl Reader {
             let expected: Vec<char> = word.chars().filter(|c| judged(*c)).collect();
             let (own, rest) = choices.split_at(expected.len());
             choices = rest;
-            let mut letters = likeliest(own, &expected).into_iter();
+            // What the light alone reads as expected is not spelled otherwise.
+            let is_read =
+                own.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
+            let letters = if is_read { expected } else { likeliest(own, &expected) };
+            let mut letters = letters.into_iter();
             let shown = move |c| if judged(c) { letters.next().unwrap_or(c) } else { c };
             word.chars().map(shown).collect::<Vec<char>>()
         });
