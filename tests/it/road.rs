@@ -103,10 +103,10 @@ fn a_dark_flight_reads_as_nothing() {
 
 #[test]
 fn clean_previews_of_the_teams_letters_read() {
-    // The team's I, U and W look like other letters, FED like PGD and XYZ like
+    // The team's I, J, U and W look like other letters, FED like PGD and XYZ like
     // XXZ, as their lamps switch late.
     // The board's LEDs are lit; the ring is off.
-    for word in ["NOOR", "CAB", "GHOST", "JKL", "MPQ"] {
+    for word in ["NOOR", "CAB", "GHOST", "LOCK", "MPQ"] {
         let verdict = on_cpu(word, |scene| scene.light.ring = RingEffect::Off).verdict();
         assert_eq!(verdict.read, word, "{verdict:#?}");
     }
