@@ -6,6 +6,8 @@
 //! takes the route that ends first and keeps apart from those before, waiting on the floor as long as it
 //! must. The one that ends last is dealt with first the next time, until that has been tried with each.
 
+use std::collections::HashMap;
+
 use nalgebra::Vector3;
 
 use super::order::{as_drawn, is_kept, shortest};
@@ -136,13 +138,15 @@ struct Start {
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
+    let mut meetings = Meetings { routes, known: HashMap::new() };
     for _ in 0..2 * routes.len() {
-        let dealt = dealt(routes, &order);
-        let end = |at: usize, start: &Start| start.delay + routes[at][start.route].track.0.len();
+        let dealt = dealt(routes, &order, &mut meetings);
+        let end =
+            |at: usize, start: &Start| start.delay + routes[at][start.route].track.places.len();
         let last = match dealt {
             Ok(starts) => {
                 let ends = starts.iter().enumerate().map(|(at, start)| end(at, start));
-                let (end, last) = ends.zip(0..).max().expect("two drones at least");
+                let (end, last) = ends.zip(0..).max().expect("one drone at least");
                 if best.as_ref().is_none_or(|(least, _)| end < *least) {
                     best = Some((end, starts));
                 }
@@ -160,29 +164,54 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
 }
 
 /// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
-fn dealt(routes: &[Vec<Route>], order: &[usize]) -> std::result::Result<Vec<Start>, usize> {
+fn dealt(
+    routes: &[Vec<Route>],
+    order: &[usize],
+    meetings: &mut Meetings<'_>,
+) -> std::result::Result<Vec<Start>, usize> {
+    let n_steps = |at: usize, route: usize| routes[at][route].track.places.len();
     let mut found: Vec<(usize, Start)> = Vec::new();
     for &at in order {
-        let others: Vec<(&Track, usize)> = found
-            .iter()
-            .map(|(at, start)| (&routes[*at][start.route].track, start.delay))
-            .collect();
-        let most = others.iter().map(|(track, delay)| track.0.len() + delay).max().unwrap_or(0);
-        let apart = |(route, of): (usize, &Route)| {
-            let delay = (0..=most).find(|delay| {
-                others.iter().all(|other| !of.track.meets(*delay, other.0, other.1))
-            })?;
-            Some((delay + of.track.0.len(), Start { route, delay }))
+        let ends = found.iter().map(|(other, start)| start.delay + n_steps(*other, start.route));
+        let most = ends.max().unwrap_or(0);
+        let apart = |route: usize| {
+            let mut delays = (0..=most).map(|delay| Start { route, delay });
+            delays.find(|start| !found.iter().any(|other| meetings.are((at, *start), *other)))
         };
-        let ends = routes[at].iter().enumerate().filter_map(apart);
-        found.push((at, ends.min_by_key(|(end, _)| *end).ok_or(at)?.1));
+        let starts = (0..routes[at].len()).filter_map(apart);
+        let first = starts.min_by_key(|start| start.delay + n_steps(at, start.route));
+        found.push((at, first.ok_or(at)?));
     }
     found.sort_by_key(|(at, _)| *at);
     Ok(found.into_iter().map(|(_, start)| start).collect())
 }
 
+/// Whether two drones meet, each on one of its routes and by how many steps the first starts after the
+/// other one: looked up from order to order.
+struct Meetings<'a> {
+    routes: &'a [Vec<Route>],
+    /// By drones and routes, then by delay.
+    known: HashMap<[usize; 4], Vec<Option<bool>>>,
+}
+
+impl Meetings<'_> {
+    fn are(&mut self, (a, of_a): (usize, Start), (b, of_b): (usize, Start)) -> bool {
+        let [one, other] = [(a, of_a), (b, of_b)].map(|(at, of)| &self.routes[at][of.route].track);
+        let n = [one, other].map(|track| track.places.len());
+        // One that starts when the other has landed may as well start later.
+        let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
+        let known = self.known.entry([a, of_a.route, b, of_b.route]);
+        let known = known.or_insert_with(|| vec![None; n[0] + n[1] + 1]);
+        *known[later].get_or_insert_with(|| one.meets(of_a.delay, other, of_b.delay))
+    }
+}
+
 /// Where a plan is at every step, and whether it stands on the floor with its motors off.
-struct Track(Vec<(Vector3<f64>, bool)>);
+struct Track {
+    places: Vec<(Vector3<f64>, bool)>,
+    /// Longest horizontal way from one step to the next.
+    step_m: f64,
+}
 
 impl Track {
     fn of(plan: &Plan) -> Self {
@@ -192,12 +221,14 @@ impl Track {
         let end_s = plan.duration_s();
         let times_s = (0..).map(|step| f64::from(step) * CHECK_STEP_S);
         let times_s = times_s.take_while(|time_s| *time_s < end_s).chain([end_s]);
-        Self(times_s.map(place).collect())
+        let places: Vec<_> = times_s.map(place).collect();
+        let steps_m = places.windows(2).map(|ends| (ends[1].0 - ends[0].0).xy().norm());
+        Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
     /// The place at a step, if the plan starts after some: on the floor before it and behind its end.
     fn at(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
-        self.0[step.saturating_sub(delay).min(self.0.len() - 1)]
+        self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
     /// Horizontal distance and difference in height from another at a step, unless they are above each
@@ -210,9 +241,21 @@ impl Track {
     }
 
     fn meets(&self, delay: usize, other: &Self, later: usize) -> bool {
-        let end = (self.0.len() + delay).max(other.0.len() + later);
-        let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
-        (0..end).any(|step| self.apart_m(delay, other, later, step).is_some_and(near))
+        let end = (self.places.len() + delay).max(other.places.len() + later);
+        let mut step = 0;
+        while step < end {
+            let aside_m = (self.at(step, delay).0 - other.at(step, later).0).xy().norm();
+            let is_near = aside_m < MIN_HORIZONTAL_M - 1e-9;
+            if is_near && self.apart_m(delay, other, later, step).is_some() {
+                return true;
+            }
+            // No nearer than that while both fly straight at each other.
+            let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let n_safe = n_safe.max(0.0) as usize;
+            step = step.saturating_add(1).saturating_add(n_safe);
+        }
+        false
     }
 }
 
@@ -297,7 +340,7 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
         Some(Approach { time_s: step as f64 * CHECK_STEP_S, horizontal_m, vertical_m })
     };
     let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
-    (0..a.0.len().max(b.0.len())).filter_map(place).min_by(nearest)
+    (0..a.places.len().max(b.places.len())).filter_map(place).min_by(nearest)
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
@@ -371,6 +414,22 @@ mod tests {
         let plans = fleet(&strokes("OO"), &options).unwrap();
         assert_eq!(conflict(&plans[0], &plans[1]), None);
         assert!(conflict(&plans[0], &plans[0]).is_some(), "two drones in one place");
+    }
+
+    #[test]
+    fn steps_are_skipped_only_where_nobody_can_meet() {
+        let options = PlanOptions { drones: 2, ..PlanOptions::even() };
+        let plans = fleet(&strokes("NOOR"), &options).unwrap();
+        let [a, b] = [0, 1].map(|at| Track::of(&plans[at]));
+        let mut found = [0, 0];
+        for delay in (0..a.places.len() + b.places.len()).step_by(3) {
+            let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
+            let meets = (0..delay + a.places.len() + b.places.len())
+                .any(|step| a.apart_m(delay, &b, 0, step).is_some_and(near));
+            assert_eq!(a.meets(delay, &b, 0), meets, "{delay} steps later");
+            found[usize::from(meets)] += 1;
+        }
+        assert!(found.iter().all(|n| *n > 10), "{found:?}");
     }
 
     #[test]
