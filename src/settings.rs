@@ -35,8 +35,8 @@
 //! ```
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of its
-//! list, a setting has an effect; without names, whether that key is set, and not 0. The settings of
-//! other choices are kept all the same, so that a preset's gains survive a change of the choice.
+//! list, or numbers, a setting has an effect; without names, whether that key is set, and not 0. The
+//! settings of other choices are kept all the same, so that a preset's gains survive a change of the choice.
 //!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
@@ -223,7 +223,7 @@ macro_rules! settings {
                 $key:ident: $type:ty = $default:expr
                     $(, in $range:expr)?
                     $(, for $need:literal $(= $($needed:literal)|+)?)*
-                    $(, unless $bar:literal $(= $($barred:literal)|+)?)?;
+                    $(, unless $bar:literal $(= $($barred:literal)|+)?)*;
             )*
         }
         $($rest:tt)*
@@ -261,7 +261,7 @@ macro_rules! settings {
                             key: $bar,
                             names: &[$($($barred),+)?],
                             holds: false,
-                        },)?
+                        },)*
                     ],
                 },)*
             ]);
