@@ -8,7 +8,7 @@ use super::plans::plan_view;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
-use crate::preflight::{Checked, Severity, ShotPlan};
+use crate::preflight::{Checked, ShotPlan};
 use crate::scene::Change;
 use crate::score::Verdict;
 use crate::shoot::{Shot, writing};
@@ -165,21 +165,11 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
 }
 
 fn finding(checked: &Checked, typed: &dyn Fn(&Change) -> String) -> [String; 3] {
-    let row = &checked.row;
-    let mut found = row.found.clone();
-    if let Some(drone) = checked.drone {
-        found = format!("drone {drone}: {found}");
+    let [mark, check, mut found, wanted, change] = checked.cells(typed);
+    if !wanted.is_empty() {
+        found += &format!("; wanted: {wanted}; change: {change}");
     }
-    if row.severity != Severity::Fine {
-        found += &format!("; wanted: {}; change: {}", row.wanted, row.change(typed));
-    }
-    let mark = match row.severity {
-        Severity::Fine => "ok",
-        Severity::Unknown => "?",
-        Severity::Warning => "warning",
-        Severity::Stop => "STOP",
-    };
-    [mark.to_owned(), row.check.to_owned(), found]
+    [mark, check, found]
 }
 
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
