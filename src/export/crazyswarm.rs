@@ -39,7 +39,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
             "end_s": lights.last().map_or(0.0, |c| c.time_s).max(stretch.start_s() + stretch.duration_s()),
             "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
             "yaw_rad": plan.yaw_rad,
-            "first_m": [first_m.x, first_m.y, first_m.z],
+            "first_m": first_m,
             "parameters": preparation(plan, job.light),
             "lights": lights.iter().map(|c| json!([c.time_s, c.parameter, c.value])).collect::<Vec<_>>(),
             "dark": dark.iter().map(|c| json!([c.parameter, c.value])).collect::<Vec<_>>(),

@@ -28,10 +28,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => Vec::new(),
+        _ => Vec::new(),
     }
 }
 
@@ -127,10 +124,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => {
+        _ => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
         }
     };
