@@ -124,6 +124,28 @@ pub(crate) fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
     variants.iter().map(|variant| variant.name)
 }
 
+/// The key of a setting within the table at `path`.
+pub(crate) fn joined(path: &str, key: &str) -> String {
+    let dot = if path.is_empty() { "" } else { "." };
+    format!("{path}{dot}{key}")
+}
+
+/// The settings of a choice's kind; none where its table names no kind that there is.
+pub(crate) fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
+    let kind = table.get("kind").and_then(toml::Value::as_str);
+    let variant = variants.iter().find(|variant| Some(variant.name) == kind);
+    variant.map_or(&[], |variant| variant.settings)
+}
+
+/// Advice on a name that does not exist: the candidate most like it, `otherwise` where none is alike.
+pub(crate) fn suggestion<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+    otherwise: impl FnOnce() -> String,
+) -> String {
+    similar(name, candidates).map_or_else(otherwise, |similar| format!("did you mean {similar}?"))
+}
+
 /// The candidate most like a name that does not exist, if any is alike.
 pub(crate) fn similar<'a>(
     name: &str,
@@ -141,10 +163,7 @@ pub(crate) fn similar<'a>(
 /// The error for a name that a choice does not have.
 pub(crate) fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
     let wanted = names(shape).collect::<Vec<_>>().join(", ");
-    let hint = match similar(name, names(shape)) {
-        Some(similar) => format!("did you mean {similar}?"),
-        None => "choose a name from the list".into(),
-    };
+    let hint = suggestion(name, names(shape), || "choose a name from the list".into());
     Error::input(place, name, format!("one of {wanted}"), hint)
 }
 
@@ -267,10 +286,9 @@ macro_rules! settings {
             ]);
 
             fn check(&self, place: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
-                let dot = if place.is_empty() { "" } else { "." };
                 $($crate::settings::Described::check(
                     &self.$key,
-                    &format!("{place}{dot}{}", stringify!($key)),
+                    &$crate::settings::joined(place, stringify!($key)),
                     $crate::settings::range_of!($($range)?),
                 )?;)*
                 Ok(())

@@ -17,10 +17,6 @@ use crate::error::Result;
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
 /// All files for Crazyswarm2.
-///
-/// # Errors
-///
-/// As [`Poly4d::fit`] and [`super::lights::commands`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let csv = |(drone, plan)| {
         let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");

@@ -108,10 +108,6 @@ fn pid(sim: &SimOptions) -> Parameters {
 }
 
 /// The gains as files: `gains.json` with firmware parameters, or `gains.h`.
-///
-/// # Errors
-///
-/// As [`design`].
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let object = |parameters: Parameters| -> Map<String, serde_json::Value> {
         parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()

@@ -8,7 +8,7 @@ use crate::camera::Metering;
 use crate::light::{Drive, Fixture, RingEffect};
 use crate::plan::{PlanOptions, Style};
 use crate::sensors::Positioning;
-use crate::settings::{Described, Need, Setting, Shape};
+use crate::settings::{Described, Need, Setting, Shape, joined, of_kind};
 use crate::sim::EstimatorKind;
 use crate::vehicle::{Gusts, VehicleOptions};
 
@@ -177,8 +177,7 @@ pub(crate) fn reason(scene: &Scene, key: &str) -> Option<String> {
     let mut reasons = Vec::new();
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
-        let dot = if path.is_empty() { "" } else { "." };
-        path = format!("{path}{dot}{part}");
+        path = joined(&path, part);
         let mut rules = RULES.iter().filter(|(keys, ..)| keys.contains(&&*path));
         let rule = rules.find(|(_, is_idle, _)| is_idle(scene));
         reasons.extend(rule.map(|(_, _, why)| (*why).to_owned()));
@@ -281,8 +280,7 @@ impl Scene {
 /// The keys of two tables that differ; of a choice that was made otherwise, the choice alone.
 fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
-        let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{}", setting.key);
+        let path = joined(path, setting.key);
         let [a, b] = [own, usual].map(|table| table.get(setting.key));
         match (setting.shape, a, b) {
             (_, a, b) if a == b => {}
@@ -292,10 +290,7 @@ fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: 
             (Shape::Tagged(variants), Some(Value::Table(a)), Some(Value::Table(b)))
                 if a.get("kind") == b.get("kind") =>
             {
-                let kind = a.get("kind").and_then(Value::as_str);
-                let variant = variants.iter().find(|variant| Some(variant.name) == kind);
-                let settings = variant.map_or(&[][..], |variant| variant.settings);
-                differing(&path, settings, [a, b], keys);
+                differing(&path, of_kind(variants, a), [a, b], keys);
             }
             _ => keys.push(path),
         }
