@@ -111,13 +111,13 @@ impl Error {
 
     /// A value that cannot be used.
     pub fn input(
-        place: impl Into<String>,
+        place: impl std::fmt::Display,
         found: impl std::fmt::Display,
         wanted: impl Into<String>,
         hint: impl Into<String>,
     ) -> Self {
         Self::Input {
-            place: place.into(),
+            place: place.to_string(),
             found: shortened(found.to_string()),
             wanted: wanted.into(),
             hint: hint.into(),

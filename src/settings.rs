@@ -35,8 +35,8 @@
 //! ```
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of its
-//! list, a setting has an effect; without names, whether that key is set, and not 0. The settings of
-//! other choices are kept all the same, so that a preset's gains survive a change of the choice.
+//! list, or numbers, a setting has an effect; without names, whether that key is set, and not 0. The
+//! settings of other choices are kept all the same, so that a preset's gains survive a change of the choice.
 //!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
@@ -124,6 +124,28 @@ pub(crate) fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
     variants.iter().map(|variant| variant.name)
 }
 
+/// The key of a setting within the table at `path`.
+pub(crate) fn joined(path: &str, key: &str) -> String {
+    let dot = if path.is_empty() { "" } else { "." };
+    format!("{path}{dot}{key}")
+}
+
+/// The settings of a choice's kind; none where its table names no kind that there is.
+pub(crate) fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
+    let kind = table.get("kind").and_then(toml::Value::as_str);
+    let variant = variants.iter().find(|variant| Some(variant.name) == kind);
+    variant.map_or(&[], |variant| variant.settings)
+}
+
+/// Advice on a name that does not exist: the candidate most like it, `otherwise` where none is alike.
+pub(crate) fn suggestion<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+    otherwise: impl FnOnce() -> String,
+) -> String {
+    similar(name, candidates).map_or_else(otherwise, |similar| format!("did you mean {similar}?"))
+}
+
 /// The candidate most like a name that does not exist, if any is alike.
 pub(crate) fn similar<'a>(
     name: &str,
@@ -141,10 +163,7 @@ pub(crate) fn similar<'a>(
 /// The error for a name that a choice does not have.
 pub(crate) fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
     let wanted = names(shape).collect::<Vec<_>>().join(", ");
-    let hint = match similar(name, names(shape)) {
-        Some(similar) => format!("did you mean {similar}?"),
-        None => "choose a name from the list".into(),
-    };
+    let hint = suggestion(name, names(shape), || "choose a name from the list".into());
     Error::input(place, name, format!("one of {wanted}"), hint)
 }
 
@@ -223,7 +242,7 @@ macro_rules! settings {
                 $key:ident: $type:ty = $default:expr
                     $(, in $range:expr)?
                     $(, for $need:literal $(= $($needed:literal)|+)?)*
-                    $(, unless $bar:literal $(= $($barred:literal)|+)?)?;
+                    $(, unless $bar:literal $(= $($barred:literal)|+)?)*;
             )*
         }
         $($rest:tt)*
@@ -261,16 +280,15 @@ macro_rules! settings {
                             key: $bar,
                             names: &[$($($barred),+)?],
                             holds: false,
-                        },)?
+                        },)*
                     ],
                 },)*
             ]);
 
             fn check(&self, place: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
-                let dot = if place.is_empty() { "" } else { "." };
                 $($crate::settings::Described::check(
                     &self.$key,
-                    &format!("{place}{dot}{}", stringify!($key)),
+                    &$crate::settings::joined(place, stringify!($key)),
                     $crate::settings::range_of!($($range)?),
                 )?;)*
                 Ok(())

@@ -15,6 +15,7 @@ use noctograph::plan::Plan;
 use noctograph::scene::Scene;
 use noctograph::score::View;
 use noctograph::shoot::{Judging, Recording, Shoot};
+use noctograph::vehicle::GustOptions;
 
 /// What spoils a flight, and what spoils a photograph of it.
 const FLIGHT_FAULTS: [&str; 8] =
@@ -156,10 +157,10 @@ pub(crate) fn fault_of_camera(rng: &mut Rng, p: f64) -> &'static str {
 }
 
 fn gusts(settings: &mut Settings, speed_m_s: f64) {
-    let torque = |n_m: f64| n_m * speed_m_s / 0.08;
+    let room = GustOptions::default();
     settings.set("air.gusts.kind", "ornstein-uhlenbeck");
     settings.set("air.gusts.sigma_m_s", format!("{:?}", [speed_m_s; 3]));
-    let torques = [1.2e-4, 1.1e-4, 5.5e-5].map(torque);
+    let torques = room.torque_sigma_n_m.map(|n_m| n_m * speed_m_s / room.sigma_m_s[0]);
     settings.set("air.gusts.torque_sigma_n_m", format!("{torques:?}"));
 }
 

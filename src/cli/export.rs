@@ -101,7 +101,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             let folder = args.output.clone().unwrap_or_else(|| format!("{word}-export").into());
             if folder.is_file() {
                 let (found, hint) = ("a file", "name a folder: there are several files");
-                return Err(Error::input(folder.display().to_string(), found, "a folder", hint));
+                return Err(Error::input(folder.display(), found, "a folder", hint));
             }
             let folder = OutputFolder::create(&folder)?;
             for file in files {

@@ -7,18 +7,12 @@ use crate::preflight::{Checked, Severity};
 /// The table of findings, and what to change.
 pub(super) fn table(findings: &[Checked]) -> String {
     let mut text = String::new();
-    for checked in findings {
-        let row = &checked.row;
-        let mark = match row.severity {
-            Severity::Fine => "ok",
-            Severity::Unknown => "?",
-            Severity::Warning => "warn",
-            Severity::Stop => "STOP",
-        };
-        text += &wrapped(&format!("{mark:5} {:16} ", row.check), &numbered(checked));
-        if row.severity != Severity::Fine {
-            text += &wrapped(&format!("{:23}wanted: ", ""), &row.wanted);
-            text += &wrapped(&format!("{:23}change: ", ""), &row.change(mentioned));
+    for [mark, check, found, wanted, change] in findings.iter().map(|it| it.cells(mentioned)) {
+        text += &wrapped(&format!("{mark:5} {check:16} "), &found);
+        for (name, words) in [("wanted", wanted), ("change", change)] {
+            if !words.is_empty() {
+                text += &wrapped(&format!("{:23}{name}: ", ""), &words);
+            }
         }
     }
     text
@@ -31,16 +25,10 @@ pub(super) fn json(checked: &Checked) -> serde_json::Value {
     json
 }
 
-/// What was found, behind the number of its drone where there are several.
-fn numbered(checked: &Checked) -> String {
-    let number = checked.drone.map_or_else(String::new, |drone| format!("drone {drone}: "));
-    number + &checked.row.found
-}
-
 /// The stops in one line; `None` where there are none.
 pub(super) fn stops(findings: &[Checked]) -> Option<String> {
     let stops = findings.iter().filter(|checked| checked.row.severity == Severity::Stop);
     let stops: Vec<String> =
-        stops.map(|stop| format!("{} ({})", stop.row.check, numbered(stop))).collect();
+        stops.map(|stop| format!("{} ({})", stop.row.check, stop.found())).collect();
     (!stops.is_empty()).then(|| stops.join("; "))
 }

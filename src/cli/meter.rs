@@ -10,13 +10,12 @@ use super::flags::{FlightFlags, SubjectFlags};
 use super::outcome::{Report, wrapped};
 use super::picture::PictureFlags;
 use super::progress::watch;
-use super::show::in_stops;
 use super::table::table;
 use super::warn;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{ExposureAdvice, HotSpot, LampReading, floor_stops, meter};
-use crate::shoot::Metered;
+use crate::shoot::{Metered, in_stops};
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {

@@ -11,10 +11,6 @@ use crate::plan::relight;
 use crate::scene::{Preset, Scene};
 
 /// Gives a flight what [`relit`] infers, if it lacks its lights and the scene has a word.
-///
-/// # Errors
-///
-/// As [`relit`].
 pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
     if is_unlit(flight) && scene.has_strokes() { relit(flight, scene, path) } else { Ok(()) }
 }

@@ -167,7 +167,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
             let hint = "name the flight that was exposed in this photo";
             let found = format!("a flight of digest {digest}");
             let wanted = format!("the one that the photo shows, {shown}");
-            return Err(Error::input(path.display().to_string(), found, wanted, hint));
+            return Err(Error::input(path.display(), found, wanted, hint));
         }
     }
     Ok(())

@@ -10,11 +10,9 @@ use crate::error::Result;
 use crate::flight::tracking::{Part, Tracking, track};
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::{Picture, Strokes};
+use crate::report::{LEAST_SHARE, rivals};
 use crate::score::{LetterVerdict, Reason, Verdict};
-use crate::shoot::Shot;
-
-/// Shares below this are not printed.
-const LEAST_SHARE: f64 = 0.01;
+use crate::shoot::{Shot, in_stops};
 
 /// The verdict: lines for the word, a row for each letter, advice.
 pub(crate) fn verdict_table(verdict: &Verdict) -> String {
@@ -65,10 +63,7 @@ fn row(letter: &LetterVerdict) -> String {
     let expected = letter.expected;
     let Some(p) = letter.p else { return format!("{expected}\tnot judged") };
     let best = letter.best.unwrap_or('-');
-    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
-    let rivals: Vec<String> =
-        rivals.map(|rival| format!("{} {:.2}", rival.letter, rival.p)).collect();
-    format!("{expected}\t{p:.2}\t{best}\t{}", rivals.join(", "))
+    format!("{expected}\t{p:.2}\t{best}\t{}", rivals(letter))
 }
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
@@ -203,25 +198,10 @@ pub(super) fn camera_line(shot: &Shot) -> String {
     line("camera", &format!("f/{f_number}, ISO {iso}{metered}"))
 }
 
-/// Stops relative to saturation.
-pub(super) fn in_stops(stops: f64) -> String {
-    let side = if stops < 0.0 { "under" } else { "over" };
-    format!("{:.1} stops {side} saturation", stops.abs())
-}
-
 /// Camera settings for programs; `metered` is null where the meter did not set them.
 pub(super) fn camera_json(shot: &Shot) -> Value {
-    let metered = shot.metered.map(|metered| {
-        json!({
-            "trail_stops": metered.trail_stops,
-            "room_stops": metered.room_stops,
-            "gave_way": metered.gave_way,
-            "filter_stops": metered.filter_stops,
-            "longest_s": metered.longest_s,
-        })
-    });
     let Camera { f_number, iso, .. } = shot.camera;
-    json!({ "f_number": f_number, "iso": iso, "metered": metered })
+    json!({ "f_number": f_number, "iso": iso, "metered": shot.metered })
 }
 
 /// Figures of tracking for programs.

@@ -127,7 +127,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
             "start_s": stretch.start_s(),
-            "first_m": [first_m.x, first_m.y, first_m.z],
+            "first_m": first_m,
             "pieces": pieces,
             "refused": refused,
             "lights": commands(&on_board),
@@ -149,10 +149,7 @@ fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind {
         ControllerKind::Pid => Some(1),
         ControllerKind::Geometric => Some(5),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => None,
+        _ => None,
     }
 }
 

@@ -17,10 +17,6 @@ use crate::error::Result;
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
 /// All files for Crazyswarm2.
-///
-/// # Errors
-///
-/// As [`Poly4d::fit`] and [`super::lights::commands`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let csv = |(drone, plan)| {
         let name = numbered(&stem(job.word), drone, job.plans.len(), "csv");
@@ -39,7 +35,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
             "end_s": lights.last().map_or(0.0, |c| c.time_s).max(stretch.start_s() + stretch.duration_s()),
             "top_m": plan.setpoints.iter().map(|s| s.position_m.z).fold(0.0, f64::max),
             "yaw_rad": plan.yaw_rad,
-            "first_m": [first_m.x, first_m.y, first_m.z],
+            "first_m": first_m,
             "parameters": preparation(plan, job.light),
             "lights": lights.iter().map(|c| json!([c.time_s, c.parameter, c.value])).collect::<Vec<_>>(),
             "dark": dark.iter().map(|c| json!([c.parameter, c.value])).collect::<Vec<_>>(),

@@ -28,10 +28,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => Vec::new(),
+        _ => Vec::new(),
     }
 }
 
@@ -111,10 +108,6 @@ fn pid(sim: &SimOptions) -> Parameters {
 }
 
 /// The gains as files: `gains.json` with firmware parameters, or `gains.h`.
-///
-/// # Errors
-///
-/// As [`design`].
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let object = |parameters: Parameters| -> Map<String, serde_json::Value> {
         parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
@@ -127,10 +120,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        ControllerKind::Lqr
-        | ControllerKind::LqrFeedforward
-        | ControllerKind::LqrIntegral
-        | ControllerKind::Altitude => {
+        _ => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
         }
     };

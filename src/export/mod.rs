@@ -242,21 +242,11 @@ fn numbered(stem: &str, drone: usize, n: usize, ending: &str) -> String {
 ///
 /// As [`export`].
 pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
-    let compressed = |plan: &Plan| {
-        let stretch = pieces::Stretch::new(plan)?;
-        let found = compressed::Compressed::of_any_length(&stretch, job.tolerance_m)?;
-        Ok(found.worst_m(plan))
+    let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
+    let worst_m = |plan: &Plan| -> Result<f64> {
+        let pieces = on_board::pieces(plan, form, job.tolerance_m, Length::Any)?;
+        Ok(pieces::Stretch::new(plan)?.worst_m(&pieces))
     };
-    let polynomials =
-        |plan: &Plan| Ok(poly4d::Poly4d::fit_any_length(plan, job.tolerance_m)?.worst_m(plan));
-    let worst = |one: &dyn Fn(&Plan) -> Result<f64>| {
-        let each = job.plans.iter().map(one).collect::<Result<Vec<f64>>>()?;
-        Ok(Some(each.into_iter().fold(0.0, f64::max)))
-    };
-    match format {
-        Format::Cflib if job.mode == Mode::Trajectory => worst(&compressed),
-        Format::Compressed | Format::Skyc | Format::Vviz => worst(&compressed),
-        Format::Poly4d | Format::Crazyswarm2 => worst(&polynomials),
-        Format::Cflib | Format::Gains | Format::LogConfig => Ok(None),
-    }
+    let each = job.plans.iter().map(worst_m).collect::<Result<Vec<f64>>>()?;
+    Ok(Some(each.into_iter().fold(0.0, f64::max)))
 }

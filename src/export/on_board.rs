@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 
 use super::compressed::Compressed;
-use super::pieces::Stretch;
+use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Setpoint, conflict};
@@ -65,21 +65,9 @@ pub enum Length {
 /// at its beginning is in another one's way, of trajectories on board.
 pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Result<Vec<Plan>> {
     let before_s = earliest_s(plans)?;
-    let flown = plans.iter().map(|plan| match form {
-        Form::Compressed => {
-            let trajectory = match length {
-                Length::OnBoard => Compressed::encode(plan, tolerance_m)?,
-                Length::Any => Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?,
-            };
-            flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
-        }
-        Form::Poly4d => {
-            let trajectory = match length {
-                Length::OnBoard => Poly4d::fit(plan, tolerance_m)?,
-                Length::Any => Poly4d::fit_any_length(plan, tolerance_m)?,
-            };
-            flown_alone(plan, before_s, |time_s| trajectory.motion(time_s)[0])
-        }
+    let flown = plans.iter().map(|plan| {
+        let pieces = pieces(plan, form, tolerance_m, length)?;
+        flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
     let pairs =
@@ -96,6 +84,23 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
         });
     }
     Ok(flown)
+}
+
+/// The pieces of a plan's trajectory.
+pub(super) fn pieces(
+    plan: &Plan,
+    form: Form,
+    tolerance_m: f64,
+    length: Length,
+) -> Result<Vec<Polynomials>> {
+    Ok(match (form, length) {
+        (Form::Compressed, Length::OnBoard) => Compressed::encode(plan, tolerance_m)?.polynomials(),
+        (Form::Compressed, Length::Any) => {
+            Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?.polynomials()
+        }
+        (Form::Poly4d, Length::OnBoard) => Poly4d::fit(plan, tolerance_m)?.pieces,
+        (Form::Poly4d, Length::Any) => Poly4d::fit_any_length(plan, tolerance_m)?.pieces,
+    })
 }
 
 /// The command to take off before trajectories that all start together, in the time of their plans,

@@ -138,8 +138,8 @@ impl Stretch {
     }
 
     /// Largest distance of a trajectory from the design, m.
-    pub(super) fn worst_m(&self, position_m: impl Fn(f64) -> Vector3<f64>) -> f64 {
-        let off_m = |t: f64| (position_m(t) - self.position_m(t)).norm();
+    pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
+        let off_m = |t: f64| (motion(pieces, t)[0] - self.position_m(t)).norm();
         self.check_times_s(0, self.last()).map(off_m).fold(0.0, f64::max)
     }
 
@@ -193,10 +193,7 @@ impl Polynomials {
 
 /// Position, velocity and acceleration of pieces in order at a time since their start; at rest at
 /// the last one's end after it.
-pub(super) fn motion<'a>(
-    pieces: impl IntoIterator<Item = &'a Polynomials>,
-    time_s: f64,
-) -> [Vector3<f64>; 3] {
+pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     let (mut left_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
         if left_s < piece.duration_s {

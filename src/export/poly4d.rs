@@ -9,10 +9,10 @@
 //! A piece is the quintic through position, velocity and acceleration of the design at both ends,
 //! and two further coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2};
 
 use super::compressed::Compressed;
-use super::pieces::{Polynomial, Polynomials, Stretch, motion, pieces};
+use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::Result;
 use crate::plan::Plan;
@@ -28,7 +28,7 @@ const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y
 /// A trajectory of polynomial pieces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poly4d {
-    pieces: Vec<Polynomials>,
+    pub(super) pieces: Vec<Polynomials>,
     /// Heading throughout.
     yaw_rad: f64,
 }
@@ -73,23 +73,6 @@ impl Poly4d {
     #[must_use]
     pub fn n_pieces(&self) -> usize {
         self.pieces.len()
-    }
-
-    /// Largest distance from the design of its plan, m.
-    ///
-    /// # Panics
-    ///
-    /// For another plan than its own, without letters.
-    #[must_use]
-    pub fn worst_m(&self, plan: &Plan) -> f64 {
-        let stretch = Stretch::new(plan).expect("the plan of this trajectory");
-        stretch.worst_m(|time_s| self.motion(time_s)[0])
-    }
-
-    /// Position, velocity and acceleration at a time since the start, in m and s; the end stays.
-    #[must_use]
-    pub fn motion(&self, time_s: f64) -> [Vector3<f64>; 3] {
-        motion(&self.pieces, time_s)
     }
 
     /// The bytes that the drone stores.
@@ -188,6 +171,7 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pieces::motion;
     use super::super::pieces::waves;
     use super::super::recorded;
     use super::*;
@@ -199,12 +183,13 @@ mod tests {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let trajectory = Poly4d::fit(&plan, 0.005).unwrap();
-        let (n, worst_m) = (trajectory.pieces.len(), trajectory.worst_m(&plan));
+        let (n, stretch) = (trajectory.pieces.len(), Stretch::new(&plan).unwrap());
+        let worst_m = stretch.worst_m(&trajectory.pieces);
         assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
         assert_eq!(trajectory.to_bytes().len(), n * PIECE_BYTES);
-        let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+        let [max_m_s, max_m_s2] = stretch.limits();
         for ms in 0..38_000 {
-            let [_, v, a] = trajectory.motion(f64::from(ms) / 1000.0);
+            let [_, v, a] = motion(&trajectory.pieces, f64::from(ms) / 1000.0);
             assert!(
                 v.norm() <= 1.05 * max_m_s && a.norm() <= 1.05 * max_m_s2,
                 "at {ms} ms: {v} {a}"
@@ -228,9 +213,10 @@ mod tests {
             tolerance_m in 0.001..0.01_f64,
         ) {
             let trajectory = Poly4d::fit_any_length(&plan, tolerance_m).unwrap();
-            let worst_m = trajectory.worst_m(&plan);
+            let stretch = Stretch::new(&plan).unwrap();
+            let worst_m = stretch.worst_m(&trajectory.pieces);
             proptest::prop_assert!(worst_m <= tolerance_m + 1e-9, "{} m", worst_m);
-            let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+            let [max_m_s, max_m_s2] = stretch.limits();
             for piece in &trajectory.pieces {
                 for k in 0..=50 {
                     let [_, v, a] = piece.at(piece.duration_s * f64::from(k) / 50.0);
@@ -260,7 +246,7 @@ mod tests {
     #[test]
     fn the_firmwares_own_evaluator_reads_these_bytes_the_same() {
         let (bytes, rows, trajectory) = recorded_pieces();
-        recorded::assert_same(&rows, |time_s| trajectory.motion(time_s));
+        recorded::assert_same(&rows, &trajectory.pieces);
         assert_eq!(trajectory.to_bytes(), bytes);
     }
 
@@ -268,7 +254,7 @@ mod tests {
     fn crazyswarms_own_reader_takes_this_csv_the_same() {
         let (_, _, trajectory) = recorded_pieces();
         let (csv, rows) = recorded::read(include_str!("recorded/uav_trajectory.txt"));
-        recorded::assert_same(&rows, |time_s| trajectory.motion(time_s));
+        recorded::assert_same(&rows, &trajectory.pieces);
         assert_eq!(trajectory.to_csv(), String::from_utf8(csv).unwrap());
     }
 }

@@ -19,10 +19,6 @@ const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
 
 /// The show.
-///
-/// # Errors
-///
-/// As [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let drones = job.plans.iter().zip(job.flown).enumerate().map(|(index, (plan, flown))| {
         let home = plan.setpoints[0].position_m;

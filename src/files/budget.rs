@@ -48,20 +48,12 @@ impl Budget {
     }
 
     /// Takes steps off.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::check`].
     pub(crate) fn steps(&self, steps: usize) -> Result<()> {
         self.spend_steps(steps);
         self.check()
     }
 
     /// Takes bytes off: memory that the input will hold.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::check`].
     pub(crate) fn bytes(&self, bytes: usize) -> Result<()> {
         self.spend(&self.bytes_left, bytes, Beyond::Bytes);
         self.check()

@@ -48,10 +48,6 @@ impl OutputFolder {
     }
 
     /// Writes a file that will be called `name`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Io`].
     pub(crate) fn write(
         &self,
         name: &str,

@@ -66,10 +66,6 @@ impl Output {
     }
 
     /// The same, on the disk before it has its name.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::keep`].
     pub(crate) fn keep_on_disk(
         self,
         write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
@@ -130,7 +126,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
         let folder = folder.display();
         let wanted = "a folder that exists";
         let hint = format!("make the folder {folder} first, or choose another one");
-        Error::input(path.display().to_string(), format!("no folder {folder}"), wanted, hint)
+        Error::input(path.display(), format!("no folder {folder}"), wanted, hint)
     })
 }
 

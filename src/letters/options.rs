@@ -37,11 +37,14 @@ settings! {
         cap_height_m: f64 = 0.5, in 0.01..=100.0;
         /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`), by default 0.6 cap
         /// heights; letters of other fonts keep their proportions.
-        width_m: Option<f64> = None, in 0.01..=100.0;
+        width_m: Option<f64> = None, in 0.01..=100.0,
+            for "letters.font" = "ae483" | "ae483-fixed", unless "letters.drawing";
         /// Gap between two such boxes, by default 0.2 cap heights.
-        gap_m: Option<f64> = None, in 0.0..=100.0;
+        gap_m: Option<f64> = None, in 0.0..=100.0,
+            for "letters.font" = "ae483" | "ae483-fixed", unless "letters.drawing";
         /// Space that is added between two letters of other fonts.
-        spacing_m: f64 = 0.0, in -1.0..=100.0;
+        spacing_m: f64 = 0.0, in -1.0..=100.0,
+            unless "letters.drawing", unless "letters.font" = "ae483" | "ae483-fixed";
         /// Height of the lowest line's baseline above the floor.
         baseline_m: f64 = 0.5, in 0.0..=1000.0;
         /// Gap between a baseline and the capitals of the line below it, by default half a cap

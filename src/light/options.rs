@@ -60,7 +60,7 @@ settings! {
         deck: Deck = Deck::LedRing, unless "light.fixtures";
         /// Glints of the headlights on the motors in front of them: a second strand beside every
         /// stroke that is seen from the drone's side, as in the reference team's photograph.
-        motor_glints: bool = false, unless "light.fixtures";
+        motor_glints: bool = false, for "light.deck" = "led-ring", unless "light.fixtures";
         /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
         /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
         fixtures: Option<Vec<Fixture>> = None;

@@ -36,7 +36,7 @@ impl Photo {
         let bytes = LIMIT.read(path)?;
         let broken = |source: &dyn std::fmt::Display| {
             let wanted = "a PNG image or a JPEG photo";
-            Error::input(path.display().to_string(), source, wanted, "choose another file")
+            Error::input(path.display(), source, wanted, "choose another file")
         };
         match image::guess_format(&bytes) {
             Ok(ImageFormat::Png) => return Self::from_png(&bytes, path, texts),

@@ -61,7 +61,7 @@ impl Photo {
     /// stand for gigabytes.
     pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Self, Notes)> {
         let broken = |source: &dyn std::fmt::Display| {
-            Error::input(path.display().to_string(), source, "a PNG image", "choose another file")
+            Error::input(path.display(), source, "a PNG image", "choose another file")
         };
         let limits = png::Limits { bytes: MAX_METADATA_BYTES };
         let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
@@ -172,7 +172,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
 pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
     check_size(width_px, height_px).map_err(|error| match error {
         Error::Input { found, wanted, .. } => {
-            Error::input(path.display().to_string(), found, wanted, "scale the photo down")
+            Error::input(path.display(), found, wanted, "scale the photo down")
         }
         other => other,
     })

@@ -26,6 +26,28 @@ pub struct Checked {
     pub row: Row,
 }
 
+impl Checked {
+    /// What was found, behind the number of its drone where there are several.
+    #[must_use]
+    pub fn found(&self) -> String {
+        let number = self.drone.map_or_else(String::new, |drone| format!("drone {drone}: "));
+        number + &self.row.found
+    }
+
+    /// A mark of how bad it is, the check, and what was found; what is wanted and what to change, with
+    /// each change as `typed` writes it, are empty where nothing has to.
+    pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
+        let row = &self.row;
+        let (mark, wanted) = match row.severity {
+            Severity::Fine => ("ok", ""),
+            Severity::Unknown => ("?", &*row.wanted),
+            Severity::Warning => ("warn", &*row.wanted),
+            Severity::Stop => ("STOP", &*row.wanted),
+        };
+        [mark.into(), row.check.into(), self.found(), wanted.into(), row.change(typed)]
+    }
+}
+
 /// A finding as a row of a table: its numbers and its sentences.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
 use super::coverage::viridis;
+use crate::geometry;
 use crate::plan::Plan;
 use crate::sensors::UwbOptions;
 use crate::sim::Bound;
@@ -31,14 +32,9 @@ struct View {
 impl View {
     /// A view of these points, its upper left corner at `left_px`.
     fn new(points: &[[f64; 2]], left_px: f64, top_px: f64) -> Self {
-        let fold = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-            points.iter().map(|p| p[axis]).fold(start, pick)
-        };
-        let low = [0, 1].map(|axis| fold(axis, f64::min, f64::INFINITY));
-        let high = [0, 1].map(|axis| fold(axis, f64::max, f64::NEG_INFINITY));
-        let span_m = (high[0] - low[0]).max(high[1] - low[1]).max(0.1);
-        let middle = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
-        let corner_m = [middle[0] - 0.5 * span_m, middle[1] + 0.5 * span_m];
+        let [left, bottom, right, top] = geometry::bounds(points.iter().copied());
+        let span_m = (right - left).max(top - bottom).max(0.1);
+        let corner_m = [0.5 * (left + right) - 0.5 * span_m, 0.5 * (bottom + top) + 0.5 * span_m];
         Self { left_px, top_px, px_per_m: VIEW_PX / span_m, corner_m }
     }
 

@@ -58,14 +58,7 @@ pub fn evening_page(title: &str, evening: &Evening, conditions: &str, advice: &[
         let values = curves.iter().flat_map(|curve| curve.pieces.iter().flatten().map(|p| p.1));
         #[expect(clippy::cast_precision_loss, reason = "flights of an evening")]
         let x = 0.5..most as f64 + 0.5;
-        Panel {
-            x,
-            y: around(values, least),
-            height_px: HEIGHT_PX,
-            y_name,
-            curves,
-            marks: Vec::new(),
-        }
+        Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves)
     };
     let panels: [(&str, f64, Of); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),

@@ -62,6 +62,18 @@ pub(super) struct Panel {
     pub(super) marks: Vec<Mark>,
 }
 
+impl Panel {
+    /// A panel without words.
+    pub(super) fn new(
+        [x, y]: [Range<f64>; 2],
+        height_px: f64,
+        y_name: &'static str,
+        curves: Vec<Curve>,
+    ) -> Self {
+        Self { x, y, height_px, y_name, curves, marks: Vec::new() }
+    }
+}
+
 /// A word at a place, on its upper right.
 #[derive(Clone, Debug)]
 pub(super) struct Mark {
@@ -313,20 +325,17 @@ mod tests {
         assert!(thin.iter().all(|p| beside(p) < 1e-9), "on the line");
     }
 
+    fn square(curves: Vec<Curve>) -> Panel {
+        Panel::new([0.0..10.0, 0.0..10.0], 400.0, "z", curves)
+    }
+
     #[test]
     fn words_at_places_neither_collide_nor_leave_the_panel() {
         let corner = (0..6).map(|k| (9.99 + 0.001 * f64::from(k), 9.99));
         let middle = (0..12).map(|k| (5.0 + 0.05 * f64::from(k), 5.0));
         let marks = corner.chain(middle).map(|at| Mark { at, text: "12.3 s".to_owned() });
         let marks: Vec<Mark> = marks.collect();
-        let panel = Panel {
-            x: 0.0..10.0,
-            y: 0.0..10.0,
-            height_px: 400.0,
-            y_name: "z",
-            curves: Vec::new(),
-            marks: marks.clone(),
-        };
+        let panel = Panel { marks: marks.clone(), ..square(Vec::new()) };
         let per_px = [10.0 / PANEL_WIDTH_PX, 10.0 / 400.0];
         let boxes: Vec<[f64; 4]> = marks
             .iter()
@@ -350,14 +359,7 @@ mod tests {
         let mark = |text: &str| Mark { at: (5.0, 5.0), text: text.to_owned() };
         let pen = Pen { color: BLUE, width_px: 2.0 };
         let bar = Curve { pen, pieces: vec![vec![(5.0, 5.0), (9.0, 5.0)]] };
-        let panel = Panel {
-            x: 0.0..10.0,
-            y: 0.0..10.0,
-            height_px: 400.0,
-            y_name: "z",
-            curves: vec![bar],
-            marks: vec![mark("one"), mark("two")],
-        };
+        let panel = Panel { marks: vec![mark("one"), mark("two")], ..square(vec![bar]) };
         let figure =
             Figure { title: "t".into(), legend: Vec::new(), x_name: "x", panels: vec![panel] };
         let svg = figure.svg();

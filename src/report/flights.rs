@@ -78,13 +78,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let all = designed().flat_map(|(trace, _)| &trace.samples).map(error);
     let most_m = all.map(|e| e.amax()).fold(0.05, f64::max) * 1.05;
     let panels = ["x error (m)", "y error (m)", "z error (m)"].into_iter().enumerate();
-    let panels = panels.map(|(axis, y_name)| Panel {
-        x: x.clone(),
-        y: -most_m..most_m,
-        height_px: 150.0,
-        y_name,
-        curves: curves(axis),
-        marks: Vec::new(),
+    let panels = panels.map(|(axis, y_name)| {
+        Panel::new([x.clone(), -most_m..most_m], 150.0, y_name, curves(axis))
     });
     Figure {
         title: "Flown minus design".to_owned(),
@@ -118,14 +113,7 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
     };
     let x = range(places(&power).iter().map(|(time_s, _)| *time_s));
     let y = range(places(&volts).iter().map(|(_, volts)| *volts));
-    let panel = |y_name, y, curves| Panel {
-        x: x.clone(),
-        y,
-        height_px: 150.0,
-        y_name,
-        curves,
-        marks: Vec::new(),
-    };
+    let panel = |y_name, y, curves| Panel::new([x.clone(), y], 150.0, y_name, curves);
     let mut panels = vec![panel("strongest motor (%)", 0.0..105.0, power)];
     if y.start <= y.end {
         panels.push(panel("battery (V)", y.start - 0.05..y.end + 0.05, volts));
@@ -238,15 +226,9 @@ impl View {
     }
 
     pub(super) fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
-        let height_px = PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start);
-        let panel = Panel {
-            x,
-            y,
-            height_px: height_px.round(),
-            y_name,
-            curves: self.curves,
-            marks: self.marks,
-        };
+        let height_px = (PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start)).round();
+        let panel = Panel::new([x, y], height_px, y_name, self.curves);
+        let panel = Panel { marks: self.marks, ..panel };
         Figure {
             title: title.to_owned(),
             legend: self.legend,

@@ -54,13 +54,8 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let mut altitude = vec![curve(SET, &|_| flight.set_m)];
     altitude.extend(state(0, ESTIMATE));
     let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
-    let panel = |y: [f64; 2], y_name, curves| Panel {
-        x: 0.0..end_s,
-        y: y[0]..y[1],
-        height_px: PANEL_PX,
-        y_name,
-        curves,
-        marks: Vec::new(),
+    let panel = |[low, high]: [f64; 2], y_name, curves| {
+        Panel::new([0.0..end_s, low..high], PANEL_PX, y_name, curves)
     };
     Figure {
         title: format!("altitude hold: {title}"),

@@ -2,6 +2,7 @@
 //! scale.
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb};
+use crate::geometry::bounds;
 use crate::preflight::ShotPlan;
 use crate::sensors::Positioning;
 use crate::shoot::Shot;
@@ -115,13 +116,9 @@ fn rounded(place_m: [f64; 3]) -> [f64; 3] {
 
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let flat = |place: &[f64; 3]| axes.map(|axis| place[axis]);
-    let places: Vec<[f64; 2]> =
-        things.iter().flat_map(|thing| thing.places_m.iter().map(flat)).chain([[0.0; 2]]).collect();
-    let end = |axis: usize, most: fn(f64, f64) -> f64| {
-        places.iter().map(|place| place[axis]).fold(0.0, most)
-    };
-    let [low, high] =
-        [f64::min as fn(f64, f64) -> f64, f64::max].map(|most| [end(0, most), end(1, most)]);
+    let places = things.iter().flat_map(|thing| thing.places_m.iter().map(flat));
+    let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
+    let (low, high) = ([left, bottom], [right, top]);
     let [width_m, height_m] = [high[0] - low[0] + 1.0, high[1] - low[1] + 1.0];
     let px_per_m = SIDE_PX / width_m.max(height_m);
     let px = |[a, b]: [f64; 2]| {

@@ -8,10 +8,10 @@ use super::plans::plan_view;
 use crate::error::Result;
 use crate::flight::{Flight, FlightSample, Quantity};
 use crate::light::Lamp;
-use crate::preflight::{Checked, Severity, ShotPlan};
+use crate::preflight::{Checked, ShotPlan};
 use crate::scene::Change;
-use crate::score::Verdict;
-use crate::shoot::{Shot, writing};
+use crate::score::{LetterVerdict, Verdict};
+use crate::shoot::{Shot, in_stops, writing};
 
 /// Moments of the exposure, and the width of their pictures.
 const N_MOMENTS: u32 = 12;
@@ -21,7 +21,7 @@ const MAX_PLACES: usize = 2000;
 /// Quality of photos, and of the moments' small ones.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
 /// Shares below this are not printed.
-const LEAST_SHARE: f64 = 0.01;
+pub(crate) const LEAST_SHARE: f64 = 0.01;
 
 /// What the page shows beside the shot.
 pub struct ShotNotes<'a> {
@@ -91,14 +91,12 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
 
 fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<'_>) -> Page {
     let Some(verdict) = verdict else { return page };
-    let letter = |letter: &crate::score::LetterVerdict| {
-        let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
-        let rivals: Vec<String> = rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect();
+    let letter = |letter: &LetterVerdict| {
         [
             letter.expected.to_string(),
             letter.p.map_or("not judged".into(), |p| format!("{p:.2}")),
             letter.best.map_or("none".into(), String::from),
-            rivals.join(", "),
+            rivals(letter),
         ]
     };
     page = page
@@ -109,6 +107,12 @@ fn verdict_section(mut page: Page, verdict: Option<&Verdict>, notes: &ShotNotes<
     let read = verdict.advice.iter().map(|advice| [gain(advice.gain), advice.text.clone()]);
     let rows: Vec<_> = if notes.remedies.is_empty() { read.collect() } else { flown.collect() };
     if rows.is_empty() { page } else { page.section("What helps").table(["gain", "change"], rows) }
+}
+
+/// Letters that are likely besides the expected one, each with its share.
+pub(crate) fn rivals(letter: &LetterVerdict) -> String {
+    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
+    rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
 }
 
 fn film(shot: &Shot) -> Result<Vec<(Vec<u8>, String)>> {
@@ -165,21 +169,11 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
 }
 
 fn finding(checked: &Checked, typed: &dyn Fn(&Change) -> String) -> [String; 3] {
-    let row = &checked.row;
-    let mut found = row.found.clone();
-    if let Some(drone) = checked.drone {
-        found = format!("drone {drone}: {found}");
+    let [mark, check, mut found, wanted, change] = checked.cells(typed);
+    if !wanted.is_empty() {
+        found += &format!("; wanted: {wanted}; change: {change}");
     }
-    if row.severity != Severity::Fine {
-        found += &format!("; wanted: {}; change: {}", row.wanted, row.change(typed));
-    }
-    let mark = match row.severity {
-        Severity::Fine => "ok",
-        Severity::Unknown => "?",
-        Severity::Warning => "warning",
-        Severity::Stop => "STOP",
-    };
-    [mark.to_owned(), row.check.to_owned(), found]
+    [mark, check, found]
 }
 
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
@@ -207,11 +201,7 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         row("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
     if let Some(metered) = shot.metered {
-        let side = if metered.trail_stops < 0.0 { "under" } else { "over" };
-        rows.push(row(
-            "trail",
-            format!("{:.1} stops {side} saturation", metered.trail_stops.abs()),
-        ));
+        rows.push(row("trail", in_stops(metered.trail_stops)));
     }
     rows
 }

@@ -70,14 +70,8 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
             let pieces = [0, 2].map(|end| edge(band, end, axis)).to_vec();
             Curve { pen, pieces }
         };
-        Panel {
-            x: x.clone(),
-            y: -most_m..most_m,
-            height_px: 150.0,
-            y_name,
-            curves: vec![zero, band(all, ALL), band(within, WITHIN)],
-            marks: Vec::new(),
-        }
+        let curves = vec![zero, band(all, ALL), band(within, WITHIN)];
+        Panel::new([x.clone(), -most_m..most_m], 150.0, y_name, curves)
     };
     let panels = ["x error (m)", "y error (m)", "z error (m)"].into_iter().enumerate().map(panel);
     let legend = vec![

@@ -67,14 +67,7 @@ pub fn pareto(
             ("the scene as it was".to_owned(), vermilion),
         ],
         x_name: "flight time (s)",
-        panels: vec![Panel {
-            x,
-            y,
-            height_px: HEIGHT_PX,
-            y_name: "P(read)",
-            curves,
-            marks: Vec::new(),
-        }],
+        panels: vec![Panel::new([x, y], HEIGHT_PX, "P(read)", curves)],
     }
     .svg()
 }
@@ -86,21 +79,16 @@ pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
     let pens = COLORS.into_iter().cycle().map(|color| Pen { color, width_px: 2.0 });
     let named: Vec<_> = curves.iter().zip(pens).collect();
     let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
+    let curve = |((_, points), pen): &(&(String, Vec<_>), _)| Curve {
+        pen: *pen,
+        pieces: vec![points.clone()],
+    };
+    let curves = named.iter().map(curve).collect();
     Figure {
         title: title.to_owned(),
         legend: named.iter().map(|((name, _), pen)| (name.clone(), *pen)).collect(),
         x_name: "multiple of the usual disturbance",
-        panels: vec![Panel {
-            x,
-            y: 0.0..1.0,
-            height_px: HEIGHT_PX,
-            y_name: "fraction legible",
-            curves: named
-                .iter()
-                .map(|((_, points), pen)| Curve { pen: *pen, pieces: vec![points.clone()] })
-                .collect(),
-            marks: Vec::new(),
-        }],
+        panels: vec![Panel::new([x, 0.0..1.0], HEIGHT_PX, "fraction legible", curves)],
     }
     .svg()
 }

@@ -5,10 +5,10 @@ use toml::{Table, Value};
 
 use super::Scene;
 use crate::camera::Metering;
-use crate::light::{Deck, Drive, Fixture, RingEffect};
+use crate::light::{Drive, Fixture, RingEffect};
 use crate::plan::{PlanOptions, Style};
 use crate::sensors::Positioning;
-use crate::settings::{Described, Need, Setting, Shape};
+use crate::settings::{Described, Need, Setting, Shape, joined, of_kind};
 use crate::sim::EstimatorKind;
 use crate::vehicle::{Gusts, VehicleOptions};
 
@@ -31,12 +31,6 @@ const RULES: &[Rule] = &[
         &["letters.tolerance_m"],
         |s| s.letters.drawing.is_empty() && !is_typeface(s),
         "the letters are drawn of straight strokes",
-    ),
-    (&["letters.spacing_m"], has_boxes, "letters of this font stand in boxes, letters.gap_m apart"),
-    (
-        &["letters.width_m", "letters.gap_m"],
-        |s| !has_boxes(s),
-        "letters of this font keep their own proportions and gaps",
     ),
     (&["letters.line_gap_m"], |s| !s.word.contains('\n'), "the word has one line"),
     (
@@ -63,19 +57,19 @@ const RULES: &[Rule] = &[
         |s| !feels_air(&s.vehicle),
         NO_DRAG,
     ),
-    (&["air.downwash"], |s| s.plan.drones == 1, "one drone flies"),
-    (&["air.gusts"], |s| s.air.gusts == Gusts::Dryden && !feels_air(&s.vehicle), NO_DRAG),
     (
         &["air.gusts"],
-        |s| s.air.gusts == Gusts::Dryden && s.air.wind_m_s[..2] == [0.0; 2],
-        "air.wind_m_s is 0, and these gusts grow with the wind",
+        |s| {
+            let blows = feels_air(&s.vehicle) && s.air.wind_m_s[..2] != [0.0; 2];
+            s.air.gusts == Gusts::Dryden && !blows
+        },
+        "these gusts grow with the wind and push by drag: one of both is 0",
     ),
     (
         &["light.ring"],
         |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
         "no lamp is of the ring",
     ),
-    (&["light.motor_glints"], |s| s.light.deck != Deck::LedRing, "the deck has no headlights"),
     (
         &["light.radio_write_s"],
         |s| {
@@ -101,13 +95,8 @@ const RULES: &[Rule] = &[
     ),
     (
         &["light.led_bitmask"],
-        |s| !has_lamp(s, |f| f.bitmask_bit.is_some()),
-        "no lamp has a bit in it",
-    ),
-    (
-        &["light.led_bitmask"],
-        |s| s.light.led_bitmask < 128,
-        "bit 7 is not set, so that it switches nothing",
+        |s| s.light.led_bitmask < 128 || !has_lamp(s, |f| f.bitmask_bit.is_some()),
+        "bit 7, which lets it switch lamps, is not set, or no lamp has a bit in it",
     ),
     (&["light.pwm"], |s| !has_lamp(s, |f| f.pwm_hz > 0.0), "no lamp is dimmed by pulse width"),
     (
@@ -144,10 +133,6 @@ fn is_bitmap(scene: &Scene) -> bool {
 fn is_drawing(scene: &Scene, ends: &[&str]) -> bool {
     let drawing = scene.letters.drawing.to_lowercase();
     ends.iter().any(|end| drawing.ends_with(end))
-}
-
-fn has_boxes(scene: &Scene) -> bool {
-    scene.letters.drawing.is_empty() && scene.letters.font.starts_with("ae483")
 }
 
 fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {
@@ -192,8 +177,7 @@ pub(crate) fn reason(scene: &Scene, key: &str) -> Option<String> {
     let mut reasons = Vec::new();
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
-        let dot = if path.is_empty() { "" } else { "." };
-        path = format!("{path}{dot}{part}");
+        path = joined(&path, part);
         let mut rules = RULES.iter().filter(|(keys, ..)| keys.contains(&&*path));
         let rule = rules.find(|(_, is_idle, _)| is_idle(scene));
         reasons.extend(rule.map(|(_, _, why)| (*why).to_owned()));
@@ -203,8 +187,8 @@ pub(crate) fn reason(scene: &Scene, key: &str) -> Option<String> {
         settings = match setting.shape {
             Shape::Group(settings) => settings,
             Shape::Tagged(variants) => {
-                let kind = names_at(&values, &path).first().copied();
-                let variant = variants.iter().find(|variant| Some(variant.name) == kind);
+                let kinds = names_at(&values, &path);
+                let variant = variants.iter().find(|it| kinds.iter().any(|kind| kind == it.name));
                 variant.map_or(&[][..], |variant| variant.settings)
             }
             Shape::Plain | Shape::Names(_) => &[],
@@ -232,7 +216,7 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
         };
         return (is_set != *holds).then_some(why);
     }
-    let named = names.iter().find(|name| found.contains(name));
+    let named = names.iter().find(|name| found.iter().any(|found| found == *name));
     (named.is_some() != *holds).then(|| match (named, names) {
         (Some(name), _) => format!("{key} is {name}"),
         (None, names) => {
@@ -259,13 +243,17 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// The names at a dotted key: of a choice, of the kind of a table, of a list.
-fn names_at<'a>(values: &'a Value, key: &str) -> Vec<&'a str> {
+/// The names at a dotted key: of a choice, of the kind of a table, of a list; or whole numbers.
+fn names_at(values: &Value, key: &str) -> Vec<String> {
     let all = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
         value => vec![value],
     });
-    all.filter_map(|value| value.as_str().or_else(|| value.get("kind")?.as_str())).collect()
+    let name = |value: &Value| match value {
+        Value::Integer(number) => Some(number.to_string()),
+        value => value.as_str().or_else(|| value.get("kind")?.as_str()).map(str::to_owned),
+    };
+    all.filter_map(name).collect()
 }
 
 impl Scene {
@@ -292,8 +280,7 @@ impl Scene {
 /// The keys of two tables that differ; of a choice that was made otherwise, the choice alone.
 fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
-        let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{}", setting.key);
+        let path = joined(path, setting.key);
         let [a, b] = [own, usual].map(|table| table.get(setting.key));
         match (setting.shape, a, b) {
             (_, a, b) if a == b => {}
@@ -303,10 +290,7 @@ fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: 
             (Shape::Tagged(variants), Some(Value::Table(a)), Some(Value::Table(b)))
                 if a.get("kind") == b.get("kind") =>
             {
-                let kind = a.get("kind").and_then(Value::as_str);
-                let variant = variants.iter().find(|variant| Some(variant.name) == kind);
-                let settings = variant.map_or(&[][..], |variant| variant.settings);
-                differing(&path, settings, [a, b], keys);
+                differing(&path, of_kind(variants, a), [a, b], keys);
             }
             _ => keys.push(path),
         }

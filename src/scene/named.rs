@@ -7,7 +7,7 @@ use super::{Preset, Scene};
 use crate::error::{Error, Result};
 use crate::files::files_in;
 use crate::plan::Plan;
-use crate::settings::similar;
+use crate::settings::suggestion;
 
 /// Scenes that ship with the program, as TOML.
 const SHIPPED: [(&str, &str); 6] = [
@@ -82,10 +82,8 @@ impl Scene {
         let shipped = SHIPPED.iter().map(|(name, _)| *name);
         let names: Vec<&str> =
             shipped.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
-        let hint = match similar(name, names.iter().copied()) {
-            Some(similar) => format!("did you mean {similar}?"),
-            None => "print a scene into a file to begin with".into(),
-        };
+        let otherwise = || "print a scene into a file to begin with".into();
+        let hint = suggestion(name, names.iter().copied(), otherwise);
         let wanted = format!("a scene file, a learned folder, or one of {}", names.join(", "));
         Err(Error::input(name, "neither a file nor a known name", wanted, hint))
     }

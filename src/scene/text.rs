@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use super::{Preset, Scene};
 use crate::error::{Error, Result};
-use crate::settings::{Described, Setting, Shape, Variant, similar, unknown_name};
+use crate::settings::{Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name};
 
 /// Columns of the printed file.
 const WIDTH: usize = 80;
@@ -46,8 +46,7 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
         }
     }
     for setting in settings.iter().filter(is_table) {
-        let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{}", setting.key);
+        let path = joined(path, setting.key);
         text.push('\n');
         comment(text, setting.doc, None);
         let values = match &values[setting.key] {
@@ -64,9 +63,7 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
                 variants.iter().for_each(|variant| name(text, variant));
                 let kind = values.get("kind").and_then(Value::as_str).unwrap_or_default();
                 *text += &format!("kind = \"{kind}\"\n");
-                if let Some(variant) = variants.iter().find(|variant| variant.name == kind) {
-                    group(text, &path, variant.settings, values);
-                }
+                group(text, &path, of_kind(variants, values), values);
             }
             Shape::Plain | Shape::Names(_) => {
                 values.iter().for_each(|(key, value)| entry(text, key, value));
@@ -176,8 +173,7 @@ pub(super) fn check_keys(table: &Table) -> Result<()> {
 
 fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
     for (key, value) in table {
-        let dot = if path.is_empty() { "" } else { "." };
-        let place = format!("{path}{dot}{key}");
+        let place = joined(path, key);
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
             return Err(unknown_key(&place, key));
         };
@@ -247,8 +243,7 @@ fn unknown_key(place: &str, key: &str) -> Error {
 /// Collects the paths of all keys; variants of a choice may share some.
 fn collect_paths(path: &str, settings: &[Setting], paths: &mut BTreeSet<String>) {
     for setting in settings {
-        let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{}", setting.key);
+        let path = joined(path, setting.key);
         match setting.shape {
             Shape::Group(settings) => collect_paths(&path, settings, paths),
             Shape::Tagged(variants) => {

@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::{Judging, Shoot, Shot};
 use crate::scene::{Scene, reason};
-use crate::settings::{Described, Setting, Shape, names};
+use crate::settings::{Described, Setting, Shape, joined, names, of_kind};
 
 /// Keys that change no product of this chain, and what they change.
 const ELSEWHERE: &[(&str, &str)] = &[
@@ -134,8 +134,7 @@ fn walk(
     visit: &mut dyn FnMut(&str, &Setting, Option<&Value>),
 ) {
     for setting in settings {
-        let dot = if path.is_empty() { "" } else { "." };
-        let path = format!("{path}{dot}{}", setting.key);
+        let path = joined(path, setting.key);
         let value = values.get(setting.key);
         match (setting.shape, value) {
             (Shape::Group(settings), Some(Value::Table(values))) => {
@@ -143,10 +142,7 @@ fn walk(
             }
             (Shape::Tagged(variants), Some(Value::Table(inner))) => {
                 visit(&path, setting, value);
-                let kind = inner.get("kind").and_then(Value::as_str).unwrap_or_default();
-                if let Some(variant) = variants.iter().find(|variant| variant.name == kind) {
-                    walk(&path, variant.settings, inner, visit);
-                }
+                walk(&path, of_kind(variants, inner), inner, visit);
             }
             _ => visit(&path, setting, value),
         }

@@ -16,7 +16,7 @@ use crate::digest::fnv_1a;
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::scene::Scene;
-use crate::settings::{Described, settings, similar};
+use crate::settings::{Described, settings, suggestion};
 use crate::shoot::Actual;
 use crate::vehicle::{GustOptions, Gusts};
 
@@ -192,10 +192,8 @@ impl Conditions {
                 Self::parse(&limit.read_text(file.as_ref())?, file)
             }
             name => {
-                let hint = match similar(name, ["room", "drone", "evening", "still"]) {
-                    Some(similar) => format!("did you mean {similar}?"),
-                    None => "name a file that exists".into(),
-                };
+                let known = ["room", "drone", "evening", "still"];
+                let hint = suggestion(name, known, || "name a file that exists".into());
                 let wanted = "room, drone, evening, still, or a TOML file";
                 Err(Error::input("conditions", name, wanted, hint))
             }
@@ -252,10 +250,8 @@ impl Conditions {
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys().any(|known| known == key.as_str())) {
             let found = format!("the unknown key {unknown}");
-            let hint = match similar(unknown, keys()) {
-                Some(similar) => format!("did you mean {similar}?"),
-                None => format!("the keys are {}", keys().collect::<Vec<_>>().join(", ")),
-            };
+            let all = || format!("the keys are {}", keys().collect::<Vec<_>>().join(", "));
+            let hint = suggestion(unknown, keys(), all);
             return Err(Error::input(file, found, "a key of conditions", hint));
         }
         let conditions: Self = toml::from_str(toml).map_err(|error| {

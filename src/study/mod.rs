@@ -43,7 +43,7 @@ pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{
     Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
-    HoldScenario, HoldVerdict, Interval, STATE_NAMES, hold, hold_figures,
+    HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,
 };
 pub use knobs::{Knob, Turn, settings, turned};
 pub use learn::{Learned, Round, learn};

@@ -141,7 +141,7 @@ settings! {
         /// Gusts on top of the wind; they push the drone through its drag.
         gusts: Gusts = Gusts::None;
         /// What a drone below another one loses of its thrust.
-        downwash: Downwash = Downwash::Jet;
+        downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";
     }
 
     /// A model of the stream of air below a drone.

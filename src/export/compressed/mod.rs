@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::pieces::{Rounding, Stretch, motion, pieces};
+use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use crate::crazyflie::TRAJECTORY_MEMORY_BYTES;
 use crate::error::{Error, Result};
 use crate::plan::Plan;
@@ -96,32 +96,18 @@ impl Compressed {
     /// Duration as flown, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        self.pieces.iter().map(|piece| piece.polynomials().duration_s).sum()
+        self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }
 
-    /// Largest distance from the design of its plan, m.
-    ///
-    /// # Panics
-    ///
-    /// For another plan than its own, without letters.
-    #[must_use]
-    pub fn worst_m(&self, plan: &Plan) -> f64 {
-        let stretch = Stretch::new(plan).expect("the plan of this trajectory");
-        stretch.worst_m(|time_s| self.motion(time_s)[0])
+    /// Its pieces as polynomials.
+    pub(super) fn polynomials(&self) -> Vec<Polynomials> {
+        self.pieces.iter().map(Piece::polynomials).collect()
     }
 
     /// Its pieces as Bézier curves: duration in s, and four control points in m.
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         let curve = |piece: &Piece| (piece.polynomials().duration_s, piece.curve_m());
         self.pieces.iter().map(curve).collect()
-    }
-
-    /// Position, velocity and acceleration that the firmware's evaluation gives at a time since the
-    /// start, in m and s; the end stays.
-    #[must_use]
-    pub fn motion(&self, time_s: f64) -> [Vector3<f64>; 3] {
-        let pieces: Vec<_> = self.pieces.iter().map(Piece::polynomials).collect();
-        motion(&pieces, time_s)
     }
 }
 
@@ -206,7 +192,7 @@ fn round_mm(x_m: f64) -> i16 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pieces::waves;
+    use super::super::pieces::{motion, waves};
     use super::*;
     use crate::letters::{LetterOptions, write};
     use crate::plan::{PlanOptions, Setpoint, plan};
@@ -220,8 +206,9 @@ mod tests {
     fn sampled(trajectory: &Compressed) -> [f64; 2] {
         #[expect(clippy::cast_possible_truncation, reason = "a minute")]
         let n = (trajectory.duration_s() * 1000.0) as u32;
+        let pieces = trajectory.polynomials();
         (0..n).fold([0.0; 2], |[v, a], ms| {
-            let [_, velocity, acceleration] = trajectory.motion(f64::from(ms) / 1000.0);
+            let [_, velocity, acceleration] = motion(&pieces, f64::from(ms) / 1000.0);
             [f64::max(v, velocity.norm()), f64::max(a, acceleration.norm())]
         })
     }
@@ -254,7 +241,7 @@ mod tests {
         .concat();
         assert_eq!(bytes, want);
         assert_eq!(Compressed::from_bytes(&bytes).unwrap(), trajectory);
-        let [position_m, velocity_m_s, _] = trajectory.motion(0.75);
+        let [position_m, velocity_m_s, _] = motion(&trajectory.polynomials(), 0.75);
         assert!((position_m - Vector3::new(0.05, 0.0, 0.5)).norm() < 1e-12);
         assert!((velocity_m_s - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
@@ -284,8 +271,9 @@ mod tests {
             tolerance_m in 0.0025..0.01_f64,
         ) {
             let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
-            let worst_m = trajectory.worst_m(&plan);
-            let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+            let stretch = Stretch::new(&plan).unwrap();
+            let worst_m = stretch.worst_m(&trajectory.polynomials());
+            let [max_m_s, max_m_s2] = stretch.limits();
             // The end of a piece is off by half a millisecond at most.
             let late_m = 0.0005 * max_m_s;
             proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
@@ -304,9 +292,10 @@ mod tests {
     fn noor_fits_the_memory_six_times_within_two_and_a_half_millimeters() {
         let plan = noor();
         let trajectory = Compressed::encode(&plan, 0.002).unwrap();
-        let (bytes, worst_m) = (trajectory.to_bytes().len(), trajectory.worst_m(&plan));
+        let (bytes, stretch) = (trajectory.to_bytes().len(), Stretch::new(&plan).unwrap());
+        let worst_m = stretch.worst_m(&trajectory.polynomials());
         assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
-        let [max_m_s, max_m_s2] = Stretch::new(&plan).unwrap().limits();
+        let [max_m_s, max_m_s2] = stretch.limits();
         let [v, a] = sampled(&trajectory);
         assert!(v <= 1.05 * max_m_s && a <= 1.05 * max_m_s2, "{v} m/s, {a} m/s²");
     }

@@ -166,10 +166,6 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
 }
 
 /// The samples of a part of a flight, and the path of its design.
-///
-/// # Errors
-///
-/// As [`track`].
 pub(crate) fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::flight::{Hold, HoldSample, STATE_NAMES};
 use super::scenario::HoldScenario;
 use super::{HoldModel, hold};
-use crate::error::{Error, Result};
+use crate::error::{Result, within};
 use crate::settings::settings;
 use crate::sim::SimOptions;
-use crate::study::statistics::{bootstrap, mean};
+use crate::study::statistics::{Estimate, bootstrap, mean};
 
 /// Time that a flight lasts, s.
 pub const DURATION_S: f64 = 60.0;
@@ -17,7 +17,7 @@ const FROM_S: f64 = 5.0;
 /// Time about an event in which innovations do not count, s.
 const EVENT_S: f64 = 0.5;
 /// Most runs of a scenario.
-const MAX_RUNS: u32 = 10_000;
+const MAX_RUNS: f64 = 1e4;
 /// Mean squared error over variance of a consistent state: at most 20 % off in its σ.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
@@ -31,9 +31,9 @@ pub struct HoldFigures {
     /// Number of flights.
     pub runs: u32,
     /// Error of the estimated altitude, root mean square with its 95 % interval, m.
-    pub estimate_m: Interval,
+    pub estimate_m: Estimate,
     /// Distance from the held altitude, root mean square with its 95 % interval, m.
-    pub hold_m: Interval,
+    pub hold_m: Estimate,
     /// Share of the time in which the altitude is inside its 95 % band.
     pub inside: f64,
     /// Error of the estimated hover throttle, root mean square.
@@ -57,7 +57,7 @@ pub struct Consistency {
     pub state: &'static str,
     /// Mean over time and runs of the squared error over its variance, with its 95 % interval: 1 of
     /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
-    pub error: Interval,
+    pub error: Estimate,
     /// What that means.
     pub verdict: HoldVerdict,
 }
@@ -85,17 +85,6 @@ impl HoldVerdict {
             Self::Consistent
         }
     }
-}
-
-/// An estimate with its 95 % bootstrap interval over runs.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct Interval {
-    /// Over all runs.
-    pub value: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
 }
 
 /// What a scenario promises.
@@ -135,7 +124,7 @@ impl Bounds {
 ///
 /// # Errors
 ///
-/// As [`hold`]; [`Error::Input`] for no or more than 10 000 runs.
+/// As [`hold`]; [`crate::error::Error::Input`] for no or more than 10 000 runs.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,
@@ -143,10 +132,7 @@ pub fn hold_figures(
     seed: u64,
     runs: u32,
 ) -> Result<HoldFigures> {
-    if !(1..=MAX_RUNS).contains(&runs) {
-        let wanted = format!("from 1 to {MAX_RUNS}");
-        return Err(Error::input("runs", runs, wanted, "choose another number of runs"));
-    }
+    within("runs", runs.into(), 1.0, MAX_RUNS)?;
     let one = |run: u32| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     };
@@ -217,14 +203,10 @@ fn summary(
 ) -> HoldFigures {
     let column = |f: fn(&FlightMeans) -> f64| flown.iter().map(f).collect::<Vec<_>>();
     let root = |squares: &[f64]| mean(squares).sqrt();
-    let interval = |squares: Vec<f64>| {
-        let found = bootstrap(&[squares], 0.95, |squares| root(squares));
-        Interval { value: found.value, low: found.low, high: found.high }
-    };
+    let interval = |squares: Vec<f64>| bootstrap(&[squares], 0.95, |squares| root(squares));
     let consistency = |(index, state): (usize, &&'static str)| {
         let squares: Vec<f64> = flown.iter().map(|run| run.states[index]).collect();
-        let found = bootstrap(&[squares], 0.95, |squares| mean(squares));
-        let error = Interval { value: found.value, low: found.low, high: found.high };
+        let error = bootstrap(&[squares], 0.95, |squares| mean(squares));
         Consistency { state, error, verdict: HoldVerdict::of(error.value) }
     };
     let mut figures = HoldFigures {

@@ -17,11 +17,11 @@ mod scalar;
 mod scenario;
 
 pub use self::figures::{
-    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, Interval, hold_figures,
+    Bounds, CONSISTENT, Consistency, DURATION_S, HoldFigures, HoldVerdict, hold_figures,
 };
 pub use self::flight::{Hold, HoldSample, STATE_NAMES};
 pub use self::scenario::HoldScenario;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, within};
 use crate::settings::settings;
 use crate::sim::{EstimatorKind, SimOptions};
 
@@ -57,17 +57,10 @@ pub fn hold(
     options.check()?;
     let kind = options.observer.kind;
     if kind != EstimatorKind::Altitude {
-        return Err(Error::input(
-            "observer.kind",
-            kind.name(),
-            "altitude",
-            "name the preset bzzz, or set the kind and sensors of the altitude",
-        ));
+        let hint = "name the preset bzzz, or set the kind and sensors of the altitude";
+        return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
-    if !(1.0..=MAX_DURATION_S).contains(&duration_s) {
-        let wanted = format!("from 1 to {MAX_DURATION_S} s");
-        return Err(Error::input("duration_s", duration_s, wanted, "choose another duration"));
-    }
+    within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
     match model {
         HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
         HoldModel::Full => full::hold(options, scenario, duration_s, seed),
