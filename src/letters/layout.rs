@@ -147,8 +147,9 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     }
     let word = word.to_owned();
     let (font, order) = (Some(font.clone()), StrokeOrder::Free);
-    let (colors, left_out, picture) = (Vec::new(), LeftOut::default(), Picture::Auto);
-    Strokes { word, font, glyphs, order, colors, left_out, picture }
+    let (colors, joints_m) = (Vec::new(), Vec::new());
+    let (left_out, picture) = (LeftOut::default(), Picture::Auto);
+    Strokes { word, font, glyphs, order, colors, joints_m, left_out, picture }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {

@@ -1,9 +1,8 @@
 //! An SVG file reduced to what is drawn, so that reading it costs bounded work.
 //!
 //! Clips, masks and filters become `defs`: they are not drawn, but elements within them may be used
-//! elsewhere. Gradients and patterns become gradients of one stop: a line has one color, the gradient's
-//! middle stop's. What is left grows by `use` and by markers alone, which are counted here; a marker
-//! within a marker is not drawn.
+//! elsewhere. Gradients refer to no others, and a pattern becomes a gradient of one black stop. What is
+//! left grows by `use` and by markers alone, which are counted here; a marker within a marker is not drawn.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -193,15 +192,7 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
     let tag = match name {
         "linearGradient" | "radialGradient" | "pattern" => {
             if let Some(id) = node.attribute("id") {
-                text.push_str("<linearGradient id=\"");
-                escape(id, text);
-                text.push_str("\"><stop");
-                for (name, value) in middle_stop(node, ids) {
-                    let _ = write!(text, " {name}=\"");
-                    escape(value, text);
-                    text.push('"');
-                }
-                text.push_str("/></linearGradient>");
+                write_gradient(node, id, ids, text);
             }
             "defs"
         }
@@ -235,24 +226,62 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
     let _ = write!(text, "</{tag}>");
 }
 
-/// What colors the middle stop of a gradient, or of the one that it refers to.
-fn middle_stop<'a>(
-    gradient: Node<'a, '_>,
-    ids: &Ids<'a, '_>,
-) -> impl Iterator<Item = (&'static str, &'a str)> {
-    let stops = |node: Node<'a, '_>| -> Vec<Node<'a, '_>> {
-        node.children().filter(|child| child.tag_name().name() == "stop").take(MAX_STOPS).collect()
+/// Attributes of a gradient and of a stop.
+const GRADIENT: [&str; 13] = [
+    "x1",
+    "y1",
+    "x2",
+    "y2",
+    "cx",
+    "cy",
+    "r",
+    "fx",
+    "fy",
+    "fr",
+    "gradientUnits",
+    "gradientTransform",
+    "spreadMethod",
+];
+const STOP: [&str; 4] = ["offset", "stop-color", "style", "class"];
+
+/// Most gradients, each of which refers to the next, that are looked at.
+const MAX_CHAIN: usize = 8;
+
+/// Writes a gradient with what it has from those that it refers to; a pattern as one of a black stop.
+fn write_gradient(node: Node<'_, '_>, id: &str, ids: &Ids<'_, '_>, text: &mut String) {
+    let next = |node: &Node<'_, '_>| {
+        let links = node.attributes().filter(|attribute| attribute.name() == "href");
+        links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next().copied()
     };
-    let mut found = stops(gradient);
-    if found.is_empty() {
-        let links = gradient.attributes().filter(|attribute| attribute.name() == "href");
-        let other = links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next();
-        found = other.map_or_else(Vec::new, |other| stops(*other));
+    let is_stop = |child: &Node<'_, '_>| child.tag_name().name() == "stop";
+    let is_pattern = node.tag_name().name() == "pattern";
+    let tag = if is_pattern { "linearGradient" } else { node.tag_name().name() };
+    let chain: Vec<_> = std::iter::successors(Some(node), next).take(MAX_CHAIN).collect();
+    let _ = write!(text, "<{tag} id=\"");
+    escape(id, text);
+    text.push('"');
+    let from_chain = |name| chain.iter().find_map(|node| Some((name, node.attribute(name)?)));
+    write_attributes(GRADIENT.into_iter().filter_map(from_chain), text);
+    text.push('>');
+    let with_stops = chain.iter().find(|node| node.children().any(|child| is_stop(&child)));
+    let stops = with_stops.into_iter().flat_map(Node::children).filter(is_stop).take(MAX_STOPS);
+    for stop in stops.filter(|_| !is_pattern) {
+        text.push_str("<stop");
+        write_attributes(
+            STOP.iter().filter_map(|name| Some((*name, stop.attribute(*name)?))),
+            text,
+        );
+        text.push_str("/>");
     }
-    let middle = found.get(found.len() / 2).copied();
-    ["stop-color", "style", "class"]
-        .into_iter()
-        .filter_map(move |name| Some((name, middle?.attribute(name)?)))
+    let _ = write!(text, "{}</{tag}>", if is_pattern { "<stop/>" } else { "" });
+}
+
+fn write_attributes<'a>(attributes: impl Iterator<Item = (&'a str, &'a str)>, text: &mut String) {
+    for (name, value) in attributes {
+        let _ = write!(text, " {name}=\"");
+        escape(value, text);
+        text.push('"');
+    }
 }
 
 fn escape(value: &str, text: &mut String) {
