@@ -27,6 +27,7 @@ mod levels;
 mod photograph;
 mod plain;
 mod svg;
+mod text;
 mod xml;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
@@ -85,8 +86,8 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
 /// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
-/// or else of its fill, and along a gradient up to 64 colors. Clips, masks, filters, patterns, pictures, markers on
-/// markers and text are not drawn. Handwriting keeps its order and direction, is smoothed by at most
+/// or else of its fill, and along a gradient up to 64 colors. Text is written with the font of
+/// the options. Clips, masks, filters, patterns, pictures and markers on markers are not drawn. Handwriting keeps its order and direction, is smoothed by at most
 /// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
@@ -100,7 +101,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
     match kind.as_deref() {
         Some("svg") => {
-            let (paths, gradients) = svg::read(&LIMIT.read(path)?, &file)?;
+            let (paths, gradients) = svg::read(&LIMIT.read(path)?, options, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
             let detail = options.detail.unwrap_or(1.0);
@@ -293,7 +294,7 @@ impl Placing {
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
             let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
-            let hint = "visible paths are drawn; text must be turned into paths first";
+            let hint = "visible paths and text are drawn";
             return Err(Error::input(file, found, "at least one stroke", hint));
         }
         let (width_m, height_m) = (width * scale, height * scale);

@@ -9,6 +9,8 @@ use std::fmt::Write as _;
 
 use usvg::roxmltree::{Document, Node};
 
+use super::text::Texts;
+
 /// Most elements with those of `use` and of markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
 
@@ -41,14 +43,14 @@ const XML: &str = "http://www.w3.org/XML/1998/namespace";
 /// # Errors
 ///
 /// What was found instead of a drawing of bounded work.
-pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> {
+pub(super) fn plain(document: &Document<'_>, texts: &Texts) -> Result<(String, usize), String> {
     let mut ids = HashMap::new();
     for node in document.descendants() {
         if let Some(id) = node.attribute("id") {
             ids.entry(id).or_insert(node);
         }
     }
-    let mut counting = Counting { ids, known: HashMap::new(), marker: Size::default() };
+    let mut counting = Counting { ids, texts, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(document.root_element(), 0)?;
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if counting.marker.elements == 0 { 0 } else { all.vertices + 2 * all.elements };
@@ -63,7 +65,7 @@ pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> 
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
     let mut text = String::new();
-    write_element(document.root_element(), &counting.ids, &mut text);
+    write_element(document.root_element(), &counting.ids, texts, &mut text);
     Ok((text, elements))
 }
 
@@ -85,6 +87,7 @@ type Ids<'a, 'input> = HashMap<&'a str, Node<'a, 'input>>;
 
 struct Counting<'a, 'input> {
     ids: Ids<'a, 'input>,
+    texts: &'a Texts,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
@@ -101,10 +104,12 @@ impl<'a, 'input> Counting<'a, 'input> {
         }
         self.known.insert(node, None);
         let length = |name| node.attribute(name).map_or(0, str::len);
+        let written = self.texts.get(&node.id()).map_or(0, String::len);
+        let attributes: usize = node.attributes().map(|attribute| attribute.value().len()).sum();
         let mut size = Size {
             elements: 1,
-            bytes: node.attributes().map(|attribute| attribute.value().len()).sum(),
-            vertices: 10 + (length("d") + length("points")) / 2,
+            bytes: attributes + written,
+            vertices: 10 + (length("d") + length("points") + written) / 2,
             depth: 1,
             curves: curves(node)?,
         };
@@ -140,7 +145,7 @@ impl<'a, 'input> Counting<'a, 'input> {
     }
 }
 
-fn too_deep() -> String {
+pub(super) fn too_deep() -> String {
     format!("more than {MAX_DEPTH} elements within each other")
 }
 
@@ -184,9 +189,13 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
 }
 
 /// Writes an element as it is drawn.
-fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
+fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, texts: &Texts, text: &mut String) {
     let name = node.tag_name().name();
     if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
+        return;
+    }
+    if let Some(written) = texts.get(&node.id()) {
+        text.push_str(written);
         return;
     }
     let tag = match name {
@@ -204,7 +213,23 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
     if node.parent_element().is_none() {
         let _ = write!(text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
     }
-    for attribute in node.attributes().filter(|_| tag == name) {
+    if tag == name {
+        write_attributes_of(node, text);
+    }
+    text.push('>');
+    for child in node.children() {
+        match child.text().filter(|_| child.is_text()) {
+            Some(content) => escape(content, text),
+            None if child.is_element() => write_element(child, ids, texts, text),
+            None => {}
+        }
+    }
+    let _ = write!(text, "</{tag}>");
+}
+
+/// Writes the attributes of an element.
+pub(super) fn write_attributes_of(node: Node<'_, '_>, text: &mut String) {
+    for attribute in node.attributes() {
         let prefix = match attribute.namespace() {
             None => "",
             Some(XLINK) => "xlink:",
@@ -215,15 +240,6 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
         escape(attribute.value(), text);
         text.push('"');
     }
-    text.push('>');
-    for child in node.children() {
-        match child.text().filter(|_| child.is_text()) {
-            Some(content) => escape(content, text),
-            None if child.is_element() => write_element(child, ids, text),
-            None => {}
-        }
-    }
-    let _ = write!(text, "</{tag}>");
 }
 
 /// Attributes of a gradient and of a stop.

@@ -1,5 +1,5 @@
 //! SVG: visible paths, with `use`, transforms, basic shapes, styles and dashes resolved by usvg and
-//! kurbo. Text is refused, because its typeface is missing; clips, masks and pictures are ignored.
+//! kurbo. Text is written with the scene's font; clips, masks and pictures are ignored.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -10,7 +10,7 @@ use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 use super::super::curves::polylines;
 use super::gradient::{Gradient, Paint};
 use super::plain::{STYLE, plain};
-use super::{ColoredLine, LIMIT, MAX_POINTS, css, too_many, xml};
+use super::{ColoredLine, LIMIT, LetterOptions, MAX_POINTS, css, text, too_many, xml};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry;
@@ -22,7 +22,11 @@ const MAX_NODES: u32 = 200_000;
 type Drawn = (BezPath, Paint);
 
 /// The paths of an SVG file in its user units, y up, and the gradients of their paints.
-pub(super) fn read(bytes: &[u8], file: &str) -> Result<(Vec<Drawn>, Vec<Gradient>)> {
+pub(super) fn read(
+    bytes: &[u8],
+    options: &LetterOptions,
+    file: &str,
+) -> Result<(Vec<Drawn>, Vec<Gradient>)> {
     let refuse = |found: String| {
         let hint = "open the file in an SVG editor, and save it as plain SVG";
         Error::input(file, found, "an SVG drawing", hint)
@@ -35,25 +39,18 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<(Vec<Drawn>, Vec<Gradient
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
-    let text = document.descendants().find(|node| node.tag_name().name() == "text");
-    if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
-        let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
-        let hint = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path), or write \
-                    it with a font";
-        let wanted = "paths: a text's typeface is not in the file";
-        return Err(Error::input(place, "<text>", wanted, hint));
-    }
+    let texts = text::written(&document, options, &budget, file)?;
     // Pictures are not drawn, so that none is opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
     };
     let style_sheet = Some(STYLE.to_owned());
-    let options = Options { image_href_resolver, style_sheet, ..Options::default() };
-    let (plain, n_elements) = plain(&document).map_err(refuse)?;
+    let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
+    let (plain, n_elements) = plain(&document, &texts).map_err(refuse)?;
     css::check(&document, n_elements, &budget)?;
     // usvg may panic on broken files.
-    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &options)));
+    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &reading)));
     let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let size = tree.size();

@@ -235,14 +235,63 @@ fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
     assert!(error.to_string().contains("a.svg"), "{error}");
 }
 
+/// The box of the lit moves of an SVG file in its own units from the lower left of a square of 100, and how
+/// many strokes it has.
+fn text_box(body: &str, options: LetterOptions) -> ([f64; 4], usize) {
+    let frame = "<path d='M0 0 h100 v100 h-100 z' stroke='red'/>";
+    let options = LetterOptions { baseline_m: 0.0, ..options };
+    let strokes = drawn("a.svg", &svg(&format!("{frame}{body}")), &options).unwrap();
+    let scale = 100.0 / (strokes.bounds_m()[2] - strokes.bounds_m()[0]);
+    let left_m = strokes.bounds_m()[0];
+    let moves = strokes.glyphs[0].moves.iter().filter(|step| step.lit).skip(4);
+    let place = |[x, y]: [f64; 2]| [(x - left_m) * scale, y * scale];
+    let points = moves.flat_map(|step| [place(step.from_m), place(step.to_m)]);
+    (bounds(points), strokes.n_strokes() - 1)
+}
+
 #[test]
-fn text_is_refused_with_its_line_and_not_left_out() {
-    let body = "\n<path d='M0 0 h9' stroke='red'/>\n<text x='5'>NO<tspan>OR</tspan></text>";
-    let error = drawn("a.svg", &svg(body), &LetterOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("a.svg:3"), "{error}");
-    assert!(error.hint().contains("Object to Path"), "{error}");
+fn text_is_written_with_the_scenes_font_where_it_stands() {
+    let near = |found: [f64; 4], wanted: [f64; 4]| {
+        let off = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 0.3, "{found:?} instead of {wanted:?}");
+    };
+    let simplex = || LetterOptions { font: "simplex".into(), ..on_canvas(1.0, 1.0) };
+    // Capitals of 0.7 of the size; H is 14 of 21 wide, 4 of 21 from the pen; I is a stem alone.
+    let (cap, unit) = (14.0, 14.0 / 21.0);
+    let h = |x: f64, y: f64| [x + 4.0 * unit, y, x + 18.0 * unit, y + cap];
+    let at = "fill='blue' y='60' font-size='20'";
+    let (found, n) = text_box(&format!("<text x='10' {at}>\n H </text>"), simplex());
+    near(found, h(10.0, 40.0));
+    assert_eq!(n, 3);
+    let (found, _) = text_box(&format!("<text x='50' text-anchor='end' {at}>H</text>"), simplex());
+    near(found, h(50.0 - 22.0 * unit, 40.0));
+    let styled = "<g style='font-size:15pt;fill:blue' transform='translate(5 0)'>\
+                  <text x='1' y='2'><tspan x='10' dx='3 4' y='60'>H</tspan></text></g>";
+    near(text_box(styled, simplex()).0, h(18.0, 40.0));
+    let (found, n) = text_box(&format!("<text x='10' {at}>I</text>"), simplex());
+    assert!(n == 1 && (found[3] - found[1] - cap).abs() < 0.3, "a stem alone: {found:?}");
+    let (found, n) =
+        text_box(&format!("<text x='10' {at}>H<tspan fill='red'>H</tspan></text>"), simplex());
+    near(found, [h(10.0, 40.0)[0], 40.0, h(10.0 + 22.0 * unit, 40.0)[2], 54.0]);
+    assert_eq!(n, 6, "the tspan goes on where the pen is");
+    let team = LetterOptions { font: "ae483".into(), ..on_canvas(1.0, 1.0) };
+    let (found, _) = text_box(&format!("<text x='10' {at}>h</text>"), team);
+    near(found, [10.0, 40.0, 10.0 + 0.6 * cap, 54.0]);
+}
+
+#[test]
+fn text_that_cannot_be_written_is_refused() {
+    let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+    let refused = |body: &str| drawn("a.svg", &svg(body), &simplex).unwrap_err().to_string();
+    let error = refused("\n<text x='2em'>NO<tspan>OR</tspan></text>");
+    assert!(error.contains("a.svg:2") && error.contains("2em"), "{error}");
+    assert!(refused("<text fill='red'>N漢</text>").contains('漢'));
+    let long = format!("<text fill='red'>{}</text>", "N".repeat(257));
+    assert!(refused(&long).contains("257"), "{}", refused(&long));
+    let deep = format!("<text>N{}N{}</text>", "<tspan>".repeat(50_000), "</tspan>".repeat(50_000));
+    assert!(refused(&deep).contains("within each other"));
     let empty = "<path d='M0 0 h9' stroke='red'/><text x='5'/>";
-    drawn("a.svg", &svg(empty), &LetterOptions::default()).unwrap();
+    drawn("a.svg", &svg(empty), &simplex).unwrap();
 }
 
 #[test]
