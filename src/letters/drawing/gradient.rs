@@ -5,7 +5,7 @@
 //! point of a radial gradient is taken for its center.
 
 use kurbo::{Affine, Point};
-use usvg::{BaseGradient, Paint as Server, SpreadMethod};
+use usvg::{BaseGradient, Paint as Server, SpreadMethod, Transform};
 
 use super::{MAX_COLORS, MAX_POINTS, too_many};
 use crate::error::Result;
@@ -71,7 +71,7 @@ impl Gradient {
             let color = stop.color();
             (number(stop.offset().get()), [color.red, color.green, color.blue])
         };
-        let place_from_gradient = place_from_user * super::svg::affine(base.transform());
+        let place_from_gradient = place_from_user * affine(base.transform());
         Some(Self {
             stops: base.stops().iter().map(stop).collect(),
             share_from_place: share_from_gradient * place_from_gradient.inverse(),
@@ -135,6 +135,11 @@ impl Gradient {
         pieces.push((piece, color));
         pieces
     }
+}
+
+/// A transform in full precision.
+pub(super) fn affine(t: Transform) -> Affine {
+    Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
 }
 
 /// Samples of a leg.

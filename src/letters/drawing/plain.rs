@@ -7,9 +7,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use usvg::roxmltree::{Document, Node};
-
-use super::text::Texts;
+use usvg::roxmltree::{Document, Node, NodeId};
 
 /// Most elements with those of `use` and of markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
@@ -37,6 +35,9 @@ pub(super) const STYLE: &str = "*{clip-path:none!important;mask:none!important;\
 const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
 const XML: &str = "http://www.w3.org/XML/1998/namespace";
+
+/// Markup in place of the text elements that have any.
+pub(super) type Texts = HashMap<NodeId, String>;
 
 /// The document that is drawn, and how many elements it has with those of `use` and of markers.
 ///

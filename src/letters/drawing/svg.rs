@@ -8,7 +8,7 @@ use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
-use super::gradient::{Gradient, Paint};
+use super::gradient::{Gradient, Paint, affine};
 use super::plain::{STYLE, plain};
 use super::{ColoredLine, LIMIT, LetterOptions, MAX_POINTS, css, text, too_many, xml};
 use crate::error::{Error, Result};
@@ -109,11 +109,6 @@ fn paint(path: &usvg::Path, gradients: &mut Vec<Gradient>) -> Paint {
         },
         None => Paint::Plain([0; 3]),
     }
-}
-
-/// A transform in full precision.
-pub(super) fn affine(t: tiny_skia_path::Transform) -> Affine {
-    Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
 }
 
 /// A path with y up, transformed in full precision.

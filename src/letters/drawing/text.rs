@@ -5,14 +5,13 @@
 //! text-anchor, from attributes or `style`; capitals are 0.7 of the font size high. Not read: text along
 //! paths, rotated letters, and rules of style sheets for `text` and `tspan`.
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use svgtypes::{Length, LengthUnit};
-use usvg::roxmltree::{Document, Node, NodeId};
+use usvg::roxmltree::{Document, Node};
 
 use super::super::layout::{MAX_LETTERS, line};
-use super::plain::{MAX_DEPTH, too_deep, write_attributes_of};
+use super::plain::{MAX_DEPTH, Texts, too_deep, write_attributes_of};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::letters::{Font, LetterOptions};
@@ -25,9 +24,6 @@ const FONT_SIZE: f64 = 16.0;
 
 /// Steps of a byte of a style.
 const STEPS: usize = 5;
-
-/// Markup in place of the text elements that have any.
-pub(super) type Texts = HashMap<NodeId, String>;
 
 /// Writes all texts of a document.
 ///
