@@ -26,6 +26,9 @@ type Stop = (f64, [u8; 3]);
 /// A level of a ramp: the share at which it ends, and its color.
 type Level = (f64, [u8; 3]);
 
+/// A part of a line in one color.
+type Piece = (Vec<[f64; 2]>, [u8; 3]);
+
 /// Least step of a channel from level to level, of 255: steps of the light along a stroke are not seen.
 const STEP: f64 = 16.0;
 
@@ -98,12 +101,7 @@ impl Gradient {
     }
 
     /// The pieces of a line, each in the color of a level of the ramp. `size` is the drawing's larger side.
-    fn pieces(
-        &self,
-        line: &[[f64; 2]],
-        ramp: &[Level],
-        size: f64,
-    ) -> Vec<(Vec<[f64; 2]>, [u8; 3])> {
+    fn pieces(&self, line: &[[f64; 2]], ramp: &[Level], size: f64) -> Vec<Piece> {
         let mut pieces = Vec::new();
         let (mut piece, mut length) = (vec![line[0]], 0.0);
         let mut color = self.color(ramp, line[0]);
@@ -159,7 +157,7 @@ pub(super) fn pieces(
     left: usize,
     size: f64,
     file: &str,
-) -> Result<Vec<Vec<(Vec<[f64; 2]>, [u8; 3])>>> {
+) -> Result<Vec<Vec<Piece>>> {
     let budget = Budget::of(file, "draw less, or without gradients");
     let mut ramps: Vec<&[Stop]> = Vec::new();
     for (line, index) in lines {
