@@ -10,7 +10,8 @@ use crate::preflight::Profile;
 /// The word as it is drawn.
 #[derive(Debug, Args)]
 pub(super) struct LetterFlags {
-    /// Font: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
+    /// Font of a word, and of the text in an SVG drawing: ae483, ae483-fixed, simplex, or a file
+    /// *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
     /// Drawing instead of a word: *.svg, a picture *.png or *.jpg (lines on paper, a

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 
 /// Longest text, in characters: an hour of flight at 14 s a letter.
-const MAX_LETTERS: usize = 256;
+pub(super) const MAX_LETTERS: usize = 256;
 
 /// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
 /// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
@@ -147,8 +147,9 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
     }
     let word = word.to_owned();
     let (font, order) = (Some(font.clone()), StrokeOrder::Free);
-    let (colors, left_out, picture) = (Vec::new(), LeftOut::default(), Picture::Auto);
-    Strokes { word, font, glyphs, order, colors, left_out, picture }
+    let (colors, joints_m) = (Vec::new(), Vec::new());
+    let (left_out, picture) = (LeftOut::default(), Picture::Auto);
+    Strokes { word, font, glyphs, order, colors, joints_m, left_out, picture }
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
@@ -221,6 +222,45 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> Vec<Placed> {
         before = Some(character);
     }
     cells
+}
+
+/// The strokes of a line from the pen's place on, and its advance, in cap heights.
+///
+/// # Errors
+///
+/// As [`write`], for a character that the font lacks.
+pub(super) fn line(
+    text: &str,
+    font: &Font,
+    options: &LetterOptions,
+) -> Result<(Vec<Vec<[f64; 2]>>, f64)> {
+    let drawn = drawable(&text.nfc().collect::<String>(), font);
+    font.check_work()?;
+    let text = drawn?;
+    let size = 1.0 / options.cap_height_m;
+    let [width, gap] = [options.box_width_m() * size, options.box_gap_m() * size];
+    let is_box = font.fit() == Fit::Box;
+    let (mut placed, mut pen) = (Vec::new(), 0.0);
+    if let Some(Ok(letters)) = is_shaped(&text).then(|| font.line(&text, SPACE)).flatten() {
+        pen = letters.iter().map(|(_, at, shape)| at + shape.ink()[2]).fold(0.0, f64::max);
+        placed.extend(letters.into_iter().map(|(_, at, shape)| (at, shape)));
+    } else {
+        let mut before = None;
+        for character in text.chars() {
+            pen += before.map_or(0.0, |before| font.kern([before, character]));
+            let shape = font.shape(character).filter(|_| character != ' ' || !is_box);
+            let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
+            placed.extend(shape.map(|shape| (pen, shape)));
+            pen += if is_box { width + gap } else { advance };
+            before = Some(character);
+        }
+    }
+    let of = |(at, shape): (f64, Arc<Shape>)| -> Vec<Vec<[f64; 2]>> {
+        let across = if is_box { width } else { 1.0 };
+        let lit = shape.runs.iter().filter(|run| run.lit);
+        lit.map(|run| run.points.iter().map(|[x, y]| [at + across * x, *y]).collect()).collect()
+    };
+    Ok((placed.into_iter().flat_map(of).collect(), pen))
 }
 
 /// Advance of a space, in cap heights, where a font has none: Hershey's.

@@ -47,6 +47,9 @@ pub struct Strokes {
     pub order: StrokeOrder,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
+    /// Where a stroke goes on in another color, along a gradient: one glyph's light ends there and
+    /// another's begins.
+    pub joints_m: Vec<[f64; 2]>,
     /// What the detail of a drawing leaves out ([`LetterOptions::detail`]).
     pub left_out: LeftOut,
     /// What a bitmap was taken for or is set to be ([`LetterOptions::picture`]), `Auto` where it is no
@@ -127,14 +130,15 @@ impl Strokes {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them.
+    /// Number of its strokes: lit moves without a way in the dark between them, whatever their colors.
     #[must_use]
     pub fn n_strokes(&self) -> usize {
         let runs = |glyph: &Glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
             runs.filter(|run| run[0].lit).count()
         };
-        self.glyphs.iter().map(runs).sum()
+        let n_runs: usize = self.glyphs.iter().map(runs).sum();
+        n_runs.saturating_sub(self.joints_m.len())
     }
 
     /// Length of its strokes.

@@ -11,8 +11,9 @@ settings! {
     /// 0.1 m apart.
     pub struct LetterOptions {
         /// Font: `ae483` (the reference team's 26 letters), `ae483-fixed` (the same repaired),
-        /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
-        font: String = "ae483".into(), unless "letters.drawing";
+        /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`. Text in
+        /// an SVG drawing is written with it, too.
+        font: String = "ae483".into();
         /// Lines that are drawn of a typeface or a picture.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, `*.png`, `*.jpg`, `*.json` or `*.inkml`; empty:

@@ -43,6 +43,15 @@ struct Segment {
     path: Path,
 }
 
+impl Segment {
+    /// The letter at a time of the flight. Along a gradient it changes at most once a tick of the lamps.
+    fn letter_at(&self, time_s: f64) -> Option<usize> {
+        let Path::Lit(motion) = &self.path else { return self.letter };
+        let tick = ((time_s - self.start_s) / RING_TICK_S + 1e-3).floor();
+        Some(motion.letter((tick + 0.5) * RING_TICK_S))
+    }
+}
+
 #[derive(Debug)]
 enum Path {
     Still(Vector2<f64>),
@@ -220,7 +229,7 @@ impl Course<'_> {
                 position_m: world(p),
                 velocity_m_s: world(v),
                 acceleration_m_s2: world(a),
-                letter: segment.letter.filter(|_| until_s.is_some()),
+                letter: segment.letter_at(*time_s).filter(|_| until_s.is_some()),
             };
             let level = until_s.map_or(0.0, |until_s| self.level(segment, *time_s, until_s));
             plan.push(setpoint, level);
@@ -254,7 +263,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 
 #[cfg(test)]
 mod tests {
-    use crate::letters::{LetterOptions, write};
+    use crate::letters::{Ink, LetterOptions, draw, write};
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
@@ -332,5 +341,27 @@ mod tests {
         for (_, setpoint) in lit.filter(|(level, _)| **level > 0.0) {
             assert!(setpoint.velocity_m_s.norm() > 0.03, "no lit dwell: {setpoint:?}");
         }
+    }
+    #[test]
+    fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
+            <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
+            <stop offset='1' stop-color='blue'/></linearGradient>\
+            <path d='M0 0h9v1' stroke='url(#g)'/></svg>";
+        std::fs::write(&path, drawing).unwrap();
+        let strokes = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap();
+        let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+        let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
+        let begun = lit.windows(2).filter(|pair| pair[1] && !pair[0]).count();
+        assert_eq!(begun, 1, "without a break");
+        let rows = plan.setpoints.iter().zip(&lit).filter(|(_, lit)| **lit);
+        let letters: Vec<usize> = rows.filter_map(|(row, _)| row.letter).collect();
+        let falls = letters.windows(2).all(|pair| pair[0] >= pair[1]);
+        let rises = letters.windows(2).all(|pair| pair[0] <= pair[1]);
+        let mut seen = letters.clone();
+        seen.dedup();
+        assert!((rises || falls) && seen.len() == strokes.colors.len(), "{letters:?}");
     }
 }

@@ -25,6 +25,7 @@ pub(super) struct State {
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     start_s: f64,
+    letter: usize,
     position_m: Vector2<f64>,
     velocity_m_s: Vector2<f64>,
     acceleration_m_s2: Vector2<f64>,
@@ -59,17 +60,19 @@ impl Motion {
             [(nodes[0], nodes[1], first), (nodes[nodes.len() - 2], last, last)]
                 .map(|(a, b, end)| (b.position_m - a.position_m).normalize() * end.speed_m_s);
         let before_m = first.position_m - origin_m - first_m_s * reach_s;
-        pen.draw(before_m, first_m_s, Vector2::zeros(), reach_s);
+        pen.draw(first.letter, before_m, first_m_s, Vector2::zeros(), reach_s);
         for leg in nodes.windows(2) {
             let way = leg[1].position_m - leg[0].position_m;
             let (length_m, along) = (way.norm(), way.normalize());
             let lasts_s = 2.0 * length_m / (leg[0].speed_m_s + leg[1].speed_m_s);
             let acceleration = along * ((leg[1].speed_m_s - leg[0].speed_m_s) / lasts_s);
             let start_m = leg[0].position_m - origin_m;
-            pen.draw(start_m, along * leg[0].speed_m_s, acceleration, lasts_s);
+            let velocity_m_s = along * leg[0].speed_m_s;
+            pen.draw(leg[0].letter, start_m, velocity_m_s, acceleration, lasts_s);
         }
         let pen_s = pen.end_s - reach_s;
-        pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
+        let last_m = last.position_m - origin_m;
+        pen.draw(last.letter, last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
         let duration_s = (pen_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
         let pace = pen_s / duration_s;
         Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s }
@@ -84,10 +87,20 @@ impl Motion {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
+    /// Index of the letter that is drawn `time_s` after its beginning.
+    pub(super) fn letter(&self, time_s: f64) -> usize {
+        self.piece_at(self.middle_s(time_s)).letter
+    }
+
+    /// The middle of the averages, in the time of the pen.
+    fn middle_s(&self, time_s: f64) -> f64 {
+        (self.from_s + time_s) * self.pace + self.smoothing.reach_s()
+    }
+
     /// The state `time_s` after its beginning.
     pub(super) fn at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
-        let middle_s = (self.from_s + time_s) * self.pace + self.smoothing.reach_s();
+        let middle_s = self.middle_s(time_s);
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
@@ -107,8 +120,12 @@ impl Motion {
 
     /// The pen and its first and second integral.
     fn pen_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+        self.piece_at(time_s).at(time_s)
+    }
+
+    fn piece_at(&self, time_s: f64) -> &Piece {
         let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
-        self.pieces[next.max(1) - 1].at(time_s)
+        &self.pieces[next.max(1) - 1]
     }
 }
 
@@ -120,13 +137,21 @@ struct Pen {
 }
 
 impl Pen {
-    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
+    fn draw(
+        &mut self,
+        letter: usize,
+        p: Vector2<f64>,
+        v: Vector2<f64>,
+        a: Vector2<f64>,
+        lasts_s: f64,
+    ) {
         let (_, once_m_s, twice_m_s2) = self
             .pieces
             .last()
             .map_or_else(|| (p, Vector2::zeros(), Vector2::zeros()), |last| last.at(self.end_s));
         self.pieces.push(Piece {
             start_s: self.end_s,
+            letter,
             position_m: p,
             velocity_m_s: v,
             acceleration_m_s2: a,

@@ -1,5 +1,7 @@
 //! Pen strokes: uninterrupted runs of light, and the directions in which each may be drawn.
 
+use std::collections::HashMap;
+
 use nalgebra::Vector2;
 
 use crate::letters::Strokes;
@@ -27,10 +29,12 @@ pub(super) fn dot_s(speed_m_s: f64) -> f64 {
 /// One run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
-    /// Index of its letter.
+    /// Index of the letter that it begins.
     pub(super) letter: usize,
     /// Its corners in the plane of the word, neighbors apart; one alone is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
+    /// Index of the letter of each leg: others than the first along a gradient.
+    pub(super) letters: Vec<usize>,
     /// Speed along each leg, as a share of the stroke speed.
     pub(super) pace: Vec<f64>,
 }
@@ -64,29 +68,61 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             }) {
                 Some(run) => {
                     run.points_m.push(to);
+                    run.letters.push(letter);
                     run.pace.push(leg.pace);
                 }
                 None => {
-                    let (points_m, pace) = (vec![from, to], vec![leg.pace]);
-                    runs.push(PenStroke { letter, points_m, pace });
+                    let (points_m, letters, pace) = (vec![from, to], vec![letter], vec![leg.pace]);
+                    runs.push(PenStroke { letter, points_m, letters, pace });
                 }
             }
             open = true;
         }
     }
+    let mut runs = joined(runs, &strokes.joints_m);
     for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
         let middle_m = (run.points_m[0] + run.points_m[run.points_m.len() - 1]) * 0.5;
-        (run.points_m, run.pace) = (vec![middle_m], Vec::new());
+        (run.points_m, run.letters, run.pace) = (vec![middle_m], Vec::new(), Vec::new());
     }
     runs
+}
+
+/// Runs that go on at a joint where another ends are one stroke with it.
+fn joined(runs: Vec<PenStroke>, joints_m: &[[f64; 2]]) -> Vec<PenStroke> {
+    let key = |[x, y]: [f64; 2]| [x.to_bits(), y.to_bits()];
+    let mut next: HashMap<[u64; 2], Vec<usize>> =
+        joints_m.iter().map(|joint_m| (key(*joint_m), Vec::new())).collect();
+    let mut heads = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        match next.get_mut(&key(run.points_m[0].into())) {
+            Some(begun) => begun.push(index),
+            None => heads.push(index),
+        }
+    }
+    let mut left: Vec<Option<PenStroke>> = runs.into_iter().map(Some).collect();
+    let mut joined = Vec::new();
+    // What goes on from nothing, in a circle of joints, is begun anywhere.
+    for head in heads.into_iter().chain(0..left.len()) {
+        let Some(mut run) = left[head].take() else { continue };
+        while let Some(begun) = next.get_mut(&key(run.points_m[run.points_m.len() - 1].into()))
+            && let Some(index) = begun.pop()
+        {
+            let Some(more) = left[index].take() else { continue };
+            run.points_m.extend_from_slice(&more.points_m[1..]);
+            run.letters.extend(more.letters);
+            run.pace.extend(more.pace);
+        }
+        joined.push(run);
+    }
+    joined
 }
 
 impl PenStroke {
     /// A stroke in an even pace.
     #[cfg(test)]
     pub(super) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
-        let pace = vec![1.0; points_m.len() - 1];
-        Self { letter, points_m, pace }
+        let n_legs = points_m.len() - 1;
+        Self { letter, points_m, letters: vec![letter; n_legs], pace: vec![1.0; n_legs] }
     }
 
     /// The place of a dot; `None` of a stroke.
@@ -112,13 +148,14 @@ impl PenStroke {
     /// The same loop, drawn on over its beginning for a length, or once more at most.
     pub(super) fn overlapped(&self, mut left_m: f64) -> Self {
         let mut out = self.clone();
-        for (leg, pace) in self.points_m.windows(2).zip(&self.pace) {
+        for ((leg, pace), letter) in self.points_m.windows(2).zip(&self.pace).zip(&self.letters) {
             if left_m < SAME_M {
                 break;
             }
             let length_m = (leg[1] - leg[0]).norm();
             out.points_m.push(leg[0].lerp(&leg[1], (left_m / length_m).min(1.0)));
             out.pace.push(*pace);
+            out.letters.push(*letter);
             left_m -= length_m;
         }
         out
@@ -130,19 +167,22 @@ impl PenStroke {
 
     /// The same stroke, drawn a way.
     pub(super) fn along(&self, way: usize) -> Self {
-        let Self { letter, mut points_m, mut pace } = self.clone();
+        let Self { letter, mut points_m, mut letters, mut pace } = self.clone();
         if way >= 2 {
             let begin = way / 2 * pace.len() / self.starts();
             points_m.pop();
             points_m.rotate_left(begin);
             points_m.push(points_m[0]);
+            letters.rotate_left(begin);
             pace.rotate_left(begin);
         }
         if way % 2 == 1 {
             points_m.reverse();
+            letters.reverse();
             pace.reverse();
         }
-        Self { letter, points_m, pace }
+        let letter = letters.first().copied().unwrap_or(letter);
+        Self { letter, points_m, letters, pace }
     }
 
     /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1` is way `2 k`

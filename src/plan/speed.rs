@@ -15,6 +15,8 @@ use super::smoothing::Smoothing;
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
     pub(super) speed_m_s: f64,
+    /// Index of the letter of the leg from here on.
+    pub(super) letter: usize,
 }
 
 /// Largest distance of nodes on a path whose speed changes, and most nodes of a stroke.
@@ -33,13 +35,18 @@ pub(super) fn profile(
     smoothing: &Smoothing,
     stroke_speed_m_s: f64,
 ) -> Vec<Node> {
-    let PenStroke { points_m, pace, .. } = stroke;
+    let PenStroke { points_m, letters, pace, .. } = stroke;
     let fastest_m_s = stroke_speed_m_s;
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
-    let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * fastest_m_s };
+    let last_leg = letters.len() - 1;
+    let node = |position_m, pace: f64, leg: usize| {
+        let letter = letters[leg.min(last_leg)];
+        Node { position_m, speed_m_s: pace * fastest_m_s, letter }
+    };
     if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && pace.iter().all(|pace| *pace == 1.0) {
-        return points_m.iter().map(|point| node(*point, 1.0)).collect();
+        let points = points_m.iter().enumerate();
+        return points.map(|(index, point)| node(*point, 1.0, index)).collect();
     }
     // Nodes are close enough for a slow corner to be slow alone.
     let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
@@ -53,12 +60,12 @@ pub(super) fn profile(
         let n = (length_m / step_m).ceil().max(1.0);
         let mut k = 0.0;
         while k < n {
-            nodes.push(node(leg[0].lerp(&leg[1], k / n), pace[index]));
+            nodes.push(node(leg[0].lerp(&leg[1], k / n), pace[index], index));
             at_m.push(corners.at_m[index] + length_m * k / n);
             k += 1.0;
         }
     }
-    nodes.push(node(points_m[points_m.len() - 1], pace[pace.len() - 1]));
+    nodes.push(node(points_m[points_m.len() - 1], pace[last_leg], last_leg));
     at_m.push(corners.at_m[points_m.len() - 1]);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
     limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);

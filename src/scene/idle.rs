@@ -23,6 +23,11 @@ const RULES: &[Rule] = &[
         "letters.font is no typeface, and letters.drawing no picture",
     ),
     (
+        &["letters.font"],
+        |s| !s.letters.drawing.is_empty() && !is_svg(s),
+        "letters.drawing has no text, which an SVG file may have",
+    ),
+    (
         &["letters.smoothing_m", "letters.pace"],
         |s| !is_handwriting(s),
         "letters.drawing is no handwriting",
@@ -117,8 +122,12 @@ const ALWAYS_USED: &str = "sensors.lighthouse.stations";
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
+fn is_svg(scene: &Scene) -> bool {
+    scene.letters.drawing.to_lowercase().ends_with(".svg")
+}
+
 fn is_typeface(scene: &Scene) -> bool {
-    scene.letters.drawing.is_empty()
+    (scene.letters.drawing.is_empty() || is_svg(scene))
         && [".ttf", ".otf"].iter().any(|end| scene.letters.font.to_lowercase().ends_with(end))
 }
 

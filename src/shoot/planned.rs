@@ -161,11 +161,14 @@ fn lamp_timing(options: &LightOptions) -> LampTiming {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::export::lights::{Command, commands};
     use crate::flight::tracking::{Part, track};
     use crate::letters::{LetterOptions, write};
+    use crate::light::{Deck, RingColor, RingEffect};
     use crate::plan::PlanOptions;
     use crate::scene::Preset;
     use crate::sensors::SensorOptions;
+    use crate::shoot::Shoot;
     use crate::sim::{ControllerKind, SimOptions};
 
     fn noor() -> Strokes {
@@ -228,6 +231,42 @@ mod tests {
             }
             assert_eq!((strokes, turns), (strokes, 0), "{lamp}");
             assert!(strokes >= 4, "{lamp}: {strokes}");
+        }
+    }
+
+    #[test]
+    fn the_light_of_a_gradient_is_sent_step_by_step_without_a_break() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
+            <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
+            <stop offset='1' stop-color='blue'/></linearGradient>\
+            <path d='M0 0h9v0.1' stroke='url(#g)'/></svg>";
+        std::fs::write(&path, drawing).unwrap();
+        // The color LED deck has few bytes for a light that does not bleach in the photograph.
+        for (lamp, deck, least) in [("ring", Deck::LedRing, 16), ("color-led", Deck::ColorLed, 8)] {
+            let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
+            (scene.plan.lights, scene.light.deck) = (vec![lamp.to_owned()], deck);
+            scene.light.ring = RingEffect::Solid(RingColor::default());
+            scene.letters.drawing = path.display().to_string();
+            scene.word.clear();
+            let shoot = Shoot::new(scene).unwrap();
+            let sent = commands(&shoot.plans[0].plan, &shoot.scene.light).unwrap();
+            assert!(sent.len() >= least, "{lamp}: {} steps", sent.len());
+            let (last, lit) = sent.split_last().unwrap();
+            assert!(last.value == 0 && lit.iter().all(|step| step.value != 0), "{lamp}: a break");
+            let least_s = sent.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
+            let least_s = least_s.fold(f64::INFINITY, f64::min);
+            assert!(least_s > 0.04, "{lamp}: a tick is 50 ms, {least_s} s");
+            let red = |step: &Command| {
+                let [_, red, _, blue] = step.value.to_be_bytes().map(f64::from);
+                red / (red + blue)
+            };
+            let mut reds: Vec<f64> = lit.iter().map(red).collect();
+            if reds[0] < reds[reds.len() - 1] {
+                reds.reverse();
+            }
+            assert!(reds.windows(2).all(|pair| pair[0] > pair[1]), "{lamp}: {reds:?}");
         }
     }
 

@@ -316,7 +316,7 @@ fn jpeg() -> Vec<u8> {
     bytes
 }
 
-const SVG: [&str; 3] = [
+const SVG: [&str; 4] = [
     "<!DOCTYPE svg [<!ENTITY a 'red'><!ENTITY b '&a;'>]><svg xmlns='http://www.w3.org/2000/svg'
     xmlns:x='y' width='9' height='9'><style>.a, g > path { stroke: &b;; stroke-width: 2px }
     /* c */ #b:hover { fill: none } @media x { a { b: c } }</style><desc>&b; &a;</desc>
@@ -328,6 +328,11 @@ const SVG: [&str; 3] = [
     <use xlink:href='#a' x='5'/><ellipse cx='5' cy='7' rx='3' ry='4'/><polygon points='0,0 5,5 9,0'/></g>
     <marker id='m'><path d='M0 0h3'/></marker><polyline points='1 1 9 3' marker-end='url(#m)'
     stroke='red' stroke-dasharray='2 1'/><clipPath id='c'><rect width='9' height='9'/></clipPath></svg>",
+    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 60 60'><linearGradient id='g' x2='50'
+    gradientUnits='userSpaceOnUse' gradientTransform='rotate(9)'><stop stop-color='red'/><stop
+    offset='.5' stop-color='#0f0'/></linearGradient><radialGradient id='r' href='#g' cx='9' r='20'
+    spreadMethod='reflect'/><path d='M0 0h50v9' stroke='url(#g)'/><g style='font-size:9pt;fill:red'>
+    <text x='5 6' y='9' dy='1' text-anchor='middle'>N O<tspan x='7' fill='url(#r)'>OR</tspan></text></g></svg>",
     "<!DOCTYPE svg [<!ENTITY ns 'http://www.w3.org/2000/svg'>]><svg xmlns='&ns;' width='9' height='9'>
     <path d='M0 0h9v9' stroke='red'/></svg>",
 ];

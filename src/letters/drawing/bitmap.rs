@@ -12,6 +12,7 @@ use std::io::Cursor;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, RgbImage, imageops};
 
+use super::gradient::Paint;
 use super::levels::{contours, softened};
 use super::photograph::edges;
 use super::{ColoredLine, MAX_POINTS};
@@ -73,7 +74,7 @@ pub(super) fn read(
         Picture::Photograph => true,
     };
     if is_photograph {
-        let edges = edges(&picture).into_iter().map(|line| (line, [0; 3]));
+        let edges = edges(&picture).into_iter().map(|line| (line, Paint::Plain([0; 3])));
         let detail = options.detail.unwrap_or(PHOTOGRAPH);
         return Ok((edges.collect(), detail, Picture::Photograph));
     }
@@ -103,7 +104,7 @@ pub(super) fn read(
     }
     let colored = lines.into_iter().map(|line| {
         let color = field.color(&picture, &line, threshold);
-        (line, color)
+        (line, Paint::Plain(color))
     });
     Ok((colored.collect(), options.detail.unwrap_or(1.0), Picture::Drawing))
 }

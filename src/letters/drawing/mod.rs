@@ -15,16 +15,19 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::geometry::{arc_lengths, bounds, distance, simplify};
 use detail::reduced;
+use gradient::{Gradient, Paint};
 
 mod bitmap;
 mod css;
 mod detail;
+mod gradient;
 mod handwriting;
 mod inkml;
 mod levels;
 mod photograph;
 mod plain;
 mod svg;
+mod text;
 mod xml;
 
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
@@ -60,8 +63,8 @@ const TAP: f64 = 0.02;
 pub enum Ink {
     /// They do not: the drawing is one glyph.
     Alike,
-    /// Each color of an SVG file is a glyph, in the order in which they first occur; of handwriting,
-    /// which keeps its order, each run of strokes of one color.
+    /// Each color of an SVG file is a glyph, in the order in which they first occur, those of gradients
+    /// last; of handwriting, which keeps its order, each run of strokes of one color.
     ByColor,
 }
 
@@ -74,8 +77,8 @@ struct Written {
     color: Option<[u8; 3]>,
 }
 
-/// A line of a picture in its own units, y up, and its red, green and blue.
-type ColoredLine = (Vec<[f64; 2]>, [u8; 3]);
+/// A line of a picture in its own units, y up, and what colors it.
+type ColoredLine = (Vec<[f64; 2]>, Paint);
 
 /// Reads a drawing: `*.svg`, a picture `*.png` or `*.jpg`, or handwriting `*.json`, `*.inkml` or `*.xml`.
 ///
@@ -83,8 +86,8 @@ type ColoredLine = (Vec<[f64; 2]>, [u8; 3]);
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
 /// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
-/// or else of its fill; a gradient has the color of its middle stop. Clips, masks, filters, patterns, pictures, markers on
-/// markers and text are not drawn. Handwriting keeps its order and direction, is smoothed by at most
+/// or else of its fill, and along a gradient up to 64 colors. Text is written with the font of
+/// the options. Clips, masks, filters, patterns, pictures and markers on markers are not drawn. Handwriting keeps its order and direction, is smoothed by at most
 /// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
 ///
 /// # Errors
@@ -98,11 +101,12 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
     match kind.as_deref() {
         Some("svg") => {
-            let paths = svg::read(&LIMIT.read(path)?, &file)?;
+            let (paths, gradients) = svg::read(&LIMIT.read(path)?, options, &file)?;
             let placing = Placing::new(svg::bounds(&paths), options, &file)?;
             let lines = svg::flatten(&paths, options.tolerance_m / placing.scale, &file)?;
             let detail = options.detail.unwrap_or(1.0);
-            by_color(reduced(lines, detail, placing.size(), &file)?, &placing, ink, &file)
+            let drawn = reduced(lines, detail, placing.size(), &file)?;
+            by_color(drawn, &gradients, &placing, ink, &file)
         }
         Some("png" | "jpg" | "jpeg") => {
             let placing = |extent: [f64; 4]| Placing::new(extent, options, &file);
@@ -114,7 +118,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let larger = placing(extent(&lines))?.size();
             let drawn = reduced(lines, detail, larger, &file)?;
             let placing = placing(extent(&drawn.0))?;
-            Ok(Strokes { picture, ..by_color(drawn, &placing, ink, &file)? })
+            Ok(Strokes { picture, ..by_color(drawn, &[], &placing, ink, &file)? })
         }
         Some("json") => {
             write(handwriting::read(&LIMIT.read_text(path)?, &file)?, options, ink, &file)
@@ -132,30 +136,59 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
 /// Lines of a picture: one glyph, or one of each color.
 fn by_color(
     (lines, left_out): (Vec<ColoredLine>, LeftOut),
+    gradients: &[Gradient],
     placing: &Placing,
     ink: Ink,
     file: &str,
 ) -> Result<Strokes> {
-    let mut colors: Vec<[u8; 3]> = Vec::new();
-    let mut glyphs: Vec<Vec<Run>> = Vec::new();
-    for (line, color) in lines {
-        let known = colors.iter().position(|known| ink == Ink::Alike || *known == color);
-        let index = known.unwrap_or(colors.len());
-        if index == colors.len() {
-            colors.push(color);
-            glyphs.push(Vec::new());
+    if ink == Ink::Alike {
+        let runs = lines.iter().map(|(line, _)| placing.run(line)).collect();
+        return Ok(Strokes { left_out, ..placing.strokes(vec![runs], StrokeOrder::Free) });
+    }
+    let mut inks = Inks::default();
+    let (mut shaded, mut joints_m) = (Vec::new(), Vec::new());
+    for (line, paint) in lines {
+        match paint {
+            Paint::Plain(color) => inks.draw(placing.run(&line), color, file)?,
+            Paint::Gradient(index) => shaded.push((line, index)),
         }
-        glyphs[index].push(placing.run(&line));
-        if colors.len() > MAX_COLORS {
+    }
+    let left = MAX_COLORS - inks.colors.len();
+    for pieces in gradient::pieces(&shaded, gradients, left, placing.size(), file)? {
+        let n_joints = pieces.len() - 1;
+        for (index, (piece, color)) in pieces.into_iter().enumerate() {
+            let run = placing.run(&piece);
+            joints_m.extend(run.points.last().filter(|_| index < n_joints));
+            inks.draw(run, color, file)?;
+        }
+    }
+    let Inks { colors, glyphs } = inks;
+    Ok(Strokes { colors, left_out, joints_m, ..placing.strokes(glyphs, StrokeOrder::Free) })
+}
+
+/// Runs of each color.
+#[derive(Default)]
+struct Inks {
+    colors: Vec<[u8; 3]>,
+    glyphs: Vec<Vec<Run>>,
+}
+
+impl Inks {
+    fn draw(&mut self, run: Run, color: [u8; 3], file: &str) -> Result<()> {
+        let known = self.colors.iter().position(|known| *known == color);
+        let index = known.unwrap_or(self.colors.len());
+        if index == MAX_COLORS {
             let wanted = format!("at most {MAX_COLORS} colors");
             let hint = "draw with fewer colors, or write with another lamp than color-led";
             return Err(Error::input(file, "a drawing of more colors", wanted, hint));
         }
+        if index == self.colors.len() {
+            self.colors.push(color);
+            self.glyphs.push(Vec::new());
+        }
+        self.glyphs[index].push(run);
+        Ok(())
     }
-    if ink == Ink::Alike {
-        colors.clear();
-    }
-    Ok(Strokes { colors, left_out, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// Handwriting placed and smoothed.
@@ -261,7 +294,7 @@ impl Placing {
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
             let found = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
-            let hint = "visible paths are drawn; text must be turned into paths first";
+            let hint = "visible paths and text are drawn";
             return Err(Error::input(file, found, "at least one stroke", hint));
         }
         let (width_m, height_m) = (width * scale, height * scale);
@@ -305,9 +338,9 @@ impl Placing {
             Glyph { character: DRAWING, cell, moves }
         };
         let glyphs = glyphs.into_iter().map(glyph).collect();
-        let (colors, left_out) = (Vec::new(), LeftOut::default());
+        let (colors, joints_m, left_out) = (Vec::new(), Vec::new(), LeftOut::default());
         let (word, font, picture) = (String::new(), None, Picture::Auto);
-        Strokes { word, font, glyphs, order, colors, left_out, picture }
+        Strokes { word, font, glyphs, order, colors, joints_m, left_out, picture }
     }
 }
 

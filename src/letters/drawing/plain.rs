@@ -1,14 +1,13 @@
 //! An SVG file reduced to what is drawn, so that reading it costs bounded work.
 //!
 //! Clips, masks and filters become `defs`: they are not drawn, but elements within them may be used
-//! elsewhere. Gradients and patterns become gradients of one stop: a line has one color, the gradient's
-//! middle stop's. What is left grows by `use` and by markers alone, which are counted here; a marker
-//! within a marker is not drawn.
+//! elsewhere. Gradients refer to no others, and a pattern becomes a gradient of one black stop. What is
+//! left grows by `use` and by markers alone, which are counted here; a marker within a marker is not drawn.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use usvg::roxmltree::{Document, Node};
+use usvg::roxmltree::{Document, Node, NodeId};
 
 /// Most elements with those of `use` and of markers; usvg keeps some 500 bytes of each.
 const MAX_ELEMENTS: usize = 100_000;
@@ -37,19 +36,22 @@ const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
 const XML: &str = "http://www.w3.org/XML/1998/namespace";
 
+/// Markup in place of the text elements that have any.
+pub(super) type Texts = HashMap<NodeId, String>;
+
 /// The document that is drawn, and how many elements it has with those of `use` and of markers.
 ///
 /// # Errors
 ///
 /// What was found instead of a drawing of bounded work.
-pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> {
+pub(super) fn plain(document: &Document<'_>, texts: &Texts) -> Result<(String, usize), String> {
     let mut ids = HashMap::new();
     for node in document.descendants() {
         if let Some(id) = node.attribute("id") {
             ids.entry(id).or_insert(node);
         }
     }
-    let mut counting = Counting { ids, known: HashMap::new(), marker: Size::default() };
+    let mut counting = Counting { ids, texts, known: HashMap::new(), marker: Size::default() };
     let all = counting.size(document.root_element(), 0)?;
     // Each vertex may have a marker, and a path's ends one more each.
     let n_markers = if counting.marker.elements == 0 { 0 } else { all.vertices + 2 * all.elements };
@@ -64,7 +66,7 @@ pub(super) fn plain(document: &Document<'_>) -> Result<(String, usize), String> 
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
     let mut text = String::new();
-    write_element(document.root_element(), &counting.ids, &mut text);
+    write_element(document.root_element(), &counting.ids, texts, &mut text);
     Ok((text, elements))
 }
 
@@ -86,6 +88,7 @@ type Ids<'a, 'input> = HashMap<&'a str, Node<'a, 'input>>;
 
 struct Counting<'a, 'input> {
     ids: Ids<'a, 'input>,
+    texts: &'a Texts,
     /// `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<Size>>,
     /// The largest marker.
@@ -102,10 +105,12 @@ impl<'a, 'input> Counting<'a, 'input> {
         }
         self.known.insert(node, None);
         let length = |name| node.attribute(name).map_or(0, str::len);
+        let written = self.texts.get(&node.id()).map_or(0, String::len);
+        let attributes: usize = node.attributes().map(|attribute| attribute.value().len()).sum();
         let mut size = Size {
             elements: 1,
-            bytes: node.attributes().map(|attribute| attribute.value().len()).sum(),
-            vertices: 10 + (length("d") + length("points")) / 2,
+            bytes: attributes + written,
+            vertices: 10 + (length("d") + length("points") + written) / 2,
             depth: 1,
             curves: curves(node)?,
         };
@@ -141,7 +146,7 @@ impl<'a, 'input> Counting<'a, 'input> {
     }
 }
 
-fn too_deep() -> String {
+pub(super) fn too_deep() -> String {
     format!("more than {MAX_DEPTH} elements within each other")
 }
 
@@ -185,23 +190,19 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
 }
 
 /// Writes an element as it is drawn.
-fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
+fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, texts: &Texts, text: &mut String) {
     let name = node.tag_name().name();
     if !matches!(node.tag_name().namespace(), None | Some(SVG)) {
+        return;
+    }
+    if let Some(written) = texts.get(&node.id()) {
+        text.push_str(written);
         return;
     }
     let tag = match name {
         "linearGradient" | "radialGradient" | "pattern" => {
             if let Some(id) = node.attribute("id") {
-                text.push_str("<linearGradient id=\"");
-                escape(id, text);
-                text.push_str("\"><stop");
-                for (name, value) in middle_stop(node, ids) {
-                    let _ = write!(text, " {name}=\"");
-                    escape(value, text);
-                    text.push('"');
-                }
-                text.push_str("/></linearGradient>");
+                write_gradient(node, id, ids, text);
             }
             "defs"
         }
@@ -213,7 +214,23 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
     if node.parent_element().is_none() {
         let _ = write!(text, " xmlns=\"{SVG}\" xmlns:xlink=\"{XLINK}\"");
     }
-    for attribute in node.attributes().filter(|_| tag == name) {
+    if tag == name {
+        write_attributes_of(node, text);
+    }
+    text.push('>');
+    for child in node.children() {
+        match child.text().filter(|_| child.is_text()) {
+            Some(content) => escape(content, text),
+            None if child.is_element() => write_element(child, ids, texts, text),
+            None => {}
+        }
+    }
+    let _ = write!(text, "</{tag}>");
+}
+
+/// Writes the attributes of an element.
+pub(super) fn write_attributes_of(node: Node<'_, '_>, text: &mut String) {
+    for attribute in node.attributes() {
         let prefix = match attribute.namespace() {
             None => "",
             Some(XLINK) => "xlink:",
@@ -224,35 +241,64 @@ fn write_element(node: Node<'_, '_>, ids: &Ids<'_, '_>, text: &mut String) {
         escape(attribute.value(), text);
         text.push('"');
     }
-    text.push('>');
-    for child in node.children() {
-        match child.text().filter(|_| child.is_text()) {
-            Some(content) => escape(content, text),
-            None if child.is_element() => write_element(child, ids, text),
-            None => {}
-        }
-    }
-    let _ = write!(text, "</{tag}>");
 }
 
-/// What colors the middle stop of a gradient, or of the one that it refers to.
-fn middle_stop<'a>(
-    gradient: Node<'a, '_>,
-    ids: &Ids<'a, '_>,
-) -> impl Iterator<Item = (&'static str, &'a str)> {
-    let stops = |node: Node<'a, '_>| -> Vec<Node<'a, '_>> {
-        node.children().filter(|child| child.tag_name().name() == "stop").take(MAX_STOPS).collect()
+/// Attributes of a gradient and of a stop.
+const GRADIENT: [&str; 13] = [
+    "x1",
+    "y1",
+    "x2",
+    "y2",
+    "cx",
+    "cy",
+    "r",
+    "fx",
+    "fy",
+    "fr",
+    "gradientUnits",
+    "gradientTransform",
+    "spreadMethod",
+];
+const STOP: [&str; 4] = ["offset", "stop-color", "style", "class"];
+
+/// Most gradients, each of which refers to the next, that are looked at.
+const MAX_CHAIN: usize = 8;
+
+/// Writes a gradient with what it has from those that it refers to; a pattern as one of a black stop.
+fn write_gradient(node: Node<'_, '_>, id: &str, ids: &Ids<'_, '_>, text: &mut String) {
+    let next = |node: &Node<'_, '_>| {
+        let links = node.attributes().filter(|attribute| attribute.name() == "href");
+        links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next().copied()
     };
-    let mut found = stops(gradient);
-    if found.is_empty() {
-        let links = gradient.attributes().filter(|attribute| attribute.name() == "href");
-        let other = links.filter_map(|link| ids.get(link.value().trim().strip_prefix('#')?)).next();
-        found = other.map_or_else(Vec::new, |other| stops(*other));
+    let is_stop = |child: &Node<'_, '_>| child.tag_name().name() == "stop";
+    let is_pattern = node.tag_name().name() == "pattern";
+    let tag = if is_pattern { "linearGradient" } else { node.tag_name().name() };
+    let chain: Vec<_> = std::iter::successors(Some(node), next).take(MAX_CHAIN).collect();
+    let _ = write!(text, "<{tag} id=\"");
+    escape(id, text);
+    text.push('"');
+    let from_chain = |name| chain.iter().find_map(|node| Some((name, node.attribute(name)?)));
+    write_attributes(GRADIENT.into_iter().filter_map(from_chain), text);
+    text.push('>');
+    let with_stops = chain.iter().find(|node| node.children().any(|child| is_stop(&child)));
+    let stops = with_stops.into_iter().flat_map(Node::children).filter(is_stop).take(MAX_STOPS);
+    for stop in stops.filter(|_| !is_pattern) {
+        text.push_str("<stop");
+        write_attributes(
+            STOP.iter().filter_map(|name| Some((*name, stop.attribute(*name)?))),
+            text,
+        );
+        text.push_str("/>");
     }
-    let middle = found.get(found.len() / 2).copied();
-    ["stop-color", "style", "class"]
-        .into_iter()
-        .filter_map(move |name| Some((name, middle?.attribute(name)?)))
+    let _ = write!(text, "{}</{tag}>", if is_pattern { "<stop/>" } else { "" });
+}
+
+fn write_attributes<'a>(attributes: impl Iterator<Item = (&'a str, &'a str)>, text: &mut String) {
+    for (name, value) in attributes {
+        let _ = write!(text, " {name}=\"");
+        escape(value, text);
+        text.push('"');
+    }
 }
 
 fn escape(value: &str, text: &mut String) {

@@ -1,15 +1,16 @@
 //! SVG: visible paths, with `use`, transforms, basic shapes, styles and dashes resolved by usvg and
-//! kurbo. Text is refused, because its typeface is missing; clips, masks and pictures are ignored.
+//! kurbo. Text is written with the scene's font; clips, masks and pictures are ignored.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use kurbo::{BezPath, Point, Shape};
+use kurbo::{Affine, BezPath, Point, Shape};
 use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::polylines;
+use super::gradient::{Gradient, Paint, affine};
 use super::plain::{STYLE, plain};
-use super::{LIMIT, MAX_POINTS, css, too_many, xml};
+use super::{ColoredLine, LIMIT, LetterOptions, MAX_POINTS, css, text, too_many, xml};
 use crate::error::{Error, Result};
 use crate::files::Budget;
 use crate::geometry;
@@ -17,14 +18,15 @@ use crate::geometry;
 /// Most elements and attributes of a file, before `use`.
 const MAX_NODES: u32 = 200_000;
 
-/// A path with its color.
-type Drawn = (BezPath, [u8; 3]);
+/// A path with its paint.
+type Drawn = (BezPath, Paint);
 
-/// A polyline with its color.
-type Line = (Vec<[f64; 2]>, [u8; 3]);
-
-/// The paths of an SVG file in its user units, y up.
-pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
+/// The paths of an SVG file in its user units, y up, and the gradients of their paints.
+pub(super) fn read(
+    bytes: &[u8],
+    options: &LetterOptions,
+    file: &str,
+) -> Result<(Vec<Drawn>, Vec<Gradient>)> {
     let refuse = |found: String| {
         let hint = "open the file in an SVG editor, and save it as plain SVG";
         Error::input(file, found, "an SVG drawing", hint)
@@ -37,30 +39,24 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
         roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, limits);
     let document = document.map_err(|broken| refuse(broken.to_string()))?;
-    let text = document.descendants().find(|node| node.tag_name().name() == "text");
-    if let Some(text) = text.filter(|node| node.descendants().any(|node| node.is_text())) {
-        let place = format!("{file}:{}", document.text_pos_at(text.range().start).row);
-        let hint = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path), or write \
-                    it with a font";
-        let wanted = "paths: a text's typeface is not in the file";
-        return Err(Error::input(place, "<text>", wanted, hint));
-    }
+    let texts = text::written(&document, options, &budget, file)?;
     // Pictures are not drawn, so that none is opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
     };
     let style_sheet = Some(STYLE.to_owned());
-    let options = Options { image_href_resolver, style_sheet, ..Options::default() };
-    let (plain, n_elements) = plain(&document).map_err(refuse)?;
+    let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
+    let (plain, n_elements) = plain(&document, &texts).map_err(refuse)?;
     css::check(&document, n_elements, &budget)?;
     // usvg may panic on broken files.
-    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &options)));
+    let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(&plain, &reading)));
     let Ok(tree) = tree else { return Err(refuse("a drawing on which usvg fails".into())) };
     let tree = tree.map_err(|broken| refuse(broken.to_string()))?;
     let size = tree.size();
     let paper = [f64::from(size.width()), f64::from(size.height())];
-    let (mut paths, mut left) = (Vec::new(), MAX_POINTS as f64);
+    let (mut paths, mut gradients) = (Vec::new(), Vec::new());
+    let mut left = MAX_POINTS as f64;
     let mut nodes: Vec<&Node> = tree.root().children().iter().rev().collect();
     while let Some(node) = nodes.pop() {
         match node {
@@ -69,13 +65,14 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Vec<Drawn>> {
                 let drawn = convert(path.data(), path.abs_transform());
                 let filled = path.stroke().is_none();
                 if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
-                    paths.push((dashed(drawn, path, &mut left, file)?, color(path)));
+                    let paint = paint(path, &mut gradients);
+                    paths.push((dashed(drawn, path, &mut left, file)?, paint));
                 }
             }
             Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
         }
     }
-    Ok(paths)
+    Ok((paths, gradients))
 }
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.
@@ -84,36 +81,41 @@ pub(super) fn bounds(paths: &[Drawn]) -> [f64; 4] {
     geometry::bounds(boxes.flat_map(|b| [[b.x0, b.y0], [b.x1, b.y1]]))
 }
 
-/// Polylines no farther from the paths than a tolerance, with their colors.
-pub(super) fn flatten(paths: &[Drawn], tolerance: f64, file: &str) -> Result<Vec<Line>> {
+/// Polylines no farther from the paths than a tolerance, with their paints.
+pub(super) fn flatten(paths: &[Drawn], tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
     let mut lines = Vec::new();
     let mut left = MAX_POINTS;
-    for (path, color) in paths {
+    for (path, paint) in paths {
         let some = polylines(path, tolerance, left).ok_or_else(|| too_many(file))?;
         left = left.saturating_sub(some.iter().map(Vec::len).sum());
-        lines.extend(some.into_iter().map(|line| (line, *color)));
+        lines.extend(some.into_iter().map(|line| (line, *paint)));
     }
     Ok(lines)
 }
 
-/// The color of a stroke, or else of a fill; gradients have one ([`plain`]).
-fn color(path: &usvg::Path) -> [u8; 3] {
+/// The paint of a stroke, or else of a fill.
+fn paint(path: &usvg::Path, gradients: &mut Vec<Gradient>) -> Paint {
     let fill = || path.fill().map(usvg::Fill::paint);
-    match path.stroke().map(usvg::Stroke::paint).or_else(fill) {
-        Some(usvg::Paint::Color(color)) => [color.red, color.green, color.blue],
-        _ => [0; 3],
+    let server = path.stroke().map(usvg::Stroke::paint).or_else(fill);
+    let place_from_user = Affine::FLIP_Y * affine(path.abs_transform());
+    match server {
+        Some(usvg::Paint::Color(color)) => Paint::Plain([color.red, color.green, color.blue]),
+        Some(server) => match Gradient::new(server, place_from_user) {
+            Some(gradient) => {
+                gradients.push(gradient);
+                Paint::Gradient(gradients.len() - 1)
+            }
+            None => Paint::Plain([0; 3]),
+        },
+        None => Paint::Plain([0; 3]),
     }
 }
 
 /// A path with y up, transformed in full precision.
 fn convert(path: &tiny_skia_path::Path, transform: tiny_skia_path::Transform) -> BezPath {
-    let [sx, kx, ky, sy, tx, ty] =
-        [transform.sx, transform.kx, transform.ky, transform.sy, transform.tx, transform.ty]
-            .map(f64::from);
-    let place = |p: tiny_skia_path::Point| {
-        let (x, y) = (f64::from(p.x), f64::from(p.y));
-        Point::new(sx * x + kx * y + tx, -(ky * x + sy * y + ty))
-    };
+    let place_from_user = Affine::FLIP_Y * affine(transform);
+    let place =
+        |p: tiny_skia_path::Point| place_from_user * Point::new(f64::from(p.x), f64::from(p.y));
     let mut drawn = BezPath::new();
     for segment in path.segments() {
         match segment {

@@ -235,14 +235,63 @@ fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
     assert!(error.to_string().contains("a.svg"), "{error}");
 }
 
+/// The box of the lit moves of an SVG file in its own units from the lower left of a square of 100, and how
+/// many strokes it has.
+fn text_box(body: &str, options: LetterOptions) -> ([f64; 4], usize) {
+    let frame = "<path d='M0 0 h100 v100 h-100 z' stroke='red'/>";
+    let options = LetterOptions { baseline_m: 0.0, ..options };
+    let strokes = drawn("a.svg", &svg(&format!("{frame}{body}")), &options).unwrap();
+    let scale = 100.0 / (strokes.bounds_m()[2] - strokes.bounds_m()[0]);
+    let left_m = strokes.bounds_m()[0];
+    let moves = strokes.glyphs[0].moves.iter().filter(|step| step.lit).skip(4);
+    let place = |[x, y]: [f64; 2]| [(x - left_m) * scale, y * scale];
+    let points = moves.flat_map(|step| [place(step.from_m), place(step.to_m)]);
+    (bounds(points), strokes.n_strokes() - 1)
+}
+
 #[test]
-fn text_is_refused_with_its_line_and_not_left_out() {
-    let body = "\n<path d='M0 0 h9' stroke='red'/>\n<text x='5'>NO<tspan>OR</tspan></text>";
-    let error = drawn("a.svg", &svg(body), &LetterOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("a.svg:3"), "{error}");
-    assert!(error.hint().contains("Object to Path"), "{error}");
+fn text_is_written_with_the_scenes_font_where_it_stands() {
+    let near = |found: [f64; 4], wanted: [f64; 4]| {
+        let off = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 0.3, "{found:?} instead of {wanted:?}");
+    };
+    let simplex = || LetterOptions { font: "simplex".into(), ..on_canvas(1.0, 1.0) };
+    // Capitals of 0.7 of the size; H is 14 of 21 wide, 4 of 21 from the pen; I is a stem alone.
+    let (cap, unit) = (14.0, 14.0 / 21.0);
+    let h = |x: f64, y: f64| [x + 4.0 * unit, y, x + 18.0 * unit, y + cap];
+    let at = "fill='blue' y='60' font-size='20'";
+    let (found, n) = text_box(&format!("<text x='10' {at}>\n H </text>"), simplex());
+    near(found, h(10.0, 40.0));
+    assert_eq!(n, 3);
+    let (found, _) = text_box(&format!("<text x='50' text-anchor='end' {at}>H</text>"), simplex());
+    near(found, h(50.0 - 22.0 * unit, 40.0));
+    let styled = "<g style='font-size:15pt;fill:blue' transform='translate(5 0)'>\
+                  <text x='1' y='2'><tspan x='10' dx='3 4' y='60'>H</tspan></text></g>";
+    near(text_box(styled, simplex()).0, h(18.0, 40.0));
+    let (found, n) = text_box(&format!("<text x='10' {at}>I</text>"), simplex());
+    assert!(n == 1 && (found[3] - found[1] - cap).abs() < 0.3, "a stem alone: {found:?}");
+    let (found, n) =
+        text_box(&format!("<text x='10' {at}>H<tspan fill='red'>H</tspan></text>"), simplex());
+    near(found, [h(10.0, 40.0)[0], 40.0, h(10.0 + 22.0 * unit, 40.0)[2], 54.0]);
+    assert_eq!(n, 6, "the tspan goes on where the pen is");
+    let team = LetterOptions { font: "ae483".into(), ..on_canvas(1.0, 1.0) };
+    let (found, _) = text_box(&format!("<text x='10' {at}>h</text>"), team);
+    near(found, [10.0, 40.0, 10.0 + 0.6 * cap, 54.0]);
+}
+
+#[test]
+fn text_that_cannot_be_written_is_refused() {
+    let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
+    let refused = |body: &str| drawn("a.svg", &svg(body), &simplex).unwrap_err().to_string();
+    let error = refused("\n<text x='2em'>NO<tspan>OR</tspan></text>");
+    assert!(error.contains("a.svg:2") && error.contains("2em"), "{error}");
+    assert!(refused("<text fill='red'>N漢</text>").contains('漢'));
+    let long = format!("<text fill='red'>{}</text>", "N".repeat(257));
+    assert!(refused(&long).contains("257"), "{}", refused(&long));
+    let deep = format!("<text>N{}N{}</text>", "<tspan>".repeat(50_000), "</tspan>".repeat(50_000));
+    assert!(refused(&deep).contains("within each other"));
     let empty = "<path d='M0 0 h9' stroke='red'/><text x='5'/>";
-    drawn("a.svg", &svg(empty), &LetterOptions::default()).unwrap();
+    drawn("a.svg", &svg(empty), &simplex).unwrap();
 }
 
 #[test]
@@ -433,7 +482,10 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         let [drawn, meant] = [near(&dark, &flown, within), near(&flown, &dark, within)];
         assert!(drawn >= 0.97 && meant >= 0.97, "{index}: {drawn:.3} drawn, {meant:.3} meant");
         assert!(found.len() <= 8, "{index}: {} strokes", found.len());
-        assert!(found.iter().all(|(_, color)| *color == [0; 3]), "{index}: black ink");
+        assert!(
+            found.iter().all(|(_, color)| *color == Paint::Plain([0; 3])),
+            "{index}: black ink"
+        );
     }
 }
 
@@ -508,18 +560,77 @@ fn a_photograph_is_drawn_by_its_long_edges() {
     assert_ne!(ink, auto, "the kind can be given");
 }
 
-#[test]
-fn a_gradient_has_the_color_of_its_middle_stop() {
+/// The lit moves of each color with where they begin, in the drawing's units from its left edge.
+fn shades(body: &str) -> (Strokes, Vec<(f64, [u8; 3])>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.svg");
-    let body = "<linearGradient id='stops'><stop stop-color='red'/><stop offset='1' \
-                style='stop-color:#0000ff;stop-opacity:0'/></linearGradient>\
-                <linearGradient id='a' xlink:href='#stops'/>\
-                <radialGradient id='b'><stop stop-color='lime'/></radialGradient>\
-                <path d='M0 0 h50' stroke='url(#a)'/><path d='M0 9 h50 v9 z' fill='url(#b)'/>";
     std::fs::write(&path, svg(body)).unwrap();
-    let strokes = draw(&path, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
-    assert_eq!(strokes.colors, [[0, 0, 255], [0, 255, 0]]);
+    let strokes = draw(&path, &on_canvas(2.0, 2.0), Ink::ByColor).unwrap();
+    let lit = strokes.glyphs.iter().zip(&strokes.colors).flat_map(|(glyph, color)| {
+        let lit = glyph.moves.iter().filter(|step| step.lit);
+        lit.map(|step| (50.0 * step.from_m[0], *color))
+    });
+    let lit = lit.collect();
+    (strokes, lit)
+}
+
+/// The blue of the move at a place.
+fn blue_at(shades: &[(f64, [u8; 3])], x: f64) -> u8 {
+    let before = shades.iter().filter(|(from, _)| *from <= x);
+    before.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap().1[2]
+}
+
+#[test]
+fn the_color_of_a_stroke_changes_along_its_gradient() {
+    let stops = "<linearGradient id='s'><stop stop-color='red'/><stop offset='1' \
+                 style='stop-color:#0000ff;stop-opacity:0'/></linearGradient>";
+    let at = |x1: i32, x2: i32| {
+        let ends = format!("gradientUnits='userSpaceOnUse' x1='{x1}' x2='{x2}'");
+        format!("{stops}<linearGradient id='a' xlink:href='#s' {ends}")
+    };
+    let line = "<path d='M0 5 h100 v1' stroke='url(#a)'/>";
+    let (strokes, shades) = shades(&format!("{}/>{line}", at(0, 100)));
+    assert_eq!((strokes.n_strokes(), strokes.colors.len()), (1, 16), "{:?}", strokes.colors);
+    assert_eq!(strokes.joints_m.len(), 15);
+    for (x, [red, green, blue]) in shades.into_iter().filter(|(x, _)| *x < 95.0) {
+        // A level is 6.3 long; its color is that of its middle.
+        let wanted = 255.0 * (x + 3.2) / 100.0;
+        let off = (f64::from(blue) - wanted).abs();
+        assert!(off < 9.0 && green == 0 && u16::from(red) + u16::from(blue) >= 254, "{x}: {blue}");
+    }
+    let (_, shades) = self::shades(&format!("{} spreadMethod='reflect'/>{line}", at(0, 50)));
+    let ends = [1.0, 98.0].map(|x| blue_at(&shades, x));
+    assert!(shades.len() > 30 && ends.iter().all(|blue| *blue < 20), "there and back: {ends:?}");
+    let (_, shades) = self::shades(&format!("{}/>{line}", at(40, 40)));
+    assert!(shades.iter().all(|(_, color)| color[2] > 240), "no extent: its last stop");
+    let turned = at(0, 100) + " gradientTransform='rotate(90)'/>";
+    let (strokes, _) = self::shades(&format!("{turned}<path d='M3 0 v100' stroke='url(#a)'/>"));
+    assert_eq!(strokes.joints_m.len(), 15, "the same downward");
+}
+
+#[test]
+fn a_radial_gradient_goes_by_the_distance_from_its_center() {
+    let body = "<radialGradient id='a' gradientUnits='userSpaceOnUse' cx='50' cy='0' r='50'>\
+                <stop stop-color='lime'/><stop offset='1' stop-color='blue'/></radialGradient>\
+                <path d='M0 0 h100 v1' stroke='url(#a)'/>";
+    let (strokes, shades) = shades(body);
+    assert_eq!((strokes.n_strokes(), strokes.colors.len()), (1, 16));
+    assert!([3.0, 97.0].iter().all(|x| blue_at(&shades, *x) > 230));
+    assert!(blue_at(&shades, 50.0) < 20);
+}
+
+#[test]
+fn gradients_share_what_colors_are_left() {
+    let gradient = |n: usize| {
+        let color = format!("#{:02x}ff{:02x}", 17 * (n % 16), 255 - 17 * (n % 16));
+        format!(
+            "<linearGradient id='g{n}'><stop stop-color='{color}'/><stop offset='1' \
+             stop-color='red'/></linearGradient><path d='M0 {n} h90 v0.1' stroke='url(#g{n})'/>"
+        )
+    };
+    let (strokes, _) = shades(&(0..10).map(gradient).collect::<String>());
+    assert!((40..=64).contains(&strokes.colors.len()), "{} colors", strokes.colors.len());
+    assert_eq!(strokes.n_strokes(), 10);
 }
 
 #[test]

@@ -1,0 +1,223 @@
+//! Gradients: a line whose color changes along it becomes pieces of one color each.
+//!
+//! A gradient of SVG is a ramp of colors over a share of its way, 0 to 1, that each place has. The ramp is
+//! cut into levels whose colors differ by a visible step, and a line where the level changes. The focal
+//! point of a radial gradient is taken for its center.
+
+use kurbo::{Affine, Point};
+use usvg::{BaseGradient, Paint as Server, SpreadMethod, Transform};
+
+use super::{MAX_COLORS, MAX_POINTS, too_many};
+use crate::error::Result;
+use crate::files::Budget;
+use crate::geometry::distance;
+
+/// What colors a line of a drawing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Paint {
+    Plain([u8; 3]),
+    /// By its index.
+    Gradient(usize),
+}
+
+/// A place on a ramp, 0 to 1, and its color (sRGB).
+type Stop = (f64, [u8; 3]);
+
+/// A level of a ramp: the share at which it ends, and its color.
+type Level = (f64, [u8; 3]);
+
+/// A part of a line in one color.
+type Piece = (Vec<[f64; 2]>, [u8; 3]);
+
+/// Least step of a channel from level to level, of 255: steps of the light along a stroke are not seen.
+const STEP: f64 = 16.0;
+
+/// Samples of a ramp in which levels are sought.
+const SAMPLES: u32 = 512;
+
+/// Shortest piece of a line, by the drawing's larger side: 5 mm of 2 m.
+const SHORTEST: f64 = 1.0 / 400.0;
+
+/// Steps of a sample of a line.
+const STEPS: usize = 50;
+
+/// A gradient where it paints.
+#[derive(Debug)]
+pub(super) struct Gradient {
+    stops: Vec<Stop>,
+    /// From the drawing's own units, y up, to the gradient: x is the share of a linear one, the distance
+    /// from the origin that of a radial one.
+    share_from_place: Affine,
+    is_radial: bool,
+    spread: SpreadMethod,
+}
+
+impl Gradient {
+    /// The gradient of a paint server, seen through a transform; `None` where it is none.
+    pub(super) fn new(server: &Server, place_from_user: Affine) -> Option<Self> {
+        let number = f64::from;
+        let (base, share_from_gradient): (&BaseGradient, _) = match server {
+            Server::LinearGradient(g) => {
+                let [x1, y1, x2, y2] = [g.x1(), g.y1(), g.x2(), g.y2()].map(number);
+                let (dx, dy) = (x2 - x1, y2 - y1);
+                let square = dx * dx + dy * dy;
+                let begin = (x1 * dx + y1 * dy) / square;
+                (g, Affine::new([dx / square, 0.0, dy / square, 0.0, -begin, 0.0]))
+            }
+            Server::RadialGradient(g) => {
+                let [cx, cy, r] = [g.cx(), g.cy(), g.r().get()].map(number);
+                (g, Affine::scale(1.0 / r) * Affine::translate((-cx, -cy)))
+            }
+            Server::Color(_) | Server::Pattern(_) => return None,
+        };
+        let stop = |stop: &usvg::Stop| {
+            let color = stop.color();
+            (number(stop.offset().get()), [color.red, color.green, color.blue])
+        };
+        let place_from_gradient = place_from_user * affine(base.transform());
+        Some(Self {
+            stops: base.stops().iter().map(stop).collect(),
+            share_from_place: share_from_gradient * place_from_gradient.inverse(),
+            is_radial: matches!(server, Server::RadialGradient(_)),
+            spread: base.spread_method(),
+        })
+    }
+
+    /// The share at a place; that of a gradient without extent is 1.
+    fn share(&self, [x, y]: [f64; 2]) -> f64 {
+        let at = self.share_from_place * Point::new(x, y);
+        let share = if self.is_radial { at.to_vec2().hypot() } else { at.x };
+        match self.spread {
+            _ if !share.is_finite() => 1.0,
+            SpreadMethod::Pad => share.clamp(0.0, 1.0),
+            SpreadMethod::Repeat => share.rem_euclid(1.0),
+            SpreadMethod::Reflect => 1.0 - (share.rem_euclid(2.0) - 1.0).abs(),
+        }
+    }
+
+    fn color(&self, ramp: &[Level], place: [f64; 2]) -> [u8; 3] {
+        let share = self.share(place);
+        ramp[ramp.partition_point(|(end, _)| *end <= share).min(ramp.len() - 1)].1
+    }
+
+    /// The pieces of a line, each in the color of a level of the ramp. `size` is the drawing's larger side.
+    fn pieces(&self, line: &[[f64; 2]], ramp: &[Level], size: f64) -> Vec<Piece> {
+        let mut pieces = Vec::new();
+        let (mut piece, mut length) = (vec![line[0]], 0.0);
+        let mut color = self.color(ramp, line[0]);
+        for leg in line.windows(2) {
+            let n = n_samples(leg, size);
+            let at = |k: f64| -> [f64; 2] {
+                std::array::from_fn(|i| leg[0][i] + (leg[1][i] - leg[0][i]) * k / n)
+            };
+            let mut k = 0.0;
+            while k < n {
+                let here = self.color(ramp, at(k + 0.5));
+                if here != color && length >= SHORTEST * size {
+                    let from = at(k);
+                    if piece[piece.len() - 1] != from {
+                        piece.push(from);
+                    }
+                    let ended = std::mem::replace(&mut piece, vec![from]);
+                    pieces.push((ended, color));
+                    length = 0.0;
+                }
+                if length == 0.0 {
+                    color = here;
+                }
+                length += distance(leg[0], leg[1]) / n;
+                k += 1.0;
+            }
+            piece.push(leg[1]);
+        }
+        pieces.push((piece, color));
+        pieces
+    }
+}
+
+/// A transform in full precision.
+pub(super) fn affine(t: Transform) -> Affine {
+    Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
+}
+
+/// Samples of a leg.
+fn n_samples(leg: &[[f64; 2]], size: f64) -> f64 {
+    (distance(leg[0], leg[1]) / (SHORTEST * size)).ceil().max(1.0)
+}
+
+/// The pieces of lines in gradients, each line's together, in levels as fine as the colors that are left
+/// allow. `size` is the drawing's larger side.
+///
+/// # Errors
+///
+/// [`crate::error::Error::Input`] for too many points.
+pub(super) fn pieces(
+    lines: &[(Vec<[f64; 2]>, usize)],
+    gradients: &[Gradient],
+    left: usize,
+    size: f64,
+    file: &str,
+) -> Result<Vec<Vec<Piece>>> {
+    let budget = Budget::of(file, "draw less, or without gradients");
+    let mut ramps: Vec<&[Stop]> = Vec::new();
+    for (line, index) in lines {
+        let legs = line.windows(2).map(|leg| n_samples(leg, size));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+        let n_samples = legs.sum::<f64>() as usize;
+        budget.steps(STEPS.saturating_mul(n_samples))?;
+        let stops = &gradients[*index].stops[..];
+        // More ramps than colors are refused for their colors.
+        if ramps.len() <= MAX_COLORS && !ramps.contains(&stops) {
+            ramps.push(stops);
+        }
+    }
+    let mut step = STEP;
+    let ramps_cut = loop {
+        let cut: Vec<Vec<Level>> = ramps.iter().map(|stops| levels(stops, step)).collect();
+        if cut.iter().map(Vec::len).sum::<usize>() <= left || step > 255.0 {
+            break cut;
+        }
+        step *= 1.25;
+    };
+    let of = |(line, index): &(Vec<[f64; 2]>, usize)| {
+        let gradient = &gradients[*index];
+        let ramp = ramps.iter().position(|stops| *stops == gradient.stops).unwrap_or(0);
+        gradient.pieces(line, &ramps_cut[ramp], size)
+    };
+    let pieces: Vec<Vec<_>> = lines.iter().map(of).collect();
+    let n_points: usize = pieces.iter().flatten().map(|(piece, _)| piece.len()).sum();
+    if n_points > MAX_POINTS { Err(too_many(file)) } else { Ok(pieces) }
+}
+
+/// The levels of a ramp, whose colors differ by a step of a channel.
+fn levels(stops: &[Stop], step: f64) -> Vec<Level> {
+    let mut levels = Vec::new();
+    let (mut from, mut first) = (0.0, color(stops, 0.0));
+    let middle = |from: f64, to: f64| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        color(stops, 0.5 * (from + to)).map(|channel| channel.round() as u8)
+    };
+    for k in 1..=SAMPLES {
+        let share = f64::from(k) / f64::from(SAMPLES);
+        let here = color(stops, share);
+        let differs = (0..3).any(|i| (here[i] - first[i]).abs() > step);
+        if differs {
+            levels.push((share, middle(from, share)));
+            (from, first) = (share, here);
+        }
+    }
+    levels.push((1.0, middle(from, 1.0)));
+    levels
+}
+
+/// The color of a ramp at a share, each channel 0 to 255.
+fn color(stops: &[Stop], share: f64) -> [f64; 3] {
+    let next = stops.partition_point(|(offset, _)| *offset <= share);
+    let (before, after) = (stops[next.max(1) - 1], stops[next.min(stops.len() - 1)]);
+    let span = after.0 - before.0;
+    let part = if span > 0.0 { ((share - before.0) / span).clamp(0.0, 1.0) } else { 0.0 };
+    std::array::from_fn(|i| {
+        let [from, to] = [before.1[i], after.1[i]].map(f64::from);
+        from + (to - from) * part
+    })
+}
