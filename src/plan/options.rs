@@ -66,7 +66,7 @@ settings! {
         /// Order and direction of strokes.
         order: Order = Order::Shortest;
         /// Hover before the first stroke, in which the height settles after the take-off.
-        hover_s: f64 = 0.5, in 0.0..=600.0, unless "plan.extent" = "letters";
+        hover_s: f64 = 1.0, in 0.0..=600.0, unless "plan.extent" = "letters";
         /// Greatest speed in the dark.
         dark_speed_m_s: f64 = 1.0, in 0.01..=100.0;
         /// Greatest acceleration of the design.

@@ -170,6 +170,7 @@ mod tests {
     use crate::sensors::SensorOptions;
     use crate::shoot::Shoot;
     use crate::sim::{ControllerKind, SimOptions};
+    use crate::vehicle::Gusts;
 
     fn noor() -> Strokes {
         write("NOOR", &LetterOptions::default()).unwrap()
@@ -267,6 +268,38 @@ mod tests {
                 reds.reverse();
             }
             assert!(reds.windows(2).all(|pair| pair[0] > pair[1]), "{lamp}: {reds:?}");
+        }
+    }
+
+    /// In still air: what is left is the drone's settling, and what the sensors' errors change meanwhile.
+    #[test]
+    fn curves_close_within_a_centimeter() {
+        for word in ["pool", "Quartz", "2027"] {
+            let mut scene = Scene::preset(Preset::default());
+            word.clone_into(&mut scene.word);
+            scene.air.gusts = Gusts::None;
+            let shoot = Shoot::new(scene).unwrap();
+            let flight = shoot.fly(&|_, _| {}).unwrap().swap_remove(0);
+            let at_m = |time_s: f64| {
+                let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
+                flight.samples[row].position_m
+            };
+            let ends = ends(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
+            let is_loop = |pair: &&[StrokeEnd]| {
+                let lasts_s = pair[1].time_s - pair[0].time_s;
+                lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
+            };
+            let gaps_m = ends.chunks(2).filter(is_loop).map(|pair| {
+                // Its end draws on over its beginning.
+                let late = (0..200).map(|k| at_m(pair[1].time_s - 0.005 * f64::from(k)));
+                let begun_m = at_m(pair[0].time_s);
+                late.map(|late_m| (late_m - begun_m).xz().norm()).fold(1.0, f64::min)
+            });
+            let gaps_m: Vec<f64> = gaps_m.collect();
+            assert!(
+                !gaps_m.is_empty() && gaps_m.iter().all(|gap_m| *gap_m < 0.01),
+                "{word}: {gaps_m:?}"
+            );
         }
     }
 
