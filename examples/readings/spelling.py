@@ -4,7 +4,8 @@
 
 SCOWL is a folder of its lists (Debian's package scowl: SCOWL, copyright 2000-2020 Kevin Atkinson, whose license
 allows any use), of which those of common words weigh more; NAMES is a folder with the census's lists of
-1990, in the public domain: dist.male.first, dist.female.first and dist.all.last, as in the pip package `names`.
+1990, in the public domain: dist.male.first, dist.female.first and dist.all.last, as in the pip package `names`. The
+names and words of other languages in the Latin alphabet are those of the pip package `faker` (MIT license).
 Marks are left out; words of 2 to 10 letters count.
 
 The file has -20 ln p of each letter after each two, a byte each, in the order of the alphabet after the blank, which
@@ -16,6 +17,7 @@ with those of shorter runs (Witten and Bell 1991).
 
 import collections
 import functools
+import importlib.util
 import math
 import os
 import struct
@@ -27,6 +29,13 @@ N_RUNS = [24000, 44000]  # of four and of five letters
 BACKOFF = 0.4  # as of Brants and others 2007
 # Weight of a word by the list of SCOWL that has it first: 10 is the most common.
 SIZES = {"10": 12, "20": 8, "35": 4, "40": 2, "50": 2, "55": 1, "60": 1, "70": 1}
+
+
+LANGUAGES = ("cs_CZ da_DK de_AT de_DE en_GB en_US es_ES es_MX et_EE fi_FI fr_FR ga_IE hr_HR hu_HU it_IT lt_LT lv_LV nl_BE "
+             "nl_NL no_NO pl_PL pt_BR pt_PT ro_RO sk_SK sl_SI sv_SE tr_TR").split()
+# Weight of a name or word of theirs, by the lists that hold it: on the choosing halves, more of it reads fewer of the
+# readings' own, which are English.
+FAKER = {"person": {"first_name": 2, "last_name": 0.5}, "lorem": {"word_list": 1}}
 
 
 def plain(word):
@@ -46,7 +55,25 @@ def weights(scowl, names):
             weight = 8 if rank < 300 else 4 if rank < 1000 else 1 if rank < 8000 else 0
             word = line.split()[0].lower()
             found[word] = max(weight, found[word])
+    for text, weight in of_languages():
+        for word in plain(text).replace("-", " ").split():
+            found[word] = max(weight, found[word])
     return {word: n for word, n in found.items() if n and 2 <= len(word) <= 10 and set(word) <= set(LETTERS[1:])}
+
+
+def of_languages():
+    """Names and words of other languages, and their weights."""
+    for language in LANGUAGES:
+        for kind, lists in FAKER.items():
+            module = f"faker.providers.{kind}.{language}"
+            if not importlib.util.find_spec(module):
+                continue
+            provider = importlib.import_module(module).Provider
+            for attribute in dir(provider):
+                texts = getattr(provider, attribute)
+                weight = next((weight for name, weight in lists.items() if name in attribute), None)
+                if weight and isinstance(texts, (list, tuple, dict, set)):
+                    yield from ((text, weight) for text in texts if isinstance(text, str))
 
 
 def number(run):
