@@ -265,7 +265,7 @@ fn a_flight_becomes_pictures_of_every_kind() {
     let expose = ["expose", "flight.csv", "--word", "I", "--backend", "cpu", "--size", "192x108"];
     let pixels = 192 * 108 * 3;
     let kinds = [
-        ("a.png", "png16", &b"\x89PNG"[..], pixels / 2),
+        ("a.png", "png16", &b"\x89PNG"[..], pixels),
         ("b.exr", "exr", b"\x76\x2f\x31\x01", 4 * pixels),
         ("c.exr", "exr-half", b"\x76\x2f\x31\x01", 2 * pixels),
     ];
