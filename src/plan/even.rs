@@ -342,6 +342,7 @@ mod tests {
             assert!(setpoint.velocity_m_s.norm() > 0.03, "no lit dwell: {setpoint:?}");
         }
     }
+
     #[test]
     fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
         let folder = tempfile::tempdir().unwrap();
