@@ -170,7 +170,8 @@ impl Problem {
 }
 
 /// Advice where there is no light.
-pub const CHECK_LIGHT: &str = "check {plan.lights}, {light.deck} and {light.ring}";
+pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
+     effect in {light.ring}) or color-led";
 
 /// The first of some spans of time.
 fn in_words(spans_s: &[[f64; 2]]) -> String {
