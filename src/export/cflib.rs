@@ -149,7 +149,10 @@ fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind {
         ControllerKind::Pid => Some(1),
         ControllerKind::Geometric => Some(5),
-        _ => None,
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => None,
     }
 }
 

@@ -28,7 +28,10 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind {
         ControllerKind::Geometric => lee(sim),
         ControllerKind::Pid => pid(sim),
-        _ => Vec::new(),
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => Vec::new(),
     }
 }
 
@@ -120,7 +123,10 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         ControllerKind::Pid => json!({
             "pid": { "stabilizer.controller": 1, "parameters": object(pid(sim)) },
         }),
-        _ => {
+        ControllerKind::Lqr
+        | ControllerKind::LqrFeedforward
+        | ControllerKind::LqrIntegral
+        | ControllerKind::Altitude => {
             return Ok(vec![File::new("gains.h", header(&design(sim, MOTOR_LAG_S)?, sim))]);
         }
     };
