@@ -151,7 +151,7 @@ mod tests {
     /// The designs of two drones that write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        // What a start 5 m off has seen at the hand-over depends on the hover: 59 of 60 in a line, 58 with 1 s.
+        // With the default hover, 58 of 60 starts are found from anchors in a line, not 59.
         let style = Style::Even(EvenStyle { hover_s: 0.5, ..EvenStyle::default() });
         let plans = fleet(&strokes, &PlanOptions { drones: 2, style, ..PlanOptions::even() });
         let plans = plans.unwrap();

@@ -1,8 +1,8 @@
-//! Gradients: a line whose color changes along it becomes pieces of one color each.
+//! Gradients: lines that are painted with one are cut into pieces of one color each.
 //!
-//! A gradient of SVG is a ramp of colors over a share of its way, 0 to 1, that each place has. The ramp is
-//! cut into levels whose colors differ by a visible step, and a line where the level changes. The focal
-//! point of a radial gradient is taken for its center.
+//! A gradient gives each point an offset from 0 to 1, and its stops give each offset a color (SVG 2,
+//! section 14.2). The colors are quantized into levels, and a line is cut where the level changes.
+//! Not modeled: the focal point of a radial gradient, which is taken for its center.
 
 use kurbo::{Affine, Point};
 use usvg::{BaseGradient, Paint as Server, SpreadMethod, Transform};
@@ -20,16 +20,17 @@ pub(super) enum Paint {
     Gradient(usize),
 }
 
-/// A place on a ramp, 0 to 1, and its color (sRGB).
+/// An offset, 0 to 1, and its color (sRGB).
 type Stop = (f64, [u8; 3]);
 
-/// A level of a ramp: the share at which it ends, and its color.
+/// A level of color: the offset at which it ends, and its color.
 type Level = (f64, [u8; 3]);
 
 /// A part of a line in one color.
 type Piece = (Vec<[f64; 2]>, [u8; 3]);
 
-/// Least step of a channel from level to level, of 255: steps of the light along a stroke are not seen.
+/// Least difference of two levels in a channel, of 255. More makes the steps visible along a stroke;
+/// less fills the memory of the lamps.
 const STEP: f64 = 16.0;
 
 /// Samples of a ramp in which levels are sought.
@@ -45,9 +46,9 @@ const STEPS: usize = 50;
 #[derive(Debug)]
 pub(super) struct Gradient {
     stops: Vec<Stop>,
-    /// From the drawing's own units, y up, to the gradient: x is the share of a linear one, the distance
-    /// from the origin that of a radial one.
-    share_from_place: Affine,
+    /// From the drawing's own units, y up: the offset of a linear gradient is x, that of a radial one
+    /// the distance from the origin.
+    offset_from_place: Affine,
     is_radial: bool,
     spread: SpreadMethod,
 }
@@ -56,7 +57,7 @@ impl Gradient {
     /// The gradient of a paint server, seen through a transform; `None` where it is none.
     pub(super) fn new(server: &Server, place_from_user: Affine) -> Option<Self> {
         let number = f64::from;
-        let (base, share_from_gradient): (&BaseGradient, _) = match server {
+        let (base, offset_from_gradient): (&BaseGradient, _) = match server {
             Server::LinearGradient(g) => {
                 let [x1, y1, x2, y2] = [g.x1(), g.y1(), g.x2(), g.y2()].map(number);
                 let (dx, dy) = (x2 - x1, y2 - y1);
@@ -77,27 +78,27 @@ impl Gradient {
         let place_from_gradient = place_from_user * affine(base.transform());
         Some(Self {
             stops: base.stops().iter().map(stop).collect(),
-            share_from_place: share_from_gradient * place_from_gradient.inverse(),
+            offset_from_place: offset_from_gradient * place_from_gradient.inverse(),
             is_radial: matches!(server, Server::RadialGradient(_)),
             spread: base.spread_method(),
         })
     }
 
-    /// The share at a place; that of a gradient without extent is 1.
-    fn share(&self, [x, y]: [f64; 2]) -> f64 {
-        let at = self.share_from_place * Point::new(x, y);
-        let share = if self.is_radial { at.to_vec2().hypot() } else { at.x };
+    /// The offset at a place; 1 for a gradient without extent.
+    fn offset(&self, [x, y]: [f64; 2]) -> f64 {
+        let at = self.offset_from_place * Point::new(x, y);
+        let offset = if self.is_radial { libm::hypot(at.x, at.y) } else { at.x };
         match self.spread {
-            _ if !share.is_finite() => 1.0,
-            SpreadMethod::Pad => share.clamp(0.0, 1.0),
-            SpreadMethod::Repeat => share.rem_euclid(1.0),
-            SpreadMethod::Reflect => 1.0 - (share.rem_euclid(2.0) - 1.0).abs(),
+            _ if !offset.is_finite() => 1.0,
+            SpreadMethod::Pad => offset.clamp(0.0, 1.0),
+            SpreadMethod::Repeat => offset.rem_euclid(1.0),
+            SpreadMethod::Reflect => 1.0 - (offset.rem_euclid(2.0) - 1.0).abs(),
         }
     }
 
     fn color(&self, ramp: &[Level], place: [f64; 2]) -> [u8; 3] {
-        let share = self.share(place);
-        ramp[ramp.partition_point(|(end, _)| *end <= share).min(ramp.len() - 1)].1
+        let offset = self.offset(place);
+        ramp[ramp.partition_point(|(end, _)| *end <= offset).min(ramp.len() - 1)].1
     }
 
     /// The pieces of a line, each in the color of a level of the ramp. `size` is the drawing's larger side.
@@ -189,7 +190,7 @@ pub(super) fn pieces(
     if n_points > MAX_POINTS { Err(too_many(file)) } else { Ok(pieces) }
 }
 
-/// The levels of a ramp, whose colors differ by a step of a channel.
+/// Levels of color whose channels differ by a step.
 fn levels(stops: &[Stop], step: f64) -> Vec<Level> {
     let mut levels = Vec::new();
     let (mut from, mut first) = (0.0, color(stops, 0.0));
@@ -198,24 +199,24 @@ fn levels(stops: &[Stop], step: f64) -> Vec<Level> {
         color(stops, 0.5 * (from + to)).map(|channel| channel.round() as u8)
     };
     for k in 1..=SAMPLES {
-        let share = f64::from(k) / f64::from(SAMPLES);
-        let here = color(stops, share);
+        let offset = f64::from(k) / f64::from(SAMPLES);
+        let here = color(stops, offset);
         let differs = (0..3).any(|i| (here[i] - first[i]).abs() > step);
         if differs {
-            levels.push((share, middle(from, share)));
-            (from, first) = (share, here);
+            levels.push((offset, middle(from, offset)));
+            (from, first) = (offset, here);
         }
     }
     levels.push((1.0, middle(from, 1.0)));
     levels
 }
 
-/// The color of a ramp at a share, each channel 0 to 255.
-fn color(stops: &[Stop], share: f64) -> [f64; 3] {
-    let next = stops.partition_point(|(offset, _)| *offset <= share);
+/// The color at an offset, each channel 0 to 255.
+fn color(stops: &[Stop], offset: f64) -> [f64; 3] {
+    let next = stops.partition_point(|(at, _)| *at <= offset);
     let (before, after) = (stops[next.max(1) - 1], stops[next.min(stops.len() - 1)]);
     let span = after.0 - before.0;
-    let part = if span > 0.0 { ((share - before.0) / span).clamp(0.0, 1.0) } else { 0.0 };
+    let part = if span > 0.0 { ((offset - before.0) / span).clamp(0.0, 1.0) } else { 0.0 };
     std::array::from_fn(|i| {
         let [from, to] = [before.1[i], after.1[i]].map(f64::from);
         from + (to - from) * part
