@@ -153,16 +153,10 @@ fn lay_out(word: &str, font: &Font, options: &LetterOptions) -> Strokes {
 }
 
 fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
-    let shaped = is_shaped(line).then(|| font.line(line.trim_matches(' '), SPACE)).flatten();
-    let cells = match (font.fit(), shaped) {
-        (_, Some(letters)) => {
-            let letters = letters.expect("the text was made drawable").into_iter();
-            let of = |byte: usize| line.trim_matches(' ')[byte..].chars().next().unwrap_or(' ');
-            let cell = |(byte, at, shape)| placed(of(byte), at, shape, options.cap_height_m);
-            letters.map(cell).collect()
-        }
-        (Fit::Box, None) => boxes(line, font, options),
-        (Fit::Proportional, None) => advances(line, font, options),
+    // A space at an end leaves no room, but for an empty box.
+    let (cells, _) = match font.fit() {
+        Fit::Box => cells(line, font, options),
+        Fit::Proportional => cells(line.trim_matches(' '), font, options),
     };
     let end = |cell: &Placed| cell.at_m + cell.width_m;
     let (begin_m, end_m) = (cells.first().map_or(0.0, |c| c.at_m), cells.last().map_or(0.0, end));
@@ -182,6 +176,24 @@ fn lay_line(line: &str, font: &Font, options: &LetterOptions, baseline_m: f64) -
     glyphs.collect()
 }
 
+/// The characters of a line, and the pen's place behind them.
+fn cells(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
+    let shaped = is_shaped(line).then(|| font.line(line, SPACE)).flatten();
+    match (font.fit(), shaped) {
+        (_, Some(letters)) => {
+            let (letters, size_m) =
+                (letters.expect("the text was made drawable"), options.cap_height_m);
+            let ends = letters.iter().map(|(_, at, shape)| at + shape.ink()[2]);
+            let end = ends.fold(0.0, f64::max);
+            let of = |byte: usize| line[byte..].chars().next().unwrap_or(' ');
+            let cell = |(byte, at, shape)| placed(of(byte), at, shape, size_m);
+            (letters.into_iter().map(cell).collect(), end * size_m)
+        }
+        (Fit::Box, None) => boxes(line, font, options),
+        (Fit::Proportional, None) => advances(line, font, options),
+    }
+}
+
 /// A character, where its box begins and how wide it is; a space has no shape.
 struct Placed {
     character: char,
@@ -198,20 +210,22 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
 }
 
 /// Characters in boxes.
-fn boxes(line: &str, font: &Font, options: &LetterOptions) -> Vec<Placed> {
+fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
     let cell = |(index, character)| {
         let shape = font.shape(character).filter(|_| character != ' ');
         Placed { character, shape, at_m: (width_m + gap_m) * index as f64, width_m }
     };
-    line.chars().enumerate().map(cell).collect()
+    let cells: Vec<_> = line.chars().enumerate().map(cell).collect();
+    let end_m = (width_m + gap_m) * cells.len() as f64;
+    (cells, end_m)
 }
 
-/// The same for characters that keep their proportions. A space at an end leaves no room.
-fn advances(line: &str, font: &Font, options: &LetterOptions) -> Vec<Placed> {
+/// The same for characters that keep their proportions.
+fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (size_m, mut pen, mut before) = (options.cap_height_m, 0.0, None);
     let mut cells = Vec::new();
-    for character in line.trim_matches(' ').chars() {
+    for character in line.chars() {
         pen += before.map_or(0.0, |before| font.kern([before, character]));
         let shape = font.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
@@ -221,7 +235,7 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> Vec<Placed> {
         pen += advance + options.spacing_m / size_m;
         before = Some(character);
     }
-    cells
+    (cells, pen * size_m)
 }
 
 /// The strokes of a line from the pen's place on, and its advance, in cap heights.
@@ -237,30 +251,28 @@ pub(super) fn line(
     let drawn = drawable(&text.nfc().collect::<String>(), font);
     font.check_work()?;
     let text = drawn?;
-    let size = 1.0 / options.cap_height_m;
-    let [width, gap] = [options.box_width_m() * size, options.box_gap_m() * size];
-    let is_box = font.fit() == Fit::Box;
-    let (mut placed, mut pen) = (Vec::new(), 0.0);
-    if let Some(Ok(letters)) = is_shaped(&text).then(|| font.line(&text, SPACE)).flatten() {
-        pen = letters.iter().map(|(_, at, shape)| at + shape.ink()[2]).fold(0.0, f64::max);
-        placed.extend(letters.into_iter().map(|(_, at, shape)| (at, shape)));
-    } else {
-        let mut before = None;
-        for character in text.chars() {
-            pen += before.map_or(0.0, |before| font.kern([before, character]));
-            let shape = font.shape(character).filter(|_| character != ' ' || !is_box);
-            let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
-            placed.extend(shape.map(|shape| (pen, shape)));
-            pen += if is_box { width + gap } else { advance };
-            before = Some(character);
-        }
-    }
-    let of = |(at, shape): (f64, Arc<Shape>)| -> Vec<Vec<[f64; 2]>> {
-        let across = if is_box { width } else { 1.0 };
-        let lit = shape.runs.iter().filter(|run| run.lit);
-        lit.map(|run| run.points.iter().map(|[x, y]| [at + across * x, *y]).collect()).collect()
+    let in_caps = |length_m: f64| Some(length_m / options.cap_height_m);
+    let unit = LetterOptions {
+        cap_height_m: 1.0,
+        width_m: in_caps(options.box_width_m()),
+        gap_m: in_caps(options.box_gap_m()),
+        spacing_m: 0.0,
+        ..options.clone()
     };
-    Ok((placed.into_iter().flat_map(of).collect(), pen))
+    let (cells, advance) = cells(&text, font, &unit);
+    let strokes = |Placed { shape, at_m, width_m, .. }: Placed| {
+        let runs = shape.map_or_else(Vec::new, |shape| {
+            let (left, across) = match font.fit() {
+                Fit::Box => (at_m, width_m),
+                Fit::Proportional => (at_m - shape.cell().0, 1.0),
+            };
+            let place = |[x, y]: &[f64; 2]| [left + across * x, *y];
+            let lit = shape.runs.iter().filter(|run| run.lit);
+            lit.map(|run| run.points.iter().map(place).collect()).collect()
+        });
+        runs.into_iter()
+    };
+    Ok((cells.into_iter().flat_map(strokes).collect(), advance))
 }
 
 /// Advance of a space, in cap heights, where a font has none: Hershey's.

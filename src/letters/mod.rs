@@ -27,6 +27,8 @@ use crate::digest::Digest;
 use crate::geometry::{bounds, distance};
 
 pub(crate) use drawing::LIMIT as DRAWING_LIMIT;
+#[cfg(test)]
+pub(crate) use drawing::red_to_blue;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;

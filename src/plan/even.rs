@@ -263,7 +263,7 @@ fn rest(x_m: f64, height_m: f64) -> State {
 
 #[cfg(test)]
 mod tests {
-    use crate::letters::{Ink, LetterOptions, draw, write};
+    use crate::letters::{Ink, LetterOptions, draw, red_to_blue, write};
     use crate::plan::{EvenStyle, LightLevel, Plan, PlanOptions, plan};
 
     fn noor(options: &PlanOptions) -> Plan {
@@ -346,12 +346,7 @@ mod tests {
     #[test]
     fn a_stroke_in_a_gradient_is_one_stroke_of_many_letters() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.svg");
-        let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
-            <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
-            <stop offset='1' stop-color='blue'/></linearGradient>\
-            <path d='M0 0h9v1' stroke='url(#g)'/></svg>";
-        std::fs::write(&path, drawing).unwrap();
+        let path = red_to_blue(folder.path());
         let strokes = draw(&path, &LetterOptions::default(), Ink::ByColor).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
         let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();

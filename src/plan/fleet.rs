@@ -133,6 +133,13 @@ struct Start {
     delay: usize,
 }
 
+impl Start {
+    /// Step at which the drone has landed, of its routes.
+    fn end(self, routes: &[Route]) -> usize {
+        self.delay + routes[self.route].track.places.len()
+    }
+}
+
 /// The routes and delays of all drones whose last one ends first, and the step at which it does; `None`
 /// where they cannot keep apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
@@ -141,11 +148,9 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut meetings = Meetings { routes, known: HashMap::new() };
     for _ in 0..2 * routes.len() {
         let dealt = dealt(routes, &order, &mut meetings);
-        let end =
-            |at: usize, start: &Start| start.delay + routes[at][start.route].track.places.len();
         let last = match dealt {
             Ok(starts) => {
-                let ends = starts.iter().enumerate().map(|(at, start)| end(at, start));
+                let ends = starts.iter().enumerate().map(|(at, start)| start.end(&routes[at]));
                 let (end, last) = ends.zip(0..).max().expect("one drone at least");
                 if best.as_ref().is_none_or(|(least, _)| end < *least) {
                     best = Some((end, starts));
@@ -169,17 +174,16 @@ fn dealt(
     order: &[usize],
     meetings: &mut Meetings<'_>,
 ) -> std::result::Result<Vec<Start>, usize> {
-    let n_steps = |at: usize, route: usize| routes[at][route].track.places.len();
     let mut found: Vec<(usize, Start)> = Vec::new();
     for &at in order {
-        let ends = found.iter().map(|(other, start)| start.delay + n_steps(*other, start.route));
+        let ends = found.iter().map(|(other, start)| start.end(&routes[*other]));
         let most = ends.max().unwrap_or(0);
         let apart = |route: usize| {
             let mut delays = (0..=most).map(|delay| Start { route, delay });
             delays.find(|start| !found.iter().any(|other| meetings.are((at, *start), *other)))
         };
         let starts = (0..routes[at].len()).filter_map(apart);
-        let first = starts.min_by_key(|start| start.delay + n_steps(at, start.route));
+        let first = starts.min_by_key(|start| start.end(&routes[at]));
         found.push((at, first.ok_or(at)?));
     }
     found.sort_by_key(|(at, _)| *at);

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use crate::export::lights::{Command, commands};
     use crate::flight::tracking::{Part, track};
-    use crate::letters::{LetterOptions, write};
+    use crate::letters::{LetterOptions, red_to_blue, write};
     use crate::light::{Deck, RingColor, RingEffect};
     use crate::plan::PlanOptions;
     use crate::scene::Preset;
@@ -238,12 +238,7 @@ mod tests {
     #[test]
     fn the_light_of_a_gradient_is_sent_step_by_step_without_a_break() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.svg");
-        let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
-            <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
-            <stop offset='1' stop-color='blue'/></linearGradient>\
-            <path d='M0 0h9v0.1' stroke='url(#g)'/></svg>";
-        std::fs::write(&path, drawing).unwrap();
+        let path = red_to_blue(folder.path());
         // The color LED deck has few bytes for a light that does not bleach in the photograph.
         for (lamp, deck, least) in [("ring", Deck::LedRing, 16), ("color-led", Deck::ColorLed, 8)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);

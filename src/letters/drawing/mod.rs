@@ -86,9 +86,10 @@ type ColoredLine = (Vec<[f64; 2]>, Paint);
 /// filled rectangle behind everything is paper. Of a picture, lines on paper are drawn along their
 /// center and patches along their rim ([`LetterOptions::trace`]); of a photograph, the edges. With less than
 /// full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A path has the color of its stroke,
-/// or else of its fill, and along a gradient up to 64 colors. Text is written with the font of
-/// the options. Clips, masks, filters, patterns, pictures and markers on markers are not drawn. Handwriting keeps its order and direction, is smoothed by at most
-/// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
+/// or else of its fill, and along a gradient up to 64 colors. Text is written with the font of the
+/// options. Clips, masks, filters, patterns, pictures and markers on markers are not drawn. Handwriting
+/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has the
+/// pace of [`LetterOptions::pace`].
 ///
 /// # Errors
 ///
@@ -348,6 +349,18 @@ fn too_many(file: &str) -> Error {
     let wanted = format!("at most {MAX_POINTS} points");
     let hint = "simplify the drawing, or raise letters.tolerance_m";
     Error::input(file, "a drawing of more points", wanted, hint)
+}
+
+/// Writes an SVG file whose one stroke goes from red to blue, for tests of what follows.
+#[cfg(test)]
+pub(crate) fn red_to_blue(folder: &Path) -> std::path::PathBuf {
+    let path = folder.join("a.svg");
+    let drawing = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>\
+        <linearGradient id='g' gradientUnits='userSpaceOnUse' x2='9'><stop stop-color='red'/>\
+        <stop offset='1' stop-color='blue'/></linearGradient>\
+        <path d='M0 0h9v0.1' stroke='url(#g)'/></svg>";
+    std::fs::write(&path, drawing).unwrap();
+    path
 }
 
 #[cfg(test)]

@@ -237,9 +237,7 @@ pub(super) fn write_attributes_of(node: Node<'_, '_>, text: &mut String) {
             Some(XML) => "xml:",
             Some(_) => continue,
         };
-        let _ = write!(text, " {prefix}{}=\"", attribute.name());
-        escape(attribute.value(), text);
-        text.push('"');
+        write_attribute(prefix, attribute.name(), attribute.value(), text);
     }
 }
 
@@ -294,11 +292,13 @@ fn write_gradient(node: Node<'_, '_>, id: &str, ids: &Ids<'_, '_>, text: &mut St
 }
 
 fn write_attributes<'a>(attributes: impl Iterator<Item = (&'a str, &'a str)>, text: &mut String) {
-    for (name, value) in attributes {
-        let _ = write!(text, " {name}=\"");
-        escape(value, text);
-        text.push('"');
-    }
+    attributes.for_each(|(name, value)| write_attribute("", name, value, text));
+}
+
+fn write_attribute(prefix: &str, name: &str, value: &str, text: &mut String) {
+    let _ = write!(text, " {prefix}{name}=\"");
+    escape(value, text);
+    text.push('"');
 }
 
 fn escape(value: &str, text: &mut String) {

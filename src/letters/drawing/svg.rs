@@ -100,14 +100,13 @@ fn paint(path: &usvg::Path, gradients: &mut Vec<Gradient>) -> Paint {
     let place_from_user = Affine::FLIP_Y * affine(path.abs_transform());
     match server {
         Some(usvg::Paint::Color(color)) => Paint::Plain([color.red, color.green, color.blue]),
-        Some(server) => match Gradient::new(server, place_from_user) {
-            Some(gradient) => {
+        server => {
+            let gradient = server.and_then(|server| Gradient::new(server, place_from_user));
+            gradient.map_or(Paint::Plain([0; 3]), |gradient| {
                 gradients.push(gradient);
                 Paint::Gradient(gradients.len() - 1)
-            }
-            None => Paint::Plain([0; 3]),
-        },
-        None => Paint::Plain([0; 3]),
+            })
+        }
     }
 }
 
