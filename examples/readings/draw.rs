@@ -164,12 +164,14 @@ fn gusts(settings: &mut Settings, speed_m_s: f64) {
     settings.set("air.gusts.torque_sigma_n_m", format!("{torques:?}"));
 }
 
-/// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in.
+/// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in; `glints`:
+/// the motors throw the headlights' light back, a second strand beside the first.
 pub(crate) fn fly(
     rng: &mut Rng,
     word: &str,
     faces: &[String],
     fault: &'static str,
+    glints: bool,
 ) -> Result<Flown> {
     let u = rng.unit();
     let mut s = Settings::default();
@@ -253,6 +255,7 @@ pub(crate) fn fly(
     }
     s.set("light.ring", rng.pick(&["off", "off", "double-spin"]));
     s.set("light.led_bitmask", rng.pick(&["0", "128"]));
+    s.set("light.motor_glints", glints);
     let mut shoot = Shoot::new(s.scene()?)?;
     let plan = &mut shoot.plans[0].plan;
     if missing > 0.0 {

@@ -106,7 +106,8 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
         let text = if rng.chance(0.06) { accented(rng, &text) } else { text };
         let fault = draw::fault_of_flight(rng, 0.75);
         // A drone that is lost, or a word that its camera does not see, is no example.
-        let Ok(flown) = draw::fly(rng, &text, &args.faces, fault) else { continue };
+        let glints = seed % 3 == 0;
+        let Ok(flown) = draw::fly(rng, &text, &args.faces, fault, glints) else { continue };
         for _ in 0..PHOTOS_OF_FLIGHT {
             let fault = draw::fault_of_camera(rng, 0.5);
             let Ok(taken) = draw::photograph(rng, &flown, fault, &SIZES[..N_SMALL]) else {
@@ -162,7 +163,7 @@ fn photos(out: &Path, args: &Args) -> Result<()> {
             false => in_some_case(rng, words.next().expect("a word for each photograph")),
         };
         let [of_flight, of_camera] = draw::single_fault(rng);
-        let taken = draw::fly(rng, &text, &args.faces, of_flight)
+        let taken = draw::fly(rng, &text, &args.faces, of_flight, false)
             .and_then(|flown| draw::photograph(rng, &flown, of_camera, &SIZES));
         seed += 1;
         match taken {

@@ -39,10 +39,10 @@ settings! {
         /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`), by default 0.6 cap
         /// heights; letters of other fonts keep their proportions.
         width_m: Option<f64> = None, in 0.01..=100.0,
-            for "letters.font" = "ae483" | "ae483-fixed", unless "letters.drawing";
+            for "letters.font" = "ae483" | "ae483-fixed";
         /// Gap between two such boxes, by default 0.2 cap heights.
         gap_m: Option<f64> = None, in 0.0..=100.0,
-            for "letters.font" = "ae483" | "ae483-fixed", unless "letters.drawing";
+            for "letters.font" = "ae483" | "ae483-fixed";
         /// Space that is added between two letters of other fonts.
         spacing_m: f64 = 0.0, in -1.0..=100.0,
             unless "letters.drawing", unless "letters.font" = "ae483" | "ae483-fixed";

@@ -8,8 +8,8 @@ settings! {
     pub struct PlanOptions {
         /// Part of the flight that is planned.
         extent: Extent = Extent::Whole;
-        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led`, or those
-        /// of the lamps in `light.fixtures`.
+        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led` (the default
+        /// where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
         /// Speed along every leg; in style `even`, along lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;

@@ -23,7 +23,7 @@ const RULES: &[Rule] = &[
         "letters.font is no typeface, and letters.drawing no picture",
     ),
     (
-        &["letters.font"],
+        &["letters.font", "letters.width_m", "letters.gap_m"],
         |s| !s.letters.drawing.is_empty() && !is_svg(s),
         "letters.drawing has no text, which an SVG file may have",
     ),

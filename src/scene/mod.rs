@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::expose::ExposeOptions;
 use crate::files::Limit;
 use crate::letters::{self, Ink, LetterOptions, Strokes};
-use crate::light::LightOptions;
+use crate::light::{Deck, LightOptions};
 use crate::photo::{Photo, PhotoOptions};
 use crate::plan::PlanOptions;
 use crate::score::ScoreOptions;
@@ -146,6 +146,10 @@ impl Scene {
             Some("even") => scene.plan = PlanOptions::even(),
             Some(_) => scene.plan = PlanOptions::default(),
             None => {}
+        }
+        // A color LED deck that is chosen writes: there are no headlights beside it.
+        if named(deck_of) == Some(Deck::ColorLed.name()) {
+            scene.plan.lights = vec![Deck::ColorLed.name().to_owned()];
         }
         // An aperture or a sensitivity that is set is meant.
         let camera = |key| {
@@ -286,6 +290,11 @@ fn style_of(scene: &Table) -> Option<&str> {
     style.as_str().or_else(|| style.get("kind")?.as_str())
 }
 
+/// The deck that a scene's table names.
+fn deck_of(scene: &Table) -> Option<&str> {
+    scene.get("light")?.get("deck")?.as_str()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -398,7 +407,11 @@ mod tests {
             fixtures.into_iter().map(|fixture| fixture.name).collect()
         };
         assert!(names("").contains(&"ring 0".to_owned()));
-        assert_eq!(names("[light]\ndeck = \"color-led\"")[0], "color LED");
+        let led = "[light]\ndeck = \"color-led\"\n";
+        assert_eq!(names(led)[0], "color LED");
+        let lights = |toml: &str| Scene::parse(toml, "my.toml").unwrap().plan.lights;
+        assert_eq!(lights(led), ["color-led"]);
+        assert_eq!(lights(&format!("{led}[plan]\nlights = [\"ring\"]")), ["ring"]);
         assert_eq!(
             names("[light]\ndeck = \"none\"").len(),
             7,

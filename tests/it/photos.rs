@@ -110,7 +110,7 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
         command.args(["preview", "--backend", "cpu", "--json"]).args(arguments);
         json(&command.output().unwrap().stdout)["photo_sha256"].clone()
     };
-    let lamp = ["--set", "light.deck=color-led", "--set", "plan.lights=[\"color-led\"]"];
+    let lamp = ["--set", "light.deck=color-led"];
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
     let photo = Photo::read(&folder.path().join("one/photo.png")).unwrap();

@@ -238,7 +238,7 @@ fn no_stroke_of_a_drawing_ends_with_a_flash_of_the_next_color() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     std::fs::write(at.join("colors.svg"), COLORS).unwrap();
-    let deck = ["--set", "light.deck=color-led", "--set", "plan.lights=[\"color-led\"]"];
+    let deck = ["--set", "light.deck=color-led"];
     // Positions of the design: the drone trails them, and its light is late as well.
     let late = ["--set", "plan.reference=design", "--set", "letters.canvas_m=[1, 0.6]"];
     let late = [&late[..], &["--drawing", "colors.svg"]].concat();
