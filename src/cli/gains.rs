@@ -188,11 +188,8 @@ fn bryson(design: &Design, r: &[f64; 4]) -> String {
     text + &format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]\n")
 }
 
-/// Everything for programs; matrices are arrays of rows.
+/// Everything for programs.
 fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -> Value {
-    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
-        m.row_iter().map(|row| row.iter().copied().collect()).collect()
-    };
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {
         let margins = json[margins].as_array_mut().into_iter().flatten();
@@ -205,14 +202,10 @@ fn to_json(design: &Design, controller: &ControllerOptions, gains: &LoopGains) -
     }
     json["controller"] = controller.kind.name().into();
     json["inputs"] = json!(INPUTS);
-    json["gains"] = json!({});
-    for (name, figures, unit) in gains {
-        figures.iter().for_each(|(part, gain)| json["gains"][name][part] = json!(gain));
-        json["gains"][name]["unit"] = json!(unit);
-    }
-    for (name, matrix) in [("A", &design.a), ("B", &design.b), ("L", &design.l)] {
-        json[name] = json!(rows(matrix));
-    }
-    json["K"] = json!(design.k.as_ref().map(rows));
+    let named = gains.iter().map(|(name, figures, unit)| {
+        let figures = figures.iter().map(|(part, gain)| (*part, json!(gain)));
+        (*name, figures.chain([("unit", json!(unit))]).collect::<Value>())
+    });
+    json["gains"] = named.collect();
     json
 }

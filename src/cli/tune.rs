@@ -15,6 +15,7 @@ use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_store, ranking_table, share};
 use super::table::table;
 use crate::error::{Error, Result};
+use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::NamedScene;
 use crate::scene::Scene;
@@ -95,7 +96,10 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let budget: Budget = args.budget.parse()?;
     let mut base = args.study.scene(&args.scene)?;
     if let Some(cap_height_m) = args.cap_height {
-        scale_letters(&mut base.scene, cap_height_m)?;
+        let letters = &mut base.scene.letters;
+        let scaled = letters.scaled(cap_height_m / letters.cap_height_m);
+        *letters = LetterOptions { cap_height_m, ..scaled };
+        base.scene.check()?;
     }
     let options = options(args, &base.scene, budget.flights)?;
     let store = open_store(&args.output)?;
@@ -169,17 +173,6 @@ fn warn_of_short_time(budget: &str, least_flights: usize, spent: f64, n_flights:
         );
         message("warning: ", &text);
     }
-}
-
-/// Scales the letters, and all lengths of their layout with them.
-fn scale_letters(scene: &mut Scene, cap_height_m: f64) -> Result<()> {
-    let letters = &mut scene.letters;
-    let factor = cap_height_m / letters.cap_height_m;
-    letters.cap_height_m = cap_height_m;
-    for length_m in [&mut letters.width_m, &mut letters.gap_m].into_iter().flatten() {
-        *length_m *= factor;
-    }
-    scene.check()
 }
 
 /// Origin of a tuned scene, as the head of its file.

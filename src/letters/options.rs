@@ -131,8 +131,9 @@ impl LetterOptions {
         [font, drawing].into_iter().flatten()
     }
 
-    /// The same in another size, on the same baseline.
-    pub(super) fn scaled(&self, scale: f64) -> Self {
+    /// The same in another size, on the same baseline and canvas.
+    #[must_use]
+    pub fn scaled(&self, scale: f64) -> Self {
         Self {
             cap_height_m: self.cap_height_m * scale,
             width_m: self.width_m.map(|width_m| width_m * scale),

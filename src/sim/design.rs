@@ -11,7 +11,7 @@
 //! the time between two ticks.
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, SMatrix, Vector4};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::options::{ControllerKind, SimOptions};
@@ -47,15 +47,15 @@ pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
     /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve [`STATES`].
-    #[serde(skip)]
+    #[serde(rename = "A", serialize_with = "rows")]
     pub a: DMatrix<f64>,
     /// Its B (12×4), by [`INPUTS`].
-    #[serde(skip)]
+    #[serde(rename = "B", serialize_with = "rows")]
     pub b: DMatrix<f64>,
     /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
     /// columns more where it is designed for rotors that lag. `None` for a controller that is no
     /// regulator.
-    #[serde(skip)]
+    #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
     /// Its columns: the first of [`STATES`], and those of the rotors.
     pub states: Vec<&'static str>,
@@ -64,7 +64,7 @@ pub struct Design {
     #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
     /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
-    #[serde(skip)]
+    #[serde(rename = "L", serialize_with = "rows")]
     pub l: DMatrix<f64>,
     /// Number of the twelve states that the inputs reach.
     pub controllability_rank: usize,
@@ -95,6 +95,17 @@ pub struct Design {
     pub bryson_r: [f64; 4],
     /// Warnings about the gains.
     pub warnings: Vec<String>,
+}
+
+/// A matrix, or `None`, as an array of its rows.
+fn rows<'a, S: Serializer>(
+    matrix: impl Into<Option<&'a DMatrix<f64>>>,
+    to: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        m.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    matrix.into().map(rows).serialize(to)
 }
 
 /// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
