@@ -563,7 +563,7 @@ class RoundTrip(unittest.TestCase):
         cf, drone, ended = flight(load("NO.py"), "position", controller=1, begun=fed)
         self.assertIsNone(ended)
         log = os.path.basename(drone.log_file)
-        noctograph("import", log, "-o", "imported.csv")
+        noctograph("import", log, "--word", "NO", "-o", "imported.csv")
         with open(drone.log_file, encoding="utf-8") as file:
             first_s = json.load(file)["stateEstimate.x"]["time"][0] / 1000
         offset_s = first_s + 50.0 - cf.begun_s - 1.0  # the stub stamps from 50 s on

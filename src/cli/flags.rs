@@ -18,6 +18,7 @@ use crate::preflight::{Profile, frame_within};
 use crate::scene::{NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
+use crate::study::Conditions;
 
 /// The scene.
 #[derive(Debug, Args)]
@@ -191,8 +192,8 @@ pub(super) struct SubjectFlags {
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans or flights write [default: the scene's]
-    #[arg(long, value_name = "WORD")]
+    /// Word that the plans write [default: the scene's]
+    #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
@@ -247,7 +248,9 @@ impl SubjectFlags {
         if let Some(room_m) = self.room_m() {
             frame_within(&mut named.scene, room_m)?;
         }
-        Shoot::named(named)
+        let shoot = Shoot::named(named)?;
+        warn_of_fewer_drones(&shoot);
+        Ok(shoot)
     }
 }
 
@@ -363,9 +366,24 @@ impl FlightFlags {
     }
 }
 
+/// Warns where a drawing has no strokes for some of the drones.
+pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
+    let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
+    if planned < wanted {
+        let text = format!("{planned} of {wanted} drones fly: there are no strokes for more");
+        message("warning: ", &text);
+    }
+}
+
 /// Warns of keys that were set and have no effect.
 pub(super) fn warn_of_idle_keys(scene: &Scene) {
     warn_of_idle_keys_but(scene, &[]);
+}
+
+/// The same, for flights under conditions, which may bring a radio that loses packets.
+pub(super) fn warn_of_idle_keys_under(conditions: &Conditions, scene: &Scene) {
+    let radio = conditions.draw(scene, 0, 0).sim.radio;
+    warn_of_idle_keys(&Scene { radio, ..scene.clone() });
 }
 
 /// The same, but for keys that the verb uses.

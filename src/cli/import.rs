@@ -9,7 +9,7 @@ use super::evening;
 use super::flags::{FlightFlags, SceneFlags, set_word};
 use super::outcome::{Report, line};
 use super::output::Output;
-use super::relit::relit;
+use super::relit::relit_where_dark;
 use super::show::FlightFigures;
 use crate::error::{Error, Result};
 use crate::flight::airborne;
@@ -21,8 +21,8 @@ pub(super) struct ImportArgs {
     /// CSV. Any other folder holds the logs of an evening, which become one page and a conditions
     /// file: each drone's in a folder with its name, or with its name before the first - or _ of theirs
     log: PathBuf,
-    /// Word that was flown: its letters and the schedule of the headlights are inferred from the
-    /// setpoints (in the letters of the scene or of a preset)
+    /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
+    /// are inferred from the setpoints (in the letters of the scene or of a preset)
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let mut flight = args.flight.read(&args.log)?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
-        relit(&mut flight, &mut scene, &args.log)?;
+        relit_where_dark(&mut flight, &mut scene, &args.log)?;
     }
     let path = output.keep(|out| flight.write_csv(out))?;
     let air_s = airborne(&flight).map(|air| {

@@ -102,7 +102,7 @@ fn text_of(found: &Found) -> String {
         )
     };
     let surfaces =
-        [("room", ambient_stops, "in the picture's middle"), ("floor", floor_stops, "at most")];
+        [("ambient", ambient_stops, "in the picture's middle"), ("floor", floor_stops, "at most")];
     let surfaces = surfaces.map(|(name, stops, place)| {
         let stops = stops.map_or("dark".to_owned(), |stops| format!("{stops:+.1} {place}"));
         format!("{name}\t\t {stops:>9}")
@@ -163,12 +163,12 @@ fn in_one_sentence(found: &Found) -> String {
         if (f_number, iso) == (camera.f_number, camera.iso) {
             let right = if metered.filter_stops > 0 { "the nearest it has" } else { "right" };
             return format!(
-                "f/{f_number} and ISO {iso} are {right}: the room is {room}, the brightest trail \
+                "f/{f_number} and ISO {iso} are {right}: the ambient light is {room}, the brightest trail \
                  ({name}) {trail}{gave_way}.{help}"
             );
         }
         return format!(
-            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The room is then \
+            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The ambient light is then \
              {room}, the trail {trail}{gave_way}.{help}"
         );
     }

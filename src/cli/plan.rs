@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::flags::{DesignFlags, FlightFlags, set_word};
+use super::flags::{DesignFlags, FlightFlags, set_word, warn_of_fewer_drones};
 use super::outcome::{Report, line};
 use super::output::{Output, Outputs, is_svg};
 use super::show;
@@ -51,7 +51,9 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         }
     };
     // With the colors of a drawing.
-    let planned = Shoot::new(scene.clone())?.plans;
+    let shoot = Shoot::new(scene.clone())?;
+    warn_of_fewer_drones(&shoot);
+    let planned = shoot.plans;
     let plans: Vec<Plan> = planned.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
     let files = match output {

@@ -27,7 +27,7 @@ fn is_unlit(flight: &Flight) -> bool {
 /// # Errors
 ///
 /// As [`relight`], with the command that names the letters.
-pub(super) fn relit(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
+fn relit(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
     let Err(error) = relight(flight, &scene.strokes()?) else { return Ok(()) };
     let presets = || Preset::ALL.iter().map(|p| (p.name(), Scene::preset(*p).letters));
     let is_preset = presets().any(|(_, letters)| letters == scene.letters);

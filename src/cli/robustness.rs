@@ -33,10 +33,11 @@ pub(super) struct RobustnessArgs {
 }
 
 pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
+    let usual = args.study.conditions_or("evening")?;
     let options = RobustnessOptions {
-        contender: args.study.scene(&args.scene)?,
+        contender: args.study.scene(&args.scene, &usual)?,
         words: args.study.words(20)?,
-        usual: args.study.conditions_or("evening")?,
+        usual,
         times: args.times.clone(),
         seed: args.study.seed,
     };

@@ -193,7 +193,7 @@ pub(super) fn camera_line(shot: &Shot) -> String {
         };
         let trail = in_stops(metered.trail_stops);
         let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
-        format!("; metered: room {room}, trail {trail}{gave_way}{help}")
+        format!("; metered: ambient {room}, trail {trail}{gave_way}{help}")
     });
     line("camera", &format!("f/{f_number}, ISO {iso}{metered}"))
 }

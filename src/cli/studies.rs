@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use clap::Args;
 use serde_json::json;
 
-use super::flags::{find_scene, warn_of_idle_keys};
+use super::flags::{find_scene, warn_of_idle_keys_under};
 use super::message;
 use super::outcome::{Report, wrapped};
 use super::output::Output;
@@ -47,10 +47,12 @@ pub(super) struct StudyFlags {
 impl StudyFlags {
     /// A study of some scenes.
     pub(super) fn study(&self, scenes: &[String]) -> Result<Study> {
+        let conditions = self.conditions()?;
+        let contenders = scenes.iter().map(|named| self.scene(named, &conditions));
         let study = Study {
-            contenders: scenes.iter().map(|named| self.scene(named)).collect::<Result<_>>()?,
+            contenders: contenders.collect::<Result<_>>()?,
             words: self.words(50)?,
-            conditions: self.conditions()?,
+            conditions,
             seed: self.seed,
         };
         study.check()?;
@@ -58,9 +60,9 @@ impl StudyFlags {
     }
 
     /// A scene with the keys that were set.
-    pub(super) fn scene(&self, named: &str) -> Result<NamedScene> {
+    pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let found = find_scene(named, &self.set.set)?;
-        warn_of_idle_keys(&found.scene);
+        warn_of_idle_keys_under(conditions, &found.scene);
         Ok(found)
     }
 

@@ -94,7 +94,7 @@ impl std::str::FromStr for Budget {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let budget: Budget = args.budget.parse()?;
-    let mut base = args.study.scene(&args.scene)?;
+    let mut base = args.study.scene(&args.scene, &args.study.conditions()?)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;
         let scaled = letters.scaled(cap_height_m / letters.cap_height_m);

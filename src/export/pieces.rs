@@ -79,8 +79,10 @@ impl Stretch {
         if let Some(low) = setpoints.iter().find(|setpoint| setpoint.on_floor()) {
             let (z_m, time_s) = (low.position_m.z, low.time_s);
             return Err(Error::Infeasible {
-                what: format!("the letters reach down to {z_m:.2} m at {time_s:.1} s"),
-                hint: "write higher (letters.baseline_m)".into(),
+                what: format!(
+                    "the letters or the run-up to them reach down to {z_m:.2} m at {time_s:.1} s"
+                ),
+                hint: "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)".into(),
             });
         }
         let stop_m_s2 = stop.acceleration_m_s2;

@@ -132,18 +132,21 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
 /// Share of the luminance in the strongest channel from which light is colored; white has 1.
 const COLORED: f64 = 1.25;
 
-/// Exposure of the trail of a label in the strongest channel of its brightest color, median over the length,
-/// in stops relative to saturation; `None` where it is white throughout.
+/// Exposure of the trail of a label in the strongest channel of its brightest color and of its brightest
+/// white, median over the length, in stops relative to saturation; `None` where it has no such light.
 #[must_use]
-pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> Option<f64> {
-    let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
-    let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
-    let channels: Vec<(&Lamp, f64)> = channels.collect();
-    channels.iter().find(|(lamp, share)| *share > COLORED * luminance(lamp.emitter.rgb))?;
-    let found = channels.into_iter().filter_map(|(lamp, share)| {
-        reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
-    });
-    found.max_by(f64::total_cmp)
+pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
+    let brightest = |colored: bool| {
+        let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
+        let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
+        let alike = channels
+            .filter(|(lamp, share)| (*share > COLORED * luminance(lamp.emitter.rgb)) == colored);
+        let found = alike.filter_map(|(lamp, share)| {
+            reading(lamp, &in_picture(lamp, share, camera), camera).map(|found| found.median_stops)
+        });
+        found.max_by(f64::total_cmp)
+    };
+    [true, false].map(brightest)
 }
 
 /// The trail of a lamp in the picture, in a channel that has a share of its light.

@@ -2,7 +2,7 @@
 
 use super::{Finding, Peak, Profile};
 use crate::flight::tracking::{Part, track};
-use crate::flight::{Flight, FlightSample, Warning, saturated_s};
+use crate::flight::{Flight, FlightSample, SATURATED_S, Warning, saturated_s};
 use crate::plan::StrokeEnd;
 use crate::shoot::CHECK_LIGHT;
 use crate::statistics::weighted_quantile;
@@ -25,6 +25,8 @@ pub(super) struct Flown<'a> {
     pub(super) evener: Option<[f64; 2]>,
     /// Cap height of its letters; `None` of a drawing, and where no word is named.
     pub(super) cap_height_m: Option<f64>,
+    /// Whether it draws a file.
+    pub(super) is_drawing: bool,
     /// Largest motor command.
     pub(super) motor_max: f64,
     /// Whether the simulated drone has a battery that sags.
@@ -64,12 +66,16 @@ pub(super) fn check_flown(flown: &Flown<'_>, profile: &Profile) -> [Finding; 8] 
 
 /// Whether the letters are high enough for the error of the height.
 fn altitude_hold(flown: &Flown<'_>) -> Finding {
-    let unchecked = |why| {
+    let unchecked = |why, advice| {
         let wanted = "letters of a known height, not a drawing";
-        Finding::unchecked("altitude hold", why, wanted, "name the word of the plans: {word}")
+        Finding::unchecked("altitude hold", why, wanted, advice)
     };
+    let of_plans = "name the word of the plans: {word}";
     let Some(cap_height_m) = flown.cap_height_m else {
-        return unchecked("there are no letters whose height is known");
+        return match flown.is_drawing {
+            true => unchecked("a drawing has no letters", "look at its preview"),
+            false => unchecked("there are no letters whose height is known", of_plans),
+        };
     };
     match track(flown.flight, Part::Letters) {
         Ok(tracking) => Finding::AltitudeHold(Peak {
@@ -77,7 +83,7 @@ fn altitude_hold(flown: &Flown<'_>) -> Finding {
             most: cap_height_m,
             time_s: None,
         }),
-        Err(_) => unchecked("the flight writes no letter"),
+        Err(_) => unchecked("the flight writes no letter", of_plans),
     }
 }
 
@@ -101,7 +107,9 @@ fn motors(flown: &Flown<'_>) -> Finding {
     let samples = &flown.flight.samples;
     let first = samples.iter().find(|s| s.is_saturated(flown.motor_max));
     let time_s = first.map(|s| s.time_s);
-    let value = saturated_s(samples, flown.motor_max);
+    // A flight of ours counts the controller's own ticks.
+    let counted_s = flown.flight.extra.get(SATURATED_S).and_then(|column| column.last());
+    let value = counted_s.copied().unwrap_or_else(|| saturated_s(samples, flown.motor_max));
     Finding::Motors(Peak { value, most: BRIEF_SATURATED_S, time_s })
 }
 
@@ -116,6 +124,8 @@ fn battery(flown: &Flown<'_>) -> Finding {
     Finding::Battery(warnings.find(is_battery).cloned())
 }
 
+const NO_LAMP: &str = "no lamp follows the plan's light";
+
 /// A check of the light that there is none for.
 fn without_light(check: &'static str, why: &str) -> Finding {
     Finding::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
@@ -125,6 +135,7 @@ fn streaks(flown: &Flown<'_>) -> Finding {
     let worst = flown.ends.iter().max_by(|a, b| a.streak_m.abs().total_cmp(&b.streak_m.abs()));
     match worst {
         None => without_light("lit transit", "the flight has no lit stroke"),
+        Some(_) if flown.painted.is_empty() => without_light("lit transit", NO_LAMP),
         Some(worst) => {
             let cap_height_m = flown.cap_height_m.unwrap_or(DRAWN_CAP_HEIGHT_M);
             Finding::LitTransit(*worst, MAX_STREAK_FRAC * cap_height_m)
@@ -142,7 +153,7 @@ fn median_dose(painted: &[(f64, f64, f64)]) -> f64 {
 
 fn dwell(flown: &Flown<'_>) -> Finding {
     if flown.painted.is_empty() {
-        return without_light("lit dwell", "no lamp follows the plan's light");
+        return without_light("lit dwell", NO_LAMP);
     }
     let median = median_dose(flown.painted);
     let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
@@ -199,6 +210,7 @@ mod tests {
             evenness_stops: None,
             evener: None,
             cap_height_m: Some(0.5),
+            is_drawing: false,
             motor_max: 1.0,
             battery_modeled: true,
         }
@@ -235,6 +247,17 @@ mod tests {
             assert_eq!((row.severity, row.value), (Severity::Unknown, None), "{row:?}");
             assert!(!row.detail.is_empty() && !row.advice.0.is_empty(), "it says why: {row:?}");
         }
+        let end = StrokeEnd { time_s: 1.0, at_m: Vector3::zeros(), on: true, streak_m: 0.01 };
+        let unlit = streaks(&Flown { ends: &[end], ..flown(&Flight::default()) });
+        assert_eq!(unlit.severity(), Severity::Unknown, "its lamp shines all the way");
+    }
+
+    #[test]
+    fn a_flight_of_ours_says_itself_how_long_a_motor_was_at_its_limit() {
+        let extra = [(SATURATED_S.to_owned(), vec![0.0, 0.084])].into();
+        let found = motors(&flown(&Flight { extra, ..Flight::default() }));
+        let Finding::Motors(peak) = found else { panic!("{found:?}") };
+        assert_eq!(peak.value, 0.084);
     }
 
     #[test]

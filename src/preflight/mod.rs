@@ -185,6 +185,7 @@ fn check_flight(
             _ => None,
         },
         cap_height_m: shoot.strokes.as_ref().and_then(cap_height_m),
+        is_drawing: shoot.strokes.as_ref().is_some_and(|strokes| strokes.font.is_none()),
         motor_max: scene.vehicle.motor_max,
         battery_modeled: scene.battery.capacity_ah > 0.0,
     };

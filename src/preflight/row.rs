@@ -290,7 +290,8 @@ impl Finding {
                         "error of the height up to {:.0} mm, a twentieth of the letters",
                         50.0 * most
                     ),
-                    "write larger letters ({letters.cap_height_m}), or fly a better height sensor",
+                    "write larger letters, or fewer where a canvas shrinks them \
+                     ({letters.cap_height_m}, {letters.canvas_m}), or fly a better height sensor",
                 )
             }
             Self::Tilt(peak @ Peak { value, most, time_s }) => {
@@ -369,7 +370,8 @@ impl Finding {
                 Row { limit: 1.0, ..row }.say(
                     format!("{seen:.1} % of the flight's box is seen by two base stations"),
                     "two Lighthouse stations see every place",
-                    "move the word or the stations (see `coverage`)",
+                    "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move \
+                     the stations (see `coverage`)",
                 )
             }
             Self::Picture(problem) => {

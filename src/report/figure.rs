@@ -13,8 +13,11 @@ const SIDES_PX: [f64; 2] = [72.0, 24.0];
 const EDGE_PX: f64 = 12.0;
 /// Width of a panel.
 pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
-/// Room above the first panel.
+/// Room above the first panel, with one row or two of the legend.
 const HEAD_PX: f64 = 72.0;
+/// Height of a row of the legend, and width of its samples.
+const LEGEND_ROW_PX: f64 = 18.0;
+const LEGEND_LINE_PX: f64 = 28.0;
 /// Room below each panel, and more below the last for the name of its axis.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// plotters draws on whole pixels; a canvas this many times as fine, shown smaller, is smooth.
@@ -94,7 +97,7 @@ pub(super) struct Figure {
 impl Figure {
     /// The figure as an SVG file's text, [`WIDTH_PX`] wide.
     pub(super) fn svg(&self) -> String {
-        let height_px = HEAD_PX
+        let height_px = self.head_px()
             + BELOW_PX[1]
             + EDGE_PX
             + self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum::<f64>();
@@ -118,7 +121,7 @@ impl Figure {
         let style = text_style((PANEL_WIDTH_PX / wide_em).clamp(2.0, 20.0), INK, HPos::Left);
         root.draw_text(&title, &style, at(SIDES_PX[0], 24.0))?;
         self.draw_legend(root)?;
-        let mut top_px = HEAD_PX;
+        let mut top_px = self.head_px();
         for (index, panel) in self.panels.iter().enumerate() {
             let last = index + 1 == self.panels.len();
             let below_px = if last { BELOW_PX[0] + BELOW_PX[1] } else { BELOW_PX[0] };
@@ -133,23 +136,37 @@ impl Figure {
     }
 
     fn draw_legend<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Drawn<B> {
-        let line_px = 28.0;
-        let entry_px = |name: &str| line_px + 32.0 + name.chars().count() as f64 * 8.0;
-        let all_px: f64 = self.legend.iter().map(|(name, _)| entry_px(name)).sum();
-        // One row where it fits, else two closer ones.
-        let mut high_px = if all_px > PANEL_WIDTH_PX { 44.0 } else { 50.0 };
-        let mut left_px = SIDES_PX[0];
-        for (name, pen) in &self.legend {
-            if left_px + entry_px(name) > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && high_px < 50.0 {
-                (left_px, high_px) = (SIDES_PX[0], high_px + 18.0);
-            }
-            let sample = [at(left_px, high_px), at(left_px + line_px, high_px)];
+        let (places, n_rows) = self.legend_places();
+        // One row is in the middle of the room of two closer ones.
+        let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
+        for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
+            let high_px = first_px + f64::from(row) * LEGEND_ROW_PX;
+            let sample = [at(left_px, high_px), at(left_px + LEGEND_LINE_PX, high_px)];
             root.draw(&PathElement::new(sample, pen.style()))?;
-            let from = at(left_px + line_px + 8.0, high_px);
+            let from = at(left_px + LEGEND_LINE_PX + 8.0, high_px);
             root.draw_text(name, &text_style(15.0, INK, HPos::Left), from)?;
-            left_px += entry_px(name);
         }
         Ok(())
+    }
+
+    /// Where the entries of the legend begin, with their rows; and the number of rows.
+    fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
+        let (mut left_px, mut row) = (SIDES_PX[0], 0);
+        let place = |(name, _): &(String, Pen)| {
+            let wide_px = LEGEND_LINE_PX + 32.0 + name.chars().count() as f64 * 8.0;
+            if left_px + wide_px > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && left_px > SIDES_PX[0] {
+                (left_px, row) = (SIDES_PX[0], row + 1);
+            }
+            let at = (left_px, row);
+            left_px += wide_px;
+            at
+        };
+        (self.legend.iter().map(place).collect(), row + 1)
+    }
+
+    /// Height of the title and the legend.
+    fn head_px(&self) -> f64 {
+        HEAD_PX + LEGEND_ROW_PX * f64::from(self.legend_places().1.saturating_sub(2))
     }
 }
 
@@ -168,7 +185,7 @@ impl Panel {
             .y_label_area_size(fine(SIDES_PX[0] - EDGE_PX))
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         #[expect(clippy::cast_possible_truncation, reason = "a few")]
-        let n_labels = |length_px: f64| (length_px / 60.0).max(3.0) as usize;
+        let n_labels = |length_px: f64| (length_px / 60.0).max(4.0) as usize;
         chart
             .configure_mesh()
             .x_labels(n_labels(PANEL_WIDTH_PX))

@@ -76,7 +76,9 @@ pub fn pareto(
 /// fit. SVG.
 #[must_use]
 pub fn endurance(title: &str, curves: &[(String, Vec<(f64, f64)>)]) -> String {
-    let pens = COLORS.into_iter().cycle().map(|color| Pen { color, width_px: 2.0 });
+    // More curves than colors are told apart by their width.
+    let widths = [2.0, 4.0].into_iter().cycle();
+    let pens = widths.flat_map(|width_px| COLORS.map(|color| Pen { color, width_px }));
     let named: Vec<_> = curves.iter().zip(pens).collect();
     let x = around(curves.iter().flat_map(|(_, points)| points.iter().map(|p| p.0)), 0.1);
     let curve = |((_, points), pen): &(&(String, Vec<_>), _)| Curve {

@@ -90,8 +90,13 @@ const RULES: &[Rule] = &[
     ),
     (
         &["camera.metering.color_stops"],
-        |s| !s.plan.lights.iter().any(|lamp| lamp == "color-led" || lamp.starts_with("ring")),
-        "the plan writes with headlights, which are white",
+        |s| {
+            let own = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
+            let led = own || !s.letters.drawing.is_empty();
+            let has_color = |lamp: &String| lamp == "color-led" && led || lamp.starts_with("ring");
+            !s.plan.lights.iter().any(has_color)
+        },
+        "the plan writes in white",
     ),
     (
         &["light.letters_wrgb"],

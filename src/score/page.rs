@@ -2,6 +2,7 @@
 
 use super::PX_PER_H;
 use super::plane::Grid;
+use super::raster::whole;
 use crate::letters::Cell;
 
 /// Farthest shift of a letter that is searched, in pixels: a quarter of a cap height.
@@ -9,6 +10,9 @@ pub(super) const REACH_PX: usize = 8;
 
 /// Margin beside the cell, and above and below it, in pixels.
 const MARGIN_PX: [f64; 2] = [5.0, 12.0];
+
+/// Width of the pen and of its blur, in pixels.
+const PEN_PX: f64 = 3.0;
 
 /// A grid around a letter's cell.
 #[derive(Clone, Debug)]
@@ -43,6 +47,14 @@ impl LetterPage {
         let [x, y] = [self.grid.width, self.grid.height].map(|side| 0.5 * side as f64);
         let [half_width, half_height] = self.cell_px.map(|side| 0.5 * side);
         [x - half_width, y - half_height, x + half_width, y + half_height]
+    }
+
+    /// The page without what is beside the cell, where other letters may shine brighter.
+    pub(super) fn columns_of_cell(&self) -> Grid {
+        let [left, _, right, _] = self.cell();
+        let [from, to] = [(left - PEN_PX).floor(), (right + PEN_PX).ceil()];
+        let left_m = self.grid.left_m + from * self.grid.pitch_m;
+        Grid { left_m, width: whole(to - from), ..self.grid.clone() }
     }
 
     /// Whether a point is within the cell and its margin.

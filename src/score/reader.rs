@@ -32,6 +32,10 @@ use crate::photo::Photo;
 /// beside letters that are half missing.
 const INK_SHARE: f64 = 0.5;
 
+/// Least share of the light in a letter's cell that is of the color of its page's brightest light, which
+/// is then the letter's. White that an overexposed blue line tints has 0.5, another color none.
+const LEAST_OWN: f32 = 0.25;
+
 /// Reads photos of one word.
 pub struct Reader {
     options: ScoreOptions,
@@ -340,12 +344,18 @@ fn lit_length_m(glyph: &Glyph) -> f64 {
 /// pixels: one of ours holds a stroke and the status light beside it.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    let frame = grid.frame(view, &seen.placed);
-    let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(&frame));
-    let share = INK_SHARE * ink_px / (grid.width * grid.height) as f64;
-    let n_brightest = whole(share * pixels.len() as f64);
-    let color =
-        if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) };
+    let color_in = |part: &Grid| {
+        let frame = part.frame(view, &seen.placed);
+        let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(&frame));
+        let share = INK_SHARE * ink_px / (part.width * part.height) as f64;
+        let n_brightest = whole(share * pixels.len() as f64);
+        if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
+    };
+    let (mut color, own) = (color_in(grid), color_in(&page.columns_of_cell()));
+    // Letters beside it may be brighter, and of another color.
+    if color::pure(color)(own) < LEAST_OWN * luminance(own) {
+        color = own;
+    }
     let pure = color::pure(color);
     let pure = grid.resample_of(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
     let pure = brightness(grid, &pure);

@@ -134,6 +134,11 @@ impl Verdict {
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
     }
 
+    /// Nobody can read the word, whatever the letters look like.
+    pub(crate) fn refuse(&mut self, reason: Reason) {
+        (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
+    }
+
     /// Whether blind recognition reads another text than the word; equal shapes are equal.
     #[must_use]
     pub fn is_contradicted(&self) -> bool {

@@ -89,7 +89,7 @@ impl Shoot {
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&all, &mut camera, options, photo);
-        check_place(&all, bounds_m, &camera)?;
+        check_place(&all, bounds_m, &camera, &self.scene.camera.framing)?;
         problems.extend(problems::outside(&all, bounds_m, &camera));
         let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
@@ -138,18 +138,27 @@ impl Shoot {
 }
 
 /// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
-fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camera) -> Result<()> {
-    let hint =
-        "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"";
+fn check_place(
+    trace: &LightTrace,
+    [left, _, right, _]: [f64; 4],
+    camera: &Camera,
+    framing: &Framing,
+) -> Result<()> {
+    let (place, hint) = match framing {
+        Framing::Fixed(_) => (
+            "camera.framing.position_m",
+            "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"",
+        ),
+        Framing::Word(_) => (
+            "camera.framing",
+            "write larger letters (letters.cap_height_m), or let them fill less of the picture \
+             (camera.framing.fill_frac)",
+        ),
+    };
     let [x, y, z] = camera.position_m.into();
     if left < right && y > 0.0 {
         let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
-        return Err(Error::input(
-            "camera.framing.position_m",
-            found,
-            "y below 0, in front of it",
-            hint,
-        ));
+        return Err(Error::input(place, found, "y below 0, in front of it", hint));
     }
     let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
     for lamp in &trace.lamps {
@@ -162,7 +171,7 @@ fn check_place(trace: &LightTrace, [left, _, right, _]: [f64; 4], camera: &Camer
                 sample.time_s
             );
             let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
-            return Err(Error::input("camera.framing.position_m", found, wanted, hint));
+            return Err(Error::input(place, found, wanted, hint));
         }
     }
     Ok(())

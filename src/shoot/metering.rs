@@ -118,11 +118,16 @@ pub fn recommended(
     let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
-    // A clipped channel turns a color toward white: the strongest one counts.
-    let (aim_stops, found_stops) = match color_stops(trace, &camera, &brightest.name) {
-        Some(color_stops) => (aims.color_stops, color_stops),
-        None => (aims.trail_stops, trail_stops),
-    };
+    // A clipped channel turns a color toward white: the strongest one counts. White may be clipped.
+    let mut aim = (aims.trail_stops, trail_stops);
+    if let [Some(color), white] = color_stops(trace, &camera, &brightest.name) {
+        let white = white.map_or(f64::INFINITY, |white| aims.trail_stops - white);
+        aim = match aims.color_stops - color < white {
+            true => (aims.color_stops, color),
+            false => (aims.trail_stops, aims.trail_stops - white),
+        };
+    }
+    let (aim_stops, found_stops) = aim;
     let (more, gave_way) = more_stops(&aims, aim_stops, found_stops, room_stops);
 
     // The aperture first; sensitivity where the widest is not enough.

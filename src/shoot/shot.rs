@@ -14,7 +14,7 @@ use crate::light::gaps::{Gap, dark};
 use crate::photo::{Photo, develop};
 use crate::plan::PlanOptions;
 use crate::scene::Scene;
-use crate::score::{Known, LogGap, Marks, Reader, Verdict, View};
+use crate::score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
@@ -107,6 +107,11 @@ impl Shoot {
             read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
         let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
         if let Some(exposed) = problems::of_photo(&photo, &camera) {
+            // A reader that raises faint light to full light may find letters in noise.
+            let is_dark = matches!(exposed, Problem::Underexposed(_));
+            if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
+                verdict.refuse(Reason::NoLight);
+            }
             // A missing trail has its cause before the exposure where one was found.
             problems.insert(usize::from(is_hidden), exposed);
         }

@@ -410,6 +410,20 @@ fn gains_prints_both_matrices_for_people_and_for_programs() {
 }
 
 #[test]
+fn warnings_name_what_has_no_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let stderr = |args: &str| {
+        let run = noctograph(folder.path()).args(args.split(' ')).assert().success();
+        String::from_utf8(run.get_output().stderr.clone()).unwrap()
+    };
+    assert!(stderr("plan PIX --drones 5").contains("3 of 5 drones fly"));
+    let on_board = "--set radio.setpoints=on-board";
+    assert!(stderr(&format!("plan I {on_board}")).contains("radio.setpoints has no effect"));
+    let robustness = stderr(&format!("robustness cf21 --words I:1 --times 0,1 {on_board}"));
+    assert!(!robustness.contains("no effect"), "conditions have a radio: {robustness}");
+}
+
+#[test]
 fn gains_shows_the_loops_of_the_scenes_own_controller() {
     let folder = tempfile::tempdir().unwrap();
     for (scene, kind, loop_of) in

@@ -30,6 +30,6 @@ fn every_fault_takes_probability_level_by_level() {
         // which half is missing may say less than one of which two thirds are.
         let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
         assert!(gain <= 0.12, "{}: {falling:?}, a worse level gains {gain}", fault.name);
-        assert!(falling[LEVELS - 1] < 0.65, "{} at its worst: {falling:?}", fault.name);
+        assert!(falling[LEVELS - 1] < 0.7, "{} at its worst: {falling:?}", fault.name);
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use noctograph::light::LightTrace;
 use noctograph::photo::Photo;
 
-use crate::cli::{fails, json, noctograph};
+use crate::cli::{fails, json, noctograph, run_json};
 use crate::gpu_required;
 
 /// A light trace of so many drones' third, at a height of its own.
@@ -122,6 +122,42 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     assert!(halves[0] > 10_000 && halves[1] < -10_000, "{halves:?}");
 
     assert_eq!(again(&["--scene", "one/photo.png", "-o", "two"]), first, "the scene of a photo");
+}
+
+#[test]
+fn letters_in_several_colors_are_as_faithful_as_in_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let faithfulness = |colors: &str| {
+        let small = ["--backend", "cpu", "--size", "640x360", "-o", "out"];
+        let preview = [&["preview", "PIX", "--color", colors], &small[..]].concat();
+        run_json(folder.path(), &preview)["faithfulness"].as_f64().unwrap()
+    };
+    let (one, several) = (faithfulness("red"), faithfulness("red,chartreuse,#0af"));
+    assert!(one > 0.95 && several > 0.95, "{one}, {several}");
+}
+
+/// Strokes of an orange color, and a short white one.
+#[test]
+fn a_drawing_that_fills_its_canvas_is_safe_and_its_colors_are_metered() {
+    let folder = tempfile::tempdir().unwrap();
+    let metered = |white: &str| {
+        let strokes = format!("<path d='M0 0 h40 v20 h-40 z' stroke='#f80'/>{white}");
+        let svg = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 40 20' fill='none'>{strokes}</svg>"
+        );
+        std::fs::write(folder.path().join("a.svg"), svg).unwrap();
+        let drawing = ["--drawing", "a.svg", "--set", "light.deck=color-led"];
+        noctograph(folder.path()).arg("check").args(drawing).assert().success();
+        let found = run_json(folder.path(), &[&["meter"], &drawing[..]].concat());
+        found["recommended"].clone()
+    };
+    let colored = metered("");
+    assert!(colored["f_number"].is_number(), "{colored}");
+    // White by four dies is three stops brighter than orange, and may be clipped by two.
+    let both = metered("<path d='M10 10 h4' stroke='#fff'/>");
+    let stops = |found: &serde_json::Value| 2.0 * found["f_number"].as_f64().unwrap().log2();
+    let less = stops(&both) - stops(&colored);
+    assert!(both["filter_stops"] == 0 && (0.0..1.0).contains(&less), "{both}, {colored}");
 }
 
 #[test]
