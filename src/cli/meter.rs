@@ -163,13 +163,13 @@ fn in_one_sentence(found: &Found) -> String {
         if (f_number, iso) == (camera.f_number, camera.iso) {
             let right = if metered.filter_stops > 0 { "the nearest it has" } else { "right" };
             return format!(
-                "f/{f_number} and ISO {iso} are {right}: the ambient light is {room}, the brightest trail \
-                 ({name}) {trail}{gave_way}.{help}"
+                "f/{f_number} and ISO {iso} are {right}: the ambient light is {room}, the \
+                 brightest trail ({name}) {trail}{gave_way}.{help}"
             );
         }
         return format!(
-            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The ambient light is then \
-             {room}, the trail {trail}{gave_way}.{help}"
+            "The brightest trail ({name}) is {now}: set f/{f_number} and ISO {iso}. The ambient \
+             light is then {room}, the trail {trail}{gave_way}.{help}"
         );
     }
     let wanted = in_stops(found.target_stops);

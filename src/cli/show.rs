@@ -142,7 +142,7 @@ impl<'a> FlightFigures<'a> {
             }
         };
         let (rmse, lag_s, contour) = (tracking.rmse_m, tracking.lag_s, tracking.contour);
-        let battery = at_end(flight, BATTERY_V).zip(at_end(flight, ENERGY_J));
+        let battery = flight.at_end(BATTERY_V).zip(flight.at_end(ENERGY_J));
         let battery = battery.map_or_else(String::new, |(volts, joules)| {
             line("battery", &format!("{volts:.2} V at the end, {joules:.0} J used"))
         });
@@ -172,7 +172,7 @@ impl<'a> FlightFigures<'a> {
         };
         json["duration_s"] = duration_s(flight).into();
         for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
-            if let Some(last) = at_end(flight, column) {
+            if let Some(last) = flight.at_end(column) {
                 json[column] = last.into();
             }
         }
@@ -243,10 +243,6 @@ pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<Stri
 }
 
 /// The final value of one of the simulator's own columns.
-fn at_end(flight: &Flight, column: &str) -> Option<f64> {
-    flight.extra.get(column)?.last().copied()
-}
-
 fn duration_s(flight: &Flight) -> f64 {
     flight.samples.last().map_or(0.0, |last| last.time_s)
 }

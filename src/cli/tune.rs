@@ -21,8 +21,8 @@ use crate::scene::NamedScene;
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::study::{
-    Candidate, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned, candidates_csv,
-    evaluate, rank, tune,
+    Candidate, Conditions, Knob, Limits, SearchKind, Store, Study, TuneOptions, Tuned,
+    candidates_csv, evaluate, rank, tune,
 };
 
 #[derive(Debug, Args)]
@@ -94,14 +94,15 @@ impl std::str::FromStr for Budget {
 
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let budget: Budget = args.budget.parse()?;
-    let mut base = args.study.scene(&args.scene, &args.study.conditions()?)?;
+    let conditions = args.study.conditions()?;
+    let mut base = args.study.scene(&args.scene, &conditions)?;
     if let Some(cap_height_m) = args.cap_height {
         let letters = &mut base.scene.letters;
         let scaled = letters.scaled(cap_height_m / letters.cap_height_m);
         *letters = LetterOptions { cap_height_m, ..scaled };
         base.scene.check()?;
     }
-    let options = options(args, &base.scene, budget.flights)?;
+    let options = options(args, &base.scene, conditions, budget.flights)?;
     let store = open_store(&args.output)?;
     let files = ["scene.toml", "candidates.csv", "pareto.svg"];
     let [scene_file, candidates_file, pareto_file] =
@@ -143,7 +144,12 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(Report::new(report(&options, &tuned) + &tested + "\n", json).with_files(&paths))
 }
 
-fn options(args: &TuneArgs, scene: &Scene, budget: usize) -> Result<TuneOptions> {
+fn options(
+    args: &TuneArgs,
+    scene: &Scene,
+    conditions: Conditions,
+    budget: usize,
+) -> Result<TuneOptions> {
     let knobs = match args.knob.as_slice() {
         [] => Knob::usual(scene),
         knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
@@ -157,7 +163,7 @@ fn options(args: &TuneArgs, scene: &Scene, budget: usize) -> Result<TuneOptions>
         words: args.study.words(6)?,
         budget,
         limits: Limits { duration_s: args.longest, ..Limits::default() },
-        conditions: args.study.conditions()?,
+        conditions,
         seed: args.study.seed,
     };
     options.check()?;

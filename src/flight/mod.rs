@@ -55,6 +55,13 @@ pub struct Flight {
     pub warnings: Vec<Warning>,
 }
 
+impl Flight {
+    /// Last value of a further column; `None` where the flight lacks it.
+    pub(crate) fn at_end(&self, column: &str) -> Option<f64> {
+        self.extra.get(column)?.last().copied()
+    }
+}
+
 /// A quantity of a sample, which a log may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {

@@ -108,8 +108,8 @@ fn motors(flown: &Flown<'_>) -> Finding {
     let first = samples.iter().find(|s| s.is_saturated(flown.motor_max));
     let time_s = first.map(|s| s.time_s);
     // A flight of ours counts the controller's own ticks.
-    let counted_s = flown.flight.extra.get(SATURATED_S).and_then(|column| column.last());
-    let value = counted_s.copied().unwrap_or_else(|| saturated_s(samples, flown.motor_max));
+    let counted_s = flown.flight.at_end(SATURATED_S);
+    let value = counted_s.unwrap_or_else(|| saturated_s(samples, flown.motor_max));
     Finding::Motors(Peak { value, most: BRIEF_SATURATED_S, time_s })
 }
 

@@ -119,15 +119,13 @@ pub fn recommended(
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
     // A clipped channel turns a color toward white: the strongest one counts. White may be clipped.
-    let mut aim = (aims.trail_stops, trail_stops);
-    if let [Some(color), white] = color_stops(trace, &camera, &brightest.name) {
-        let white = white.map_or(f64::INFINITY, |white| aims.trail_stops - white);
-        aim = match aims.color_stops - color < white {
-            true => (aims.color_stops, color),
-            false => (aims.trail_stops, aims.trail_stops - white),
-        };
-    }
-    let (aim_stops, found_stops) = aim;
+    let (aim_stops, found_stops) = match color_stops(trace, &camera, &brightest.name) {
+        [None, _] => (aims.trail_stops, trail_stops),
+        [Some(color), Some(white)] if aims.trail_stops - white < aims.color_stops - color => {
+            (aims.trail_stops, white)
+        }
+        [Some(color), _] => (aims.color_stops, color),
+    };
     let (more, gave_way) = more_stops(&aims, aim_stops, found_stops, room_stops);
 
     // The aperture first; sensitivity where the widest is not enough.

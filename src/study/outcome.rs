@@ -223,8 +223,7 @@ fn saturated_frac(flight: &Flight) -> f64 {
 
 /// Energy drawn from the battery; where the scene has none, that of a full one.
 fn energy_j(flight: &Flight, options: &SimOptions) -> f64 {
-    let drawn_j = flight.extra.get(ENERGY_J).and_then(|column| column.last());
-    drawn_j.copied().unwrap_or_else(|| modeled_energy_j(&flight.samples, options))
+    flight.at_end(ENERGY_J).unwrap_or_else(|| modeled_energy_j(&flight.samples, options))
 }
 
 /// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.
