@@ -8,12 +8,11 @@ use std::num::NonZero;
 
 use noctograph::camera::Metering;
 use noctograph::error::Result;
-use noctograph::letters;
-use noctograph::light::Deck;
+use noctograph::light::Fixture;
 use noctograph::photo::Photo;
 use noctograph::plan::Plan;
 use noctograph::scene::Scene;
-use noctograph::score::View;
+use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Recording, Shoot};
 use noctograph::vehicle::GustOptions;
 
@@ -117,7 +116,8 @@ impl Settings {
 /// A flight and what its photographs have in common.
 pub(crate) struct Flown {
     settings: Settings,
-    recording: Recording,
+    /// The word's strokes, and the flight or its light.
+    shoot: Shoot,
     /// First and last light command.
     lit_s: [f64; 2],
     /// What spoiled the flight; empty: nothing.
@@ -205,6 +205,8 @@ pub(crate) fn fly(
         s.set("plan.style.step_m", 0.2 * cap_m);
     } else {
         s.set("plan.style", "even");
+        // The default when the photographs were read.
+        s.set("plan.style.hover_s", 0.5);
     }
     // A planner that knows the drone's lag, and one that does not.
     if fault == "lag" || rng.chance(0.5) {
@@ -273,7 +275,37 @@ pub(crate) fn fly(
     }
     let flight = shoot.fly_drone(0, &mut |_| {})?;
     s.set("light.radio_delay_s", 0.02 + late_s);
-    Ok(Flown { settings: s, recording: Recording::Flight(flight), lit_s, fault, severity: u })
+    (shoot.plans, shoot.actual) = (Vec::new(), Vec::new());
+    shoot.recordings = vec![Recording::Flight(flight)];
+    Ok(Flown { settings: s, shoot, lit_s, fault, severity: u })
+}
+
+impl Flown {
+    /// Lights the lamps once, for all photographs in one color.
+    pub(crate) fn light(&mut self, rng: &mut Rng) -> Result<()> {
+        self.shoot.scene = self.settings.scene()?;
+        self.shoot.scene.light.fixtures = Some(lamps(rng, &self.shoot.scene));
+        if let [Recording::Flight(flight)] = &self.shoot.recordings[..] {
+            self.shoot.recordings = vec![Recording::Light(self.shoot.light_drone(0, flight)?)];
+        }
+        Ok(())
+    }
+
+    /// A reader of the word.
+    pub(crate) fn reader(&self) -> Result<Reader> {
+        let strokes = self.shoot.strokes.as_ref().expect("a word was flown");
+        Reader::new(strokes, &self.shoot.scene.score)
+    }
+}
+
+/// The scene's lamps, the writing ones in a color.
+fn lamps(rng: &mut Rng, scene: &Scene) -> Vec<Fixture> {
+    let mut lamps = scene.light.fixtures();
+    let color = COLORS[rng.below(12).saturating_sub(4)];
+    for lamp in lamps.iter_mut().filter(|lamp| lamp.name.starts_with("headlight")) {
+        lamp.dies[0].chromaticity = color;
+    }
+    lamps
 }
 
 /// Takes a run of light commands out of each letter.
@@ -302,9 +334,9 @@ pub(crate) fn photograph(
 ) -> Result<Taken> {
     let u = rng.unit();
     let mut s = flown.settings.clone();
-    let scene = s.scene()?;
-    let [left, bottom, right, top] = letters::write(&scene.word, &scene.letters)?.bounds_m();
-    let cap_m = scene.letters.cap_height_m;
+    let strokes = flown.shoot.strokes.as_ref().expect("a word was flown");
+    let [left, bottom, right, top] = strokes.bounds_m();
+    let cap_m = flown.shoot.scene.letters.cap_height_m;
     let [width, height] = sizes[rng.below(sizes.len())].map(f64::from);
     let fill = rng.between(0.35, 0.85);
     let px_per_m =
@@ -360,13 +392,9 @@ pub(crate) fn photograph(
     s.set("camera.base_iso", 100.0);
     let mut scene = s.scene()?;
     // The room's light, against white: the meter sets aperture and sensitivity first.
-    let mut lamps = scene.light.fixtures.take().unwrap_or_else(|| Deck::LedRing.fixtures());
-    let color = COLORS[rng.below(12).saturating_sub(4)];
-    for lamp in lamps.iter_mut().filter(|lamp| lamp.name.starts_with("headlight")) {
-        lamp.dies[0].chromaticity = color;
-    }
-    scene.light.fixtures = Some(lamps);
-    let mut shoot = Shoot::with_recordings(scene, vec![flown.recording.clone()])?;
+    scene.light.fixtures = Some(lamps(rng, &scene));
+    let mut shoot = flown.shoot.clone();
+    shoot.scene = scene;
     (shoot.judging, shoot.cores) = (Judging::Skipped, NonZero::new(1));
     if let Some(metered) = shoot.clone().lighting(&|_, _| {})?.metered {
         let camera = &mut shoot.scene.camera;

@@ -1,6 +1,6 @@
 //! Photographs and strips of light for the reader: drawn from seeds, in one process.
 //!
-//! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, four of each
+//! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, two of each
 //!   flight, for the training of the net: of each its labels, width and bytes.
 //! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, with their
 //!   scenes and truth.json; each word is used once.
@@ -36,7 +36,7 @@ use unicode_normalization::UnicodeNormalization;
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
 /// Photographs of each flight, for the training.
-const PHOTOS_OF_FLIGHT: usize = 5;
+const PHOTOS_OF_FLIGHT: usize = 2;
 
 /// Sizes of pictures for the training, whose strips are 40 pixels high.
 const N_SMALL: usize = 7;
@@ -107,13 +107,15 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
         let fault = draw::fault_of_flight(rng, 0.75);
         // A drone that is lost, or a word that its camera does not see, is no example.
         let glints = seed % 3 == 0;
-        let Ok(flown) = draw::fly(rng, &text, &args.faces, fault, glints) else { continue };
+        let Ok(mut flown) = draw::fly(rng, &text, &args.faces, fault, glints) else { continue };
+        flown.light(rng)?;
+        let reader = flown.reader()?;
         for _ in 0..PHOTOS_OF_FLIGHT {
             let fault = draw::fault_of_camera(rng, 0.5);
             let Ok(taken) = draw::photograph(rng, &flown, fault, &SIZES[..N_SMALL]) else {
                 continue;
             };
-            for record in records(&taken, &text)? {
+            for record in records(&reader, &taken, &text)? {
                 out.write_all(&record).expect("room on the disk");
             }
         }
@@ -135,11 +137,10 @@ fn accented(rng: &mut Rng, text: &str) -> String {
 }
 
 /// The strips of a photograph, each after its labels and width.
-fn records(taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
-    let strokes = letters::write(text, &taken.scene.letters)?;
+fn records(reader: &Reader, taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
     let place = |c| CHARACTERS.chars().position(|known| known == c);
     let labels: Vec<u8> = text.nfd().filter_map(place).map(|at| at as u8 + 1).collect();
-    let strips = Reader::new(&strokes, &taken.scene.score)?.strips(&taken.photo, &taken.view)?;
+    let strips = reader.strips(&taken.photo, &taken.view)?;
     let record = |(width, bytes): (usize, Vec<u8>)| {
         let head = [labels.len() as u16, width as u16].map(u16::to_le_bytes).concat();
         [head, labels.clone(), bytes].concat()
