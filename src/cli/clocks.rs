@@ -126,6 +126,13 @@ pub(super) fn align_logs(
         log.offset_s -= earliest_s;
         samples.iter_mut().for_each(|sample| sample.time_s += log.offset_s);
     }
+    for (alignment, log) in alignments.iter_mut().zip(&logs[1..]) {
+        alignment.offset_s = log.offset_s;
+    }
+    if let Some(first) = logs.first().filter(|first| first.offset_s > 0.0) {
+        let (file, offset_s) = (first.path.clone(), first.offset_s);
+        alignments.insert(0, Alignment { file, how: How::Common, offset_s });
+    }
     Ok(alignments)
 }
 

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::outcome::{Report, line};
 use super::output::OutputFolder;
+use super::warn;
 use crate::error::Result;
 use crate::photo::Photo;
 use crate::photo::flip::{Difference, difference};
@@ -26,6 +27,10 @@ pub(super) struct ComparePhotoArgs {
 
 /// Longer side of the pictures that are compared, at most: a photograph is shrunk to it.
 const LONGEST_PX: u32 = 2048;
+
+/// Largest 95th percentile of the trails' distances that two pictures of one word have, by the
+/// photograph's longer side.
+const MOST_OFF: f64 = 0.1;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (Photo::read(&args.render)?, Photo::read(&args.photo)?);
@@ -55,6 +60,9 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         "residual_px": { "median": median_px, "p95": p95_px },
         "mean_flip": mean,
     });
+    if p95_px > MOST_OFF * f64::from(photo.width_px.max(photo.height_px)) {
+        warn(["trails of the render are far from any in the photograph: is it of the same word?"]);
+    }
     let [x, y] = transform.shift_px;
     let (scale, degrees) = (transform.scale, transform.rotation_rad.to_degrees());
     let text = [

@@ -13,7 +13,7 @@ use super::outcome::{Outcome, Report, line};
 use super::output::{Output, OutputFolder};
 use super::{findings, warn};
 use crate::error::{Error, Result};
-use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export};
+use crate::export::{Form, Format, Job, Length, Mode, deviation_m, export, stem};
 use crate::geometry::bounds;
 use crate::plan::Plan;
 use crate::preflight::{Finding, preflight};
@@ -60,7 +60,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let stops = if args.to.flies() { checked(args, flies)? } else { None };
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
         let json = json!({
-            "word": word, "format": args.to.name(), "stops": stops, "files": [],
+            "word": word, "format": args.to.name(), "bytes": null, "drones": shoot.plans.len(),
+            "deviation_mm": null, "stops": stops, "files": [],
         });
         let hint =
             "nothing was written; --unchecked writes it all the same, `check` says what to change";
@@ -98,7 +99,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             vec![Output::create(&path)?.keep(|out| out.write_all(&file.bytes))?]
         }
         files => {
-            let folder = args.output.clone().unwrap_or_else(|| format!("{word}-export").into());
+            let folder =
+                args.output.clone().unwrap_or_else(|| format!("{}-export", stem(&word)).into());
             if folder.is_file() {
                 let (found, hint) = ("a file", "name a folder: there are several files");
                 return Err(Error::input(folder.display(), found, "a folder", hint));

@@ -208,7 +208,8 @@ impl SubjectFlags {
     }
 
     fn named(&self) -> Result<NamedScene> {
-        let mut found = self.design.named(&self.seed.settings())?;
+        let mut found = self.design.named(&[])?;
+        found.scene.seed = self.seed.or(found.scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut found.scene, word)?;
         }
@@ -234,7 +235,13 @@ impl SubjectFlags {
         let plans: Vec<&String> = inputs.iter().filter(is_plan).collect();
         match inputs.as_slice() {
             [] => {}
-            [word] if plans.is_empty() => set_word(&mut named.scene, word)?,
+            [word] if plans.is_empty() => {
+                if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
+                    let hint = "name one of them; --word says what plans write";
+                    return Err(Error::input("--word", other, format!("{word}, or none"), hint));
+                }
+                set_word(&mut named.scene, word)?;
+            }
             all if all.len() == plans.len() => {
                 let plans = plans.iter().map(|file| Plan::read_csv(file.as_ref()));
                 return Shoot::with_plans(named.scene, plans.collect::<Result<_>>()?);

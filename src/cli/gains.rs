@@ -112,7 +112,7 @@ fn tables(design: &Design, scene: &Scene, gains: &LoopGains) -> String {
     }
     let lag_s = design.motor_lag_s;
     text += &format!("\npoles     1/s\n{}", pole_lines("loop", design.regulator_poles.as_ref()));
-    text += &pole_lines(&format!("  {lag_s} s lag"), design.lagging_poles.as_ref());
+    text += &pole_lines(&format!("  {lag_s:.3} s lag"), design.lagging_poles.as_ref());
     if scene.observer.kind == EstimatorKind::Luenberger {
         text += &pole_lines("observer", design.observer_poles.as_ref());
     }
@@ -157,7 +157,7 @@ fn pole_lines(name: &str, poles: Option<&Vec<Complex<f64>>>) -> String {
         im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });
-    wrapped(&format!("{name:14}"), &words.collect::<Vec<_>>().join("  "))
+    wrapped(&format!("{name:13} "), &words.collect::<Vec<_>>().join("  "))
 }
 
 fn margin(margins: &Margins) -> String {

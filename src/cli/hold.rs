@@ -84,10 +84,19 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
 }
 
 fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
-    if typed.iter().any(|name| name == "all") {
-        return Ok(HoldScenario::ALL.to_vec());
+    let named = typed.iter().filter(|name| *name != "all").map(|name| name.parse());
+    let mut found: Vec<HoldScenario> = named.collect::<Result<_>>()?;
+    if found.len() < typed.len() {
+        found = HoldScenario::ALL.to_vec();
     }
-    typed.iter().map(|name| name.parse::<HoldScenario>()).collect()
+    let mut seen = Vec::new();
+    found.retain(|scenario| {
+        !seen.contains(scenario) && {
+            seen.push(*scenario);
+            true
+        }
+    });
+    Ok(found)
 }
 
 fn text_of(found: &[HoldFigures]) -> String {
@@ -126,6 +135,9 @@ fn consistency(found: &[HoldFigures]) -> String {
     let rows = found.iter().flat_map(|f| {
         let errors = f.states.iter().map(|state| format!("\t{:.2}", state.error.value));
         let intervals = f.states.iter().map(|state| {
+            if f.runs < 2 {
+                return "\t -".to_owned();
+            }
             let digits = if state.error.high < 10.0 { 2 } else { 0 };
             format!("\t {:.digits$}-{:.digits$}", state.error.low, state.error.high)
         });

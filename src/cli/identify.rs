@@ -82,7 +82,8 @@ fn text_of(found: &Identified) -> String {
     if let Some(lag) = found.lag {
         let (ms, doubt_ms) = (1e3 * lag.lag_s, 1e3 * lag.half_width_s);
         let note = if lag.is_identifiable() { "" } else { ": not identifiable from this log" };
-        text += &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms (95 %){note}\n");
+        text +=
+            &format!("rotor lag     {ms:.0} ± {doubt_ms:.0} ms when repeated, and may read 30 ms long{note}\n");
     }
     if let Some(air) = found.air {
         let [x, y] = air.torque_sigma_n_m;
@@ -93,7 +94,8 @@ fn text_of(found: &Identified) -> String {
         let per_unit = "N m per unit of a motor's command (95 %)";
         text += &format!("k_M           {k_m_n_m:.2e} ± {half_width_n_m:.1e} {per_unit}\n");
         if !reaction.is_identifiable() {
-            let why = "not identifiable from this log: yaw was not excited";
+            let why = "not identifiable from this log: yaw was not excited, or the log is slower than \
+                       the motors' commands";
             let why = format!("{why} (correlation {correlation:.2})");
             text += &wrapped(&format!("{:14}", ""), &why);
         }

@@ -17,7 +17,9 @@ use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::scene::NamedScene;
-use crate::study::{Conditions, LearnOptions, Prepared, Round, align, correct, learn};
+use crate::study::{
+    Conditions, LearnOptions, Prepared, Round, align, check_writes, correct, learn,
+};
 
 #[derive(Debug, Args)]
 #[command(
@@ -75,15 +77,22 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         smooth_s: args.smooth,
         seed: args.seed,
     };
+    // Nothing is left behind where a log or a plan is refused.
+    let of_logs = match args.flight.is_empty() {
+        true => None,
+        false => Some(from_logs(args, &ready, &options)?),
+    };
     let store = open_store(&args.output)?;
     let scene_file = Output::create(&args.output.join("scene.toml"))?;
-    let n_plans = if args.flight.is_empty() { ready.plans().len() } else { 1 };
+    let n_plans = of_logs.as_ref().map_or(ready.plans().len(), Vec::len);
     let names = (0..n_plans).map(|drone| NamedScene::plan_file(ready.word(), drone, n_plans));
     let names: Vec<String> = names.collect();
     let plan_files = names.iter().map(|name| Output::create(&args.output.join(name)));
     let plan_files = plan_files.collect::<Result<Vec<_>>>()?;
     let (mut rounds, mut helped) = (Vec::new(), None);
-    let plans = if args.flight.is_empty() {
+    let plans = if let Some(plans) = of_logs {
+        plans
+    } else {
         let watch = &mut |round: &Round| {
             let (number, p) = (rounds.len(), round.legibility);
             message("", &format!("round {number}: read with probability {p:.3}"));
@@ -92,8 +101,6 @@ pub(super) fn run(args: &LearnArgs) -> Result<Report> {
         let learned = learn(&ready, &options, Some(&store), watch)?;
         helped = Some(learned.helped());
         learned.plans
-    } else {
-        from_logs(args, &ready, &options)?
     };
     let toml = format!(
         "# Learned by noctograph {} for {}; send {}.\n{}",
@@ -139,7 +146,11 @@ fn rounds_table(rounds: &[Round]) -> String {
 /// One round from flights that were flown elsewhere, by one drone.
 fn from_logs(args: &LearnArgs, ready: &Prepared, options: &LearnOptions) -> Result<Vec<Plan>> {
     let sent = match (&args.sent, ready.plans().as_slice()) {
-        (Some(path), _) => Plan::read_csv(path)?,
+        (Some(path), _) => {
+            let sent = Plan::read_csv(path)?;
+            check_writes(&sent, ready, &path.display().to_string())?;
+            sent
+        }
         (None, [plan]) => plan.clone(),
         (None, plans) => {
             let hint = "learn the plans of several drones one by one: name the one that was sent";

@@ -79,7 +79,8 @@ pub(super) struct LocateArgs {
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
     /// Map the local region of the shared-anchor observer for the scene's word, without a log
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["reference", "offset", "clocks", "anchors", "observer",
+          "acceleration", "within", "output"])]
     region: bool,
     #[command(flatten)]
     scene: SceneFlags,
@@ -121,6 +122,11 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let samples = samples.concat();
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
+    let places = || located.position_m.iter().flatten();
+    let is_outside = |room: &Room| places().filter(|place_m| !room.holds(place_m)).count();
+    if args.within.is_some_and(|room| 2 * is_outside(&room) > places().count()) {
+        warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
+    }
 
     let mut references = read_all(args, &args.reference)?;
     let more = align_references(&mut references, &logs, &located, &args.offset)?;

@@ -14,6 +14,16 @@ const MAX_WIDTH_PX: u32 = 960;
 const RATE_HZ: u16 = 24;
 const N_PICTURES: u32 = 144;
 
+/// Refuses a name that is not of a PNG.
+pub(super) fn check(path: &Path) -> Result<()> {
+    let end = path.extension().unwrap_or_default().to_string_lossy();
+    if end.is_empty() || end.eq_ignore_ascii_case("png") || end.eq_ignore_ascii_case("apng") {
+        return Ok(());
+    }
+    let hint = "name the movie movie.png: it is an animated PNG, which ffmpeg converts";
+    Err(Error::input(path.display(), format!("a name *.{end}"), "*.png or *.apng", hint))
+}
+
 /// Writes the exposure of a shot as an animated PNG.
 pub(super) fn write(shot: &Shot, path: &Path) -> Result<PathBuf> {
     let (mut bytes, mut progress) = (Vec::new(), Progress::new("movie"));

@@ -60,6 +60,7 @@ impl PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
+    args.movie.as_deref().map_or(Ok(()), movie::check)?;
     let mut shoot = args.shoot()?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
@@ -100,7 +101,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let typed_json =
         |it: &Remedy| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes });
     json["remedies"] = remedies.iter().map(typed_json).collect();
-    let mut text = verdict_text(verdict, &remedies);
+    let mut text = verdict_text(&shot, &remedies);
     if let Some(obstacle) = obstacles.first() {
         text = wrapped("photo     ", obstacle) + &text;
     }
@@ -181,14 +182,15 @@ fn write(shot: &Shot, verdict: &Value, folder: &OutputFolder) -> Result<Vec<Stri
 
 /// The verdict, and the changes of settings that were flown where there are any: these say more than
 /// what was retouched.
-fn verdict_text(verdict: Option<&Verdict>, remedies: &[Remedy]) -> String {
-    match verdict {
+fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
+    match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
             let rows = remedies.iter().map(|r| format!("{:+.2}\t{}", r.gain, typed(&r.changes)));
             show::verdict_table(&verdict) + "\n" + &table("gain<7|change<0", rows)
         }
         Some(verdict) => show::verdict_table(verdict),
+        None if shot.strokes.is_none() => line("verdict", "none: no word is named (--word WORD)"),
         None => line("verdict", "none: the reader knows words of A-Z, a-z and 0-9 only"),
     }
 }

@@ -53,7 +53,8 @@ pub(super) fn run(args: &RobustnessArgs) -> Result<Report> {
     let curves: Vec<_> = found.iter().map(|e| (name(e).to_owned(), points(e))).collect();
     let of_radio = found.iter().find(|e| e.factor == Some(Factor::Radio));
     let advice = match of_radio.and_then(|radio| radio.breaks_at) {
-        Some(_) => line("advice", ON_BOARD),
+        Some(times) if times > 0.0 => line("advice", ON_BOARD),
+        Some(_) => line("advice", "the word does not read without disturbances: mend that first"),
         None => String::new(),
     };
     let files = [

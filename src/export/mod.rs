@@ -226,7 +226,7 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
 }
 
 /// A word as the stem of a file's name: its letters and digits of ASCII.
-fn stem(word: &str) -> String {
+pub(crate) fn stem(word: &str) -> String {
     let stem: String = word.chars().filter(char::is_ascii_alphanumeric).take(32).collect();
     if stem.is_empty() { "drawing".to_owned() } else { stem }
 }

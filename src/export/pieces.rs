@@ -6,6 +6,7 @@
 //! that keeps to the design and to its limits.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -234,22 +235,26 @@ pub(super) fn pieces<P>(
     let limits = stretch.limits();
     let fit = Fit { stretch, limits, tolerance_m, max_piece_s, motion: &motion };
     // The pieces, and for each its first setpoint and the ends that were not tried.
-    let (mut found, mut tried): (Vec<P>, Vec<(usize, Vec<usize>)>) = (Vec::new(), Vec::new());
+    let (mut found, mut tried): (Vec<P>, Vec<(usize, Range<usize>)>) = (Vec::new(), Vec::new());
     let (mut at, mut stuck_at, mut retries) = (0, 0, 0);
     let mut untried = fit.ends(0, &found);
     while at < stretch.last() {
-        let mut next = untried.pop().map(|to| (to, Rounding::Nearest));
+        let mut next = fit.longest(at, &mut untried, &found);
         if next.is_none() {
             (stuck_at, retries) = if at > stuck_at { (at, 1) } else { (stuck_at, retries + 1) };
-            let other = tried.iter().rposition(|(_, untried)| !untried.is_empty());
-            if let Some(index) = other.filter(|_| retries <= RETRIES) {
+            let other = |index: usize| {
+                let (from, untried) = &mut tried[index];
+                Some((index, fit.longest(*from, untried, &found[..index])?))
+            };
+            let other = (0..found.len()).rev().filter(|_| retries <= RETRIES).find_map(other);
+            if let Some((index, to)) = other {
                 found.truncate(index);
                 (at, untried) = tried.swap_remove(index);
                 tried.truncate(index);
-                continue;
+                next = Some(to);
             }
-            next = fit.gentlest(at, &found);
         }
+        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(at, &found));
         let (to, rounding) = next.expect("the next setpoint");
         let made = piece(at, to, &found, rounding);
         found.push(made);
@@ -300,20 +305,24 @@ impl<P> Fit<'_, P> {
         efforts.fold(0.0, f64::max)
     }
 
-    /// Ends of pieces from a setpoint that keep to the limits, the longest last.
-    fn ends(&self, at: usize, found: &[P]) -> Vec<usize> {
+    /// Ends of pieces from a setpoint to be tried.
+    fn ends(&self, at: usize, found: &[P]) -> Range<usize> {
         if at == self.stretch.last() {
-            return Vec::new();
+            return 0..0;
         }
-        let (farthest, rounding) = (self.farthest(at, found), Rounding::Nearest);
-        let keeps = |to: &usize| {
-            self.effort(at, *to, found, rounding) <= OVER_LIMITS
-                && self.is_near(at, *to, found, rounding)
-        };
-        match self.limits {
-            [_, 0.0] => vec![farthest],
-            _ => (at + 1..=farthest).filter(keeps).collect(),
-        }
+        let farthest = self.farthest(at, found);
+        let shortest = if self.limits[1] > 0.0 { at + 1 } else { farthest };
+        shortest..farthest + 1
+    }
+
+    /// The end of the longest piece that keeps to the limits; takes it and those beyond it away.
+    fn longest(&self, at: usize, ends: &mut Range<usize>, found: &[P]) -> Option<usize> {
+        let rounding = Rounding::Nearest;
+        ends.rfind(|to| {
+            self.limits[1] == 0.0
+                || self.effort(at, *to, found, rounding) <= OVER_LIMITS
+                    && self.is_near(at, *to, found, rounding)
+        })
     }
 
     /// End and rounding of the piece with the least effort; to the next setpoint in any case.

@@ -29,7 +29,8 @@ const LEAST_EXPLAINED: f64 = 0.1;
 pub struct RotorLag {
     /// Time in which a motor follows its command: 63 % of a step.
     pub lag_s: f64,
-    /// Half the width of its confidence interval of 95 %.
+    /// Half the width of the interval in which it repeats, 95 %. Its bias, 3 to 31 ms too long in
+    /// simulated flights (docs/evening.md), is not in it.
     pub half_width_s: f64,
     /// Share of the changes of rotation that the motors explain, 0 to 1.
     pub explained: f64,

@@ -33,11 +33,15 @@ pub struct ReactionTorque {
 }
 
 impl ReactionTorque {
-    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns
-    /// does not.
+    /// Whether the flight shows the figure to a quarter of its size. A flight that hardly turns does
+    /// not, nor does a log that is too slow for its motor commands: with errors in the commands alone
+    /// the figure is the true one times the square of the correlation (errors in variables: Fuller,
+    /// Measurement Error Models, 1987, section 1.1).
     #[must_use]
     pub fn is_identifiable(&self) -> bool {
+        let explained = self.correlation * self.correlation;
         self.half_width_n_m < LARGEST_DOUBT * self.k_m_n_m
+            && explained * (1.0 + LARGEST_DOUBT) > 1.0
     }
 }
 
@@ -182,6 +186,20 @@ mod tests {
             assert!((found.k_m_n_m - want).abs() < found.half_width_n_m, "{found:?} for {want}");
             assert!(found.is_identifiable() && found.correlation > 0.9, "{found:?}");
         }
+    }
+
+    #[test]
+    fn commands_that_a_log_misses_tell_nothing() {
+        let options = balanced(SimOptions::default());
+        let mut flight = pushed(&options, 500.0);
+        for (n, sample) in flight.samples.iter_mut().enumerate() {
+            let missed = if n % 10 < 5 { 800.0 } else { -800.0 };
+            (0..4).for_each(|motor| sample.motors[motor] += missed * MOTOR_SIGNS[(2, motor)]);
+        }
+        let found = identify(&flight, &assumed_of(&options)).unwrap().reaction.unwrap();
+        let share = found.k_m_n_m / options.vehicle.k_m_n_m;
+        assert!(share < 0.7 && found.half_width_n_m < LARGEST_DOUBT * found.k_m_n_m, "{found:?}");
+        assert!(!found.is_identifiable(), "{found:?}");
     }
 
     #[test]

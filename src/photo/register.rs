@@ -123,6 +123,8 @@ pub fn register(render: &Photo, photo: &Photo) -> Result<Registration> {
 }
 
 fn nothing_alike(correlation: f64) -> Error {
+    // Rounded down: never as much as is wanted.
+    let correlation = (100.0 * correlation).floor() / 100.0;
     Error::Infeasible {
         what: format!(
             "the render's trails are not in the photograph (correlation {correlation:.2} at best, \

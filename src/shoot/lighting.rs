@@ -167,7 +167,7 @@ fn check_place(
             let name = lamp.label();
             let found = format!(
                 "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
-                distance_m(sample),
+                (1e3 * distance_m(sample)).floor() / 1e3,
                 sample.time_s
             );
             let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");

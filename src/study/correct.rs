@@ -13,6 +13,8 @@ use super::statistics::{mean, standard_error};
 use crate::error::{Error, Result};
 use crate::flight::comparison::{ComparisonOptions, compare};
 use crate::flight::{Flight, FlightSample};
+use crate::geometry::distance;
+use crate::letters::Move;
 use crate::plan::{Plan, feedforward, relight};
 use crate::scene::Scene;
 use crate::settings::settings;
@@ -87,6 +89,42 @@ pub fn correct(
 
 /// Largest mean distance of a log's setpoints from those of the plan that it is a flight of.
 const MAX_APART_M: f64 = 0.2;
+
+/// Largest mean distance of a word's strokes from the setpoints of a plan that writes it, relative to
+/// the height of its letters.
+const MAX_OFF_FRAC: f64 = 0.1;
+
+/// Refuses a plan that does not write the word.
+///
+/// # Errors
+///
+/// [`Error::Input`] for a plan of another word; as [`crate::scene::Scene::strokes`].
+pub fn check_writes(sent: &Plan, ready: &Prepared, file: &str) -> Result<()> {
+    let strokes = ready.scene().strokes()?;
+    let written = |letter: usize| {
+        let of_letter = sent.setpoints.iter().filter(move |s| s.letter == Some(letter));
+        of_letter.map(|setpoint| [setpoint.position_m.x, setpoint.position_m.z])
+    };
+    let mut off_m = Vec::new();
+    for (letter, glyph) in strokes.glyphs.iter().enumerate() {
+        // One drone of several writes some of the letters.
+        let lit = glyph.moves.iter().filter(|leg| leg.lit && written(letter).next().is_some());
+        for Move { from_m, to_m, .. } in lit {
+            for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+                let at = [0, 1].map(|axis| from_m[axis] + share * (to_m[axis] - from_m[axis]));
+                off_m.push(written(letter).map(|p| distance(p, at)).fold(f64::INFINITY, f64::min));
+            }
+        }
+    }
+    let (off_m, most_m) = (mean(&off_m), MAX_OFF_FRAC * ready.scene().letters.cap_height_m);
+    let is_beyond = written(strokes.glyphs.len()).next().is_some();
+    if off_m > most_m || is_beyond {
+        let found = format!("a plan {off_m:.2} m from the strokes of {}", strokes.word);
+        let hint = "name the plan that was sent, and the word that it wrote";
+        return Err(Error::input(file, found, "a plan that writes this word", hint));
+    }
+    Ok(())
+}
 
 /// Gives a real flight of a plan the plan's clock, letters and design; `file` is its name in
 /// messages.

@@ -38,7 +38,7 @@ mod trial;
 mod tune;
 
 pub use conditions::{Conditions, Factor};
-pub use correct::{LearnOptions, align, correct};
+pub use correct::{LearnOptions, align, check_writes, correct};
 pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use hold::{

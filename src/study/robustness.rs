@@ -154,7 +154,8 @@ fn level(times: f64, records: &[Record]) -> Level {
     }
 }
 
-/// Where the share of legible photos, or an end of its interval, first falls below a half.
+/// Where the share of legible photos, or an end of its interval, first falls below a half: 0 where it
+/// is below without any disturbance.
 fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
     let legible = |level: &Level| of(&level.legible);
     let first = levels.first()?;

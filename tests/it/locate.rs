@@ -176,6 +176,15 @@ fn two_logs_on_one_clock_keep_it() {
         assert!((clock["offset_s"].as_f64().unwrap() - late_s).abs() < 1e-6, "{clock}");
         assert_eq!(json["warnings"].as_array().unwrap().len(), 0, "{}", json["warnings"]);
     }
+    // The second log begins first: offsets are those to its begin.
+    let one = Log { peer: true, anchors: &[0, 1, 2, 4, 6], from_s: 0.78, ..Log::default() };
+    let two = Log { drone: 1, from_s: 0.0, seed: 4, ..one };
+    let json = located(folder(&[one.csv(clock), two.csv(clock)]).path(), 2, &[]);
+    for (n, (file, offset_s)) in [("log-1.csv", 0.78), ("log-2.csv", 0.0)].into_iter().enumerate() {
+        let clock = &json["clocks"][n];
+        assert_eq!(clock["file"], file);
+        assert!((clock["offset_s"].as_f64().unwrap() - offset_s).abs() < 1e-6, "{clock}");
+    }
 }
 
 #[test]

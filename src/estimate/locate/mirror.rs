@@ -165,7 +165,8 @@ fn elsewhere(
     let mut found: BTreeMap<usize, f64> = BTreeMap::new();
     for from in others(anchors_m, ranges, places_m, &heard) {
         let (cost, other_m) = fit(anchors_m, ranges, from);
-        let is_outside = options.room.is_some_and(|room| !room.holds_all(&other_m));
+        let is_outside =
+            options.room.is_some_and(|room| room.holds_all(places_m) && !room.holds_all(&other_m));
         if cost > AS_GOOD || is_outside {
             continue;
         }

@@ -115,11 +115,15 @@ pub struct Room {
 }
 
 impl Room {
+    /// Whether a place is inside.
+    #[must_use]
+    pub fn holds(&self, place_m: &Vector3<f64>) -> bool {
+        (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&place_m[k]))
+    }
+
     /// Whether all places, three coordinates each, are inside.
     fn holds_all(&self, places_m: &DVector<f64>) -> bool {
-        let is_inside =
-            |(k, at): (usize, &f64)| (self.low_m[k % 3]..=self.high_m[k % 3]).contains(at);
-        places_m.iter().enumerate().all(is_inside)
+        places_m.as_slice().chunks(3).all(|place_m| self.holds(&Vector3::from_row_slice(place_m)))
     }
 }
 

@@ -32,6 +32,9 @@ pub(super) fn hold(
         .into_iter()
         .map(|sensor| (sensor, noise(&format!("hold {sensor:?}"))))
         .collect();
+    let silent_s = &options.sensors.gnss.silent_s;
+    let is_silent = |time_s: f64| silent_s.iter().any(|[from, to]| (*from..*to).contains(&time_s));
+    let hears_gnss = |time_s: f64| scenario.hears_gnss(time_s) && !is_silent(time_s);
     let mut filter = AltitudeFilter::new(observer, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
     #[expect(clippy::cast_possible_truncation, reason = "at most an hour")]
@@ -44,7 +47,7 @@ pub(super) fn hold(
             }
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
-                if *sensor != AltitudeSensor::Gnss || scenario.hears_gnss(time_s) {
+                if *sensor != AltitudeSensor::Gnss || hears_gnss(time_s) {
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error, options));
                 }
             }
@@ -71,6 +74,7 @@ struct Truth {
     offset: f64,
     full_gain: f64,
     barometer_m: f64,
+    barometer_drift_m_s: f64,
     barometer_walk_m_sqrt_s: f64,
     gusts: Noise,
     pressure: Noise,
@@ -90,6 +94,7 @@ impl Truth {
             full_gain: GRAVITY_M_S2 / hover * (1.0 + GAIN_SPREAD * drawn.normal()),
             offset: -GRAVITY_M_S2 + OFFSET_SPREAD_M_S2 * drawn.normal(),
             barometer_m: BAROMETER_BIAS_M * drawn.normal(),
+            barometer_drift_m_s: options.sensors.barometer.drift_m_s + scenario.drift_m_s(),
             barometer_walk_m_sqrt_s: options.sensors.barometer.drift_m_sqrt_s,
             gusts: noise("hold gusts"),
             pressure: noise("hold pressure"),
@@ -102,7 +107,7 @@ impl Truth {
 
     fn states(&self, time_s: f64) -> [f64; 6] {
         let floor_m = self.scenario.floor_m(time_s);
-        let barometer_m = self.barometer_m + self.scenario.drift_m_s() * time_s;
+        let barometer_m = self.barometer_m + self.barometer_drift_m_s * time_s;
         let (z, v) = (self.altitude_m, self.velocity_m_s);
         [z, v, self.offset, self.gain(time_s), -floor_m, barometer_m]
     }
