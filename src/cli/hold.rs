@@ -85,18 +85,9 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
 
 fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     let named = typed.iter().filter(|name| *name != "all").map(|name| name.parse());
-    let mut found: Vec<HoldScenario> = named.collect::<Result<_>>()?;
-    if found.len() < typed.len() {
-        found = HoldScenario::ALL.to_vec();
-    }
-    let mut seen = Vec::new();
-    found.retain(|scenario| {
-        !seen.contains(scenario) && {
-            seen.push(*scenario);
-            true
-        }
-    });
-    Ok(found)
+    let named: Vec<HoldScenario> = named.collect::<Result<_>>()?;
+    let all = named.len() < typed.len();
+    Ok(HoldScenario::ALL.iter().filter(|one| all || named.contains(one)).copied().collect())
 }
 
 fn text_of(found: &[HoldFigures]) -> String {

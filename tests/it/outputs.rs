@@ -38,6 +38,36 @@ fn standard_output_takes_a_file_and_the_table_goes_beside_it() {
 }
 
 #[test]
+fn what_is_refused_leaves_nothing_and_names_stay_in_their_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    noctograph(folder.path()).args(["plan", "HI"]).assert().success();
+    noctograph(folder.path()).args(["fly", "plan.csv"]).assert().success();
+    let sent = ["--flight", "flight.csv", "--sent", "plan.csv"];
+    let refusals: [(&[&str], &[&str], &str); 5] = [
+        (&["learn", "cf21", "NOOR"], &sent, "strokes of NOOR"),
+        (&["preview", "HI"], &["--movie", "movie.gif"], "*.apng"),
+        (&["export", "HI", "--to", "poly4d"], &["--word", "NO"], "wanted HI"),
+        (&["hold", "--runs", "1"], &["--scenario", "all,clam"], "calm"),
+        (&["locate", "--region"], &["--observer", "filter"], "--observer"),
+    ];
+    for (command, more, wanted) in refusals {
+        let run = noctograph(folder.path()).args(command).args(more).assert().code(2);
+        let error = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        assert!(error.contains(wanted), "{command:?}: {error}");
+        assert_eq!(names_in(folder.path()), ["flight.csv", "plan.csv"], "{command:?}");
+    }
+    noctograph(folder.path()).args(["learn", "cf21", "HI"]).args(sent).assert().success();
+    let export = ["export", "../X", "--to", "crazyswarm2", "--unchecked"];
+    noctograph(folder.path()).args(export).assert().success();
+    let hold = ["hold", "--runs", "1", "--model", "scalar", "--scenario", "step,step"];
+    noctograph(folder.path()).args(hold).output().unwrap();
+    let names = ["X-export", "flight.csv", "noctograph-hold", "noctograph-learn", "plan.csv"];
+    assert_eq!(names_in(folder.path()), names);
+    let held = names_in(&folder.path().join("noctograph-hold"));
+    assert_eq!(held, ["hold.html", "hold.json", "step-scalar.csv", "step-scalar.svg"]);
+}
+
+#[test]
 fn devices_pipes_and_links_stay_what_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
