@@ -11,6 +11,7 @@ use super::outcome::{Report, line};
 use super::output::Output;
 use super::relit::relit_where_dark;
 use super::show::FlightFigures;
+use super::warn;
 use crate::error::{Error, Result};
 use crate::flight::airborne;
 use crate::logs::is_one_log;
@@ -50,6 +51,12 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
         relit_where_dark(&mut flight, &mut scene, &args.log)?;
+        if flight.lights.is_empty() {
+            warn([
+                "--word has no effect: the log has no setpoints, from which its letters and lights \
+                   are inferred",
+            ]);
+        }
     }
     let path = output.keep(|out| flight.write_csv(out))?;
     let air_s = airborne(&flight).map(|air| {

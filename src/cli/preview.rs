@@ -187,7 +187,7 @@ fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };
             let rows = remedies.iter().map(|r| format!("{:+.2}\t{}", r.gain, typed(&r.changes)));
-            show::verdict_table(&verdict) + "\n" + &table("gain<7|change<0", rows)
+            show::verdict_table(&verdict) + "\n" + &table("P(read)<9|change<0", rows)
         }
         Some(verdict) => show::verdict_table(verdict),
         None if shot.strokes.is_none() => line("verdict", "none: no word is named (--word WORD)"),

@@ -49,7 +49,8 @@ fn relit(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
         Error::Input { place, found, wanted, .. } => {
             let hint = format!(
                 "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
-                 SCENE.toml`",
+                 SCENE.toml`; style even flies strokes in another order, which only a log with lights \
+                 tells",
                 typed(path),
                 typed(scene.word.as_ref()),
             );

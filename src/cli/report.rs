@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::outcome::Report;
+use super::outcome::{Report, line};
 use super::output::Output;
 use super::show::sentence;
 use crate::error::{Error, Result};
@@ -52,6 +52,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     };
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
+    let n_more = files.len().saturating_sub(MAX_FILES);
     for path in files.into_iter().take(MAX_FILES) {
         let name = name(path);
         page = add(page.section(&name), path, &name)?;
@@ -63,8 +64,13 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         let hint = "name the folder that rank, tune, hold, locate or preview wrote";
         return Err(Error::input("folder", found, wanted, hint));
     }
+    let more = match n_more {
+        0 => String::new(),
+        n => line("left out", &format!("{n} files more than the {MAX_FILES} of a page")),
+    };
+    let page = if n_more > 0 { page.printed(&more) } else { page };
     let file = output.keep(|out| out.write_all(page.html().as_bytes()))?;
-    let text = format!("shown     {}\n", shown.join(", "));
+    let text = format!("shown     {}\n", shown.join(", ")) + &more;
     Ok(Report::new(text, json!({ "shown": shown })).with_files(&[file]))
 }
 

@@ -40,9 +40,10 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Report> {
     let font = Font::open(&args.font, args.trace)?;
     let wanted = args.characters.clone().unwrap_or_else(|| font.characters());
     let visible: Vec<char> = wanted.chars().filter(|c| !c.is_whitespace()).collect();
-    let shown: String = visible.iter().take(MAX_CHARACTERS).collect();
+    let first: String = visible.iter().take(MAX_CHARACTERS).collect();
     let output = Output::create(&args.output)?;
-    let sheet = Specimen::new(&font, &shown);
+    let sheet = Specimen::new(&font, &first);
+    let shown = &sheet.characters;
     font.check_work()?;
     let path = output.keep(|out| match svg {
         true => out.write_all(sheet.svg().as_bytes()),

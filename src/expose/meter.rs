@@ -215,12 +215,15 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
 
     let mut hot_spots: Vec<HotSpot> = Vec::new();
-    let mut open = false;
+    let mut hot_until_s = f64::NEG_INFINITY;
     for (segment, stops) in segments.iter().zip(&all) {
         let hot = *stops > median_stops + HOT_STOPS;
-        match hot_spots.last_mut().filter(|_| open && hot) {
+        // In the dark a spot ends.
+        let goes_on = segment.start_s <= hot_until_s + 1e-6;
+        let end_s = segment.start_s + segment.duration_s;
+        match hot_spots.last_mut().filter(|_| hot && goes_on) {
             Some(spot) => {
-                spot.duration_s = segment.start_s + segment.duration_s - spot.time_s;
+                spot.duration_s = end_s - spot.time_s;
                 spot.stops = spot.stops.max(*stops);
             }
             None if hot => hot_spots.push(HotSpot {
@@ -231,7 +234,7 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
             }),
             None => {}
         }
-        open = hot;
+        hot_until_s = if hot { end_s } else { f64::NEG_INFINITY };
     }
     Some(LampReading {
         drone: lamp.drone,
@@ -370,5 +373,23 @@ mod tests {
         assert!((spot.time_s - 2.0).abs() < 0.1 && (spot.duration_s - 2.0).abs() < 0.2, "{spot:?}");
         let over = spot.stops - found[0].median_stops;
         assert!((6.0..9.0).contains(&over), "{over} stops over the stroke");
+    }
+
+    #[test]
+    fn dwells_on_either_side_of_the_dark_are_two_spots() {
+        let rest = |from_s: f64, x: f64, moves: f64| {
+            (0..=200).map(move |i| {
+                let t = f64::from(i) / 100.0;
+                let along = if moves > 0.0 { (t - 1.0).max(0.0) } else { t.min(1.0) };
+                (from_s + t, [x + 0.2 * along, 3.0, 0.0])
+            })
+        };
+        let mut path = lamp(rest(0.0, -0.4, -1.0).chain(rest(3.0, 0.1, 1.0)));
+        for dark in &mut path.samples[200..=201] {
+            dark.level = 0.0;
+        }
+        let found = meter(&LightTrace { lamps: vec![path] }, &camera(1920, 1080)).unwrap();
+        let spots: Vec<f64> = found[0].hot_spots.iter().map(|spot| spot.time_s.round()).collect();
+        assert_eq!(spots, [1.0, 3.0], "{:?}", found[0].hot_spots);
     }
 }

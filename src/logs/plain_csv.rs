@@ -132,7 +132,8 @@ fn degrees(columns: &mut [(Column, bool)], warnings: &mut Vec<String>) {
 }
 
 /// Size of the unit of a column of times. Without a unit in its name, whole numbers in steps of one
-/// or more are ms (no log is that slow), in steps of a thousand or more µs.
+/// or more are ms (no log is that slow, but one of several rows in a second), in steps of a thousand
+/// or more µs, of a million or more ns.
 fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
     let lower = title.to_lowercase();
     if let Some((_, factor)) = UNITS.iter().find(|(end, _)| lower.ends_with(end)) {
@@ -140,9 +141,11 @@ fn seconds_per_unit(title: &str, stamps: &[f64]) -> f64 {
     }
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
+    let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
     match median(steps) {
-        Some(step) if whole && step >= 1000.0 => 1e-6,
-        Some(step) if whole && step > 1.0 => 1e-3,
+        Some(step) if whole && step >= 1e6 => 1e-9,
+        Some(step) if whole && step >= 1e3 => 1e-6,
+        Some(step) if whole && (step > 1.0 || is_rising) => 1e-3,
         _ => 1.0,
     }
 }
@@ -192,6 +195,11 @@ mod tests {
         assert_eq!(log.blocks[0].time_s, [0.0, 0.02, 0.04]);
         assert_eq!(log.channel("yaw_rad").unwrap().values[0], 10_f64.to_radians());
         assert_eq!(log.warnings.len(), 2, "both with a warning: {:?}", log.warnings);
+        // At 1 kHz, and in ns.
+        for (text, end_s) in [("t,x\n0,1\n1,2\n2,3\n", 0.002), ("t,x\n0,1\n4000000,2\n", 0.004)] {
+            let log = read(text.as_bytes(), "f.csv").unwrap();
+            assert!((log.blocks[0].time_s.last().unwrap() - end_s).abs() < 1e-9, "{text}");
+        }
     }
 
     #[test]

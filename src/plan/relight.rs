@@ -25,7 +25,8 @@ const LEAST_FLOWN: f64 = 0.6;
 ///
 /// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
 pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
-    let hint = "name the word that was flown, and the size of its letters under [letters]";
+    let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
+                without lights must write them stroke by stroke, as style team does";
     if flight.unlogged.contains(&Quantity::Design) {
         let wanted = "setpoints, from which letters and lights are inferred";
         return Err(Error::input("flight", "no setpoints", wanted, hint));

@@ -26,7 +26,11 @@ const DARK: Rgb = [150, 150, 150];
 const NAME: Rgb = [120, 120, 120];
 
 /// A sheet of characters.
-pub struct Specimen(Canvas<'static>);
+pub struct Specimen {
+    canvas: Canvas<'static>,
+    /// The characters that it shows.
+    pub characters: String,
+}
 
 impl Specimen {
     /// Draws characters; those that the font lacks are left out.
@@ -47,19 +51,19 @@ impl Specimen {
             let [x, y] = [index % PER_ROW, index / PER_ROW];
             draw(&mut canvas, glyph, [x as f64 * FIELD_PX[0], y as f64 * FIELD_PX[1]]);
         }
-        Self(canvas)
+        Self { canvas, characters: glyphs.iter().map(|glyph| glyph.character).collect() }
     }
 
     /// The sheet as an SVG file's text.
     #[must_use]
     pub fn svg(&self) -> String {
-        self.0.svg()
+        self.canvas.svg()
     }
 
     /// The sheet as pixels.
     #[must_use]
     pub fn pixels(&self) -> Photo {
-        self.0.pixels()
+        self.canvas.pixels()
     }
 }
 

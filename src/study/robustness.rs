@@ -154,15 +154,15 @@ fn level(times: f64, records: &[Record]) -> Level {
     }
 }
 
-/// Where the share of legible photos, or an end of its interval, first falls below a half: 0 where it
-/// is below without any disturbance.
+/// Where the share of legible photos, or an end of its interval, first falls to a half: 0 where it
+/// is there without any disturbance.
 fn breaks_at(levels: &[Level], of: fn(&Estimate) -> f64) -> Option<f64> {
     let legible = |level: &Level| of(&level.legible);
     let first = levels.first()?;
-    if legible(first) < HALF {
+    if legible(first) <= HALF {
         return Some(first.times);
     }
-    let fall = levels.windows(2).find(|pair| legible(&pair[1]) < HALF)?;
+    let fall = levels.windows(2).find(|pair| legible(&pair[1]) <= HALF)?;
     let [from, to] = [fall[0], fall[1]];
     let share = (legible(&from) - HALF) / (legible(&from) - legible(&to));
     Some(from.times + share * (to.times - from.times))

@@ -60,8 +60,10 @@ pub(super) fn read(
     let mut nodes: Vec<&Node> = tree.root().children().iter().rev().collect();
     while let Some(node) = nodes.pop() {
         match node {
-            Node::Group(group) => nodes.extend(group.children().iter().rev()),
-            Node::Path(path) if path.is_visible() => {
+            Node::Group(group) if group.opacity().get() > 0.0 => {
+                nodes.extend(group.children().iter().rev());
+            }
+            Node::Path(path) if path.is_visible() && is_opaque(path) => {
                 let drawn = convert(path.data(), path.abs_transform());
                 let filled = path.stroke().is_none();
                 if drawn.is_finite() && !(filled && is_paper(&drawn, paper)) {
@@ -69,10 +71,16 @@ pub(super) fn read(
                     paths.push((dashed(drawn, path, &mut left, file)?, paint));
                 }
             }
-            Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
+            Node::Group(_) | Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
         }
     }
     Ok((paths, gradients))
+}
+
+/// Whether the stroke or the fill of a path shows at all.
+fn is_opaque(path: &usvg::Path) -> bool {
+    path.stroke().is_some_and(|stroke| stroke.opacity().get() > 0.0)
+        || path.fill().is_some_and(|fill| fill.opacity().get() > 0.0)
 }
 
 /// The box of all paths: left, bottom, right, top; inverted where there are none.

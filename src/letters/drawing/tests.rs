@@ -39,6 +39,9 @@ fn strokes_and_fills_stand_where_transforms_put_them() {
         <use xlink:href='#a' x='20'/>
         <circle cx='50' cy='50' r='20'/>
         <path d='M0 0 h100' stroke='red' visibility='hidden'/>
+        <path d='M0 0 h100' stroke='red' stroke-opacity='0' fill='none'/>
+        <path d='M0 0 h100' stroke='transparent' fill='none'/>
+        <g opacity='0'><path d='M0 0 h100' stroke='red'/></g>
         <path d='M0 50 h5' stroke='none' fill='none'/>";
     let strokes = drawn("a.svg", &svg(body), &on_canvas(2.0, 1.0)).unwrap();
     let lit = lit(&strokes);
@@ -286,6 +289,9 @@ fn text_that_cannot_be_written_is_refused() {
     let error = refused("\n<text x='2em'>NO<tspan>OR</tspan></text>");
     assert!(error.contains("a.svg:2") && error.contains("2em"), "{error}");
     assert!(refused("<text fill='red'>N漢</text>").contains('漢'));
+    for own in ["x='1 9'", "rotate='90'", "textLength='99'", "style='letter-spacing:4px'"] {
+        assert!(refused(&format!("<text {own}>NO</text>")).contains("in a row"), "{own}");
+    }
     let long = format!("<text fill='red'>{}</text>", "N".repeat(257));
     assert!(refused(&long).contains("257"), "{}", refused(&long));
     let deep = format!("<text>N{}N{}</text>", "<tspan>".repeat(50_000), "</tspan>".repeat(50_000));

@@ -88,7 +88,24 @@ struct Text<'a> {
 }
 
 impl Text<'_> {
+    /// Refuses letters that do not stand in a row as the font spaces them.
+    fn check_row(&self, node: Node<'_, '_>) -> Result<()> {
+        let is_list = |name: &&str| node.attribute(*name).is_some_and(|v| values(v).count() > 1);
+        let lists = ["x", "y", "dx", "dy"].into_iter().filter(is_list);
+        let lists = lists.filter(|_| n_letters(node) > 1);
+        let others = ["rotate", "textLength"].into_iter().filter(|name| node.has_attribute(*name));
+        let spacing = self.property(node, "letter-spacing")?;
+        let is_wide = spacing.is_some_and(|s| !s.starts_with('0') && s != "normal");
+        let Some(name) = lists.chain(others).chain(is_wide.then_some("letter-spacing")).next()
+        else {
+            return Ok(());
+        };
+        let hint = "convert the text to paths";
+        Err(Error::input(&self.place, name, "letters in a row, spaced by the font", hint))
+    }
+
     fn element(&mut self, node: Node<'_, '_>) -> Result<()> {
+        self.check_row(node)?;
         let [x, y, dx, dy] = ["x", "y", "dx", "dy"].map(|name| self.length(node, name));
         if let Some(x) = x? {
             self.pen[0] = x;
@@ -179,11 +196,8 @@ impl Text<'_> {
 
     /// The first length of an attribute.
     fn length(&self, node: Node<'_, '_>, name: &str) -> Result<Option<f64>> {
-        let first = |value: &str| {
-            value.split([' ', ',', '\n', '\t']).find(|part| !part.is_empty()).map(str::to_owned)
-        };
-        let value = node.attribute(name).and_then(first);
-        value.map(|value| self.user_units(name, &value)).transpose()
+        let value = node.attribute(name).and_then(|value| values(value).next());
+        value.map(|value| self.user_units(name, value)).transpose()
     }
 
     fn user_units(&self, name: &str, value: &str) -> Result<f64> {
@@ -218,6 +232,11 @@ impl Text<'_> {
         }
         Ok(None)
     }
+}
+
+/// The values of a list.
+fn values(list: &str) -> impl Iterator<Item = &str> {
+    list.split([' ', ',', '\n', '\t']).filter(|part| !part.is_empty())
 }
 
 /// Whether an element's letters begin at a place of their own.
