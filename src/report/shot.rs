@@ -182,6 +182,8 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let focus_m = camera.focus_m.unwrap_or(distance_m);
     let open_s = camera.shutter_close_s - camera.shutter_open_s;
     let row = |name: &str, value: String| [name.to_owned(), value];
+    let adds_up = shot.metered.is_some_and(|metered| metered.longest_s.is_some());
+    let mode = if adds_up { "night or light-trail mode" } else { "bulb" };
     let mut rows = vec![
         row(
             "lens",
@@ -195,7 +197,7 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         row("sensitivity", format!("ISO {}", camera.iso)),
         row(
             "shutter",
-            format!("bulb, {open_s:.0} s, from {:.1} s of the flight on", camera.shutter_open_s),
+            format!("{mode}, {open_s:.0} s, from {:.1} s of the flight on", camera.shutter_open_s),
         ),
         row("focus", format!("{focus_m:.2} m, by hand")),
         row("picture", format!("{} x {}", camera.width_px, camera.height_px)),

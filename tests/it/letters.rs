@@ -18,6 +18,9 @@ fn a_specimen_is_drawn_as_svg_and_as_png() {
     assert!(png.starts_with(b"\x89PNG"), "a PNG file");
     let run = noctograph(folder.path()).args(["specimen", "ae483", "-o", "s.pdf"]).assert().code(2);
     run.stderr(predicate::str::contains("*.png or *.svg"));
+    let run = noctograph(folder.path()).args(["specimen", "ae483", "aZ9", "--json"]).assert();
+    let json: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    assert_eq!(json["characters"], "Z", "the font has no small letters and no digits");
     let run = noctograph(folder.path()).args(["specimen", "comic"]).assert().code(2);
     run.stderr(predicate::str::contains("ae483, ae483-fixed, simplex"));
     assert_eq!(names_in(folder.path()), ["s.png", "specimen.svg"], "nothing else");
