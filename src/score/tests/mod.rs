@@ -132,7 +132,8 @@ fn scribbles_are_not_legible() {
         for n_lines in [8, 60] {
             for seed in 1..=2 {
                 let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
-                assert!(verdict.readability < 0.3, "{n_lines}, {seed}: {verdict:?}");
+                let p = verdict.readability;
+                assert!(!verdict.legible && p < 0.35, "{n_lines}, {seed}: {verdict:?}");
             }
         }
     }
