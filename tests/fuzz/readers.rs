@@ -332,7 +332,7 @@ const SVG: [&str; 4] = [
     gradientUnits='userSpaceOnUse' gradientTransform='rotate(9)'><stop stop-color='red'/><stop
     offset='.5' stop-color='#0f0'/></linearGradient><radialGradient id='r' href='#g' cx='9' r='20'
     spreadMethod='reflect'/><path d='M0 0h50v9' stroke='url(#g)'/><g style='font-size:9pt;fill:red'>
-    <text x='5 6' y='9' dy='1' text-anchor='middle'>N O<tspan x='7' fill='url(#r)'>OR</tspan></text></g></svg>",
+    <text x='5' y='9' dy='1' text-anchor='middle'>N O<tspan x='7' fill='url(#r)'>OR</tspan></text></g></svg>",
     "<!DOCTYPE svg [<!ENTITY ns 'http://www.w3.org/2000/svg'>]><svg xmlns='&ns;' width='9' height='9'>
     <path d='M0 0h9v9' stroke='red'/></svg>",
 ];

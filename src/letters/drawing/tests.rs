@@ -289,7 +289,7 @@ fn text_that_cannot_be_written_is_refused() {
     let error = refused("\n<text x='2em'>NO<tspan>OR</tspan></text>");
     assert!(error.contains("a.svg:2") && error.contains("2em"), "{error}");
     assert!(refused("<text fill='red'>N漢</text>").contains('漢'));
-    for own in ["x='1 9'", "rotate='90'", "textLength='99'", "style='letter-spacing:4px'"] {
+    for own in ["x='1 9'", "rotate='90'", "textLength='99'", "style='letter-spacing:0.4em'"] {
         assert!(refused(&format!("<text {own}>NO</text>")).contains("in a row"), "{own}");
     }
     let long = format!("<text fill='red'>{}</text>", "N".repeat(257));

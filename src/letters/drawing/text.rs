@@ -95,7 +95,8 @@ impl Text<'_> {
         let lists = lists.filter(|_| n_letters(node) > 1);
         let others = ["rotate", "textLength"].into_iter().filter(|name| node.has_attribute(*name));
         let spacing = self.property(node, "letter-spacing")?;
-        let is_wide = spacing.is_some_and(|s| !s.starts_with('0') && s != "normal");
+        let number = |s: &str| s.trim_end_matches(|c: char| c.is_alphabetic() || c == '%').parse();
+        let is_wide = spacing.is_some_and(|s| s != "normal" && number(s) != Ok(0.0));
         let Some(name) = lists.chain(others).chain(is_wide.then_some("letter-spacing")).next()
         else {
             return Ok(());
