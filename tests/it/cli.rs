@@ -500,10 +500,10 @@ fn a_word_that_does_not_read_is_followed_by_settings_that_mend_it() {
     let set = ["--set", "camera.shutter_close_s=4", "--size", "320x180"];
     let run = noctograph(folder.path()).args(["preview", "HI"]).args(set).output().unwrap();
     let text = String::from_utf8_lossy(&run.stdout).into_owned();
-    let advice = text.lines().skip_while(|line| *line != "gain   change").nth(1).unwrap();
+    let advice = text.lines().skip_while(|line| *line != "P(read)  change").nth(1).unwrap();
     assert!(advice.starts_with('+'), "{text}");
     let (_, flags) = advice.split_once("  ").unwrap();
     let mut mended = noctograph(folder.path());
-    let mended = mended.args(["preview", "HI"]).args(set).args(flags.split(' ')).output().unwrap();
+    let mended = mended.args(["preview", "HI"]).args(set).args(flags.trim().split(' ')).output().unwrap();
     assert_eq!(mended.status.code(), Some(0), "{}", String::from_utf8_lossy(&mended.stdout));
 }

@@ -37,7 +37,7 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
     let wild = format!("{own}10,1e308,0,1,0,0,0\n");
     let wanted = ["f.csv:11: column x_m", "within"];
     fails(&["compare", "f.csv", "f.csv"], &[("f.csv", &wild)], &wanted);
-    let wild = "t,x,y,z\n0,0,0,1\n1,1e9,0,1\n2,0,0,1\n";
+    let wild = "t,x,y,z\n0.5,0,0,1\n1,1e9,0,1\n2,0,0,1\n";
     fails(&["import", "l.csv", "--max-gap", "9"], &[("l.csv", wild)], &["x_m", "within"]);
 }
 
