@@ -504,6 +504,7 @@ fn a_word_that_does_not_read_is_followed_by_settings_that_mend_it() {
     assert!(advice.starts_with('+'), "{text}");
     let (_, flags) = advice.split_once("  ").unwrap();
     let mut mended = noctograph(folder.path());
-    let mended = mended.args(["preview", "HI"]).args(set).args(flags.trim().split(' ')).output().unwrap();
+    let mended =
+        mended.args(["preview", "HI"]).args(set).args(flags.trim().split(' ')).output().unwrap();
     assert_eq!(mended.status.code(), Some(0), "{}", String::from_utf8_lossy(&mended.stdout));
 }
