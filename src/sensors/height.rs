@@ -126,27 +126,27 @@ impl Barometer {
 pub(super) struct Gnss {
     clock: Clock,
     noise: Noise,
-    noise_m: f64,
-    silent_s: Vec<[f64; 2]>,
+    options: GnssOptions,
+}
+
+impl GnssOptions {
+    /// Whether there is no fix at a time.
+    pub(crate) fn is_silent(&self, time_s: f64) -> bool {
+        self.silent_s.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s))
+    }
 }
 
 impl Gnss {
     pub(super) fn new(options: &GnssOptions, noise: impl Fn(&str) -> Noise) -> Self {
-        Self {
-            clock: Clock::new(options.rate_hz),
-            noise: noise("gnss"),
-            noise_m: options.noise_m,
-            silent_s: options.silent_s.clone(),
-        }
+        Self { clock: Clock::new(options.rate_hz), noise: noise("gnss"), options: options.clone() }
     }
 
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
         if !self.clock.due(time_s) {
             return None;
         }
-        let fix_m = position_m + self.noise.normals() * self.noise_m;
-        let silent = self.silent_s.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s));
-        (!silent).then_some(fix_m)
+        let fix_m = position_m + self.noise.normals() * self.options.noise_m;
+        (!self.options.is_silent(time_s)).then_some(fix_m)
     }
 }
 

@@ -32,9 +32,8 @@ pub(super) fn hold(
         .into_iter()
         .map(|sensor| (sensor, noise(&format!("hold {sensor:?}"))))
         .collect();
-    let silent_s = &options.sensors.gnss.silent_s;
-    let is_silent = |time_s: f64| silent_s.iter().any(|[from, to]| (*from..*to).contains(&time_s));
-    let hears_gnss = |time_s: f64| scenario.hears_gnss(time_s) && !is_silent(time_s);
+    let gnss = &options.sensors.gnss;
+    let hears_gnss = |time_s: f64| scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
     let mut filter = AltitudeFilter::new(observer, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
     #[expect(clippy::cast_possible_truncation, reason = "at most an hour")]
